@@ -1,0 +1,48 @@
+# castfem's commands. Each one sets up what it needs first (tools/env.sh); `make` alone lists them.
+#   make DEBIAN=sid test     the same on a private Debian unstable (DOLFINx 0.11)
+#   make PYTHON=... test     the same on that Python's DOLFINx
+#   make NP=4 billet         on four ranks
+
+export DEBIAN PYTHON
+HOME_OF_ENV := .castfem$(if $(DEBIAN),/$(DEBIAN))
+BIN := $(HOME_OF_ENV)/bin
+NP ?= 1
+CASE := cases/billet125/idealised.toml
+OUT := results/billet125/idealised
+
+.PHONY: help env billet test lint benchmark clean-env clean
+
+help:
+	@echo "make billet      the 125 mm billet in an idealised mould; results in $(OUT)"
+	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest)"
+	@echo "make lint        ruff and mypy alone"
+	@echo "make benchmark   error against run time; tables and figures in docs/"
+	@echo "make env         only the environment: $(BIN)/castfem, python, mpirun"
+	@echo "make clean       remove results and caches of this checkout"
+	@echo "make clean-env   remove the environment and the shared Debian userlands"
+
+env:
+	@tools/env.sh
+
+billet: env
+	$(if $(filter-out 1,$(NP)),$(BIN)/mpirun -n $(NP) castfem,$(BIN)/castfem) run $(CASE) -o $(OUT)
+	@echo "results: $(OUT)/ (summary.json, history.csv, figures/, fields.xdmf for ParaView)"
+
+test:
+	@tools/env.sh ruff
+	@tools/test.sh $(HOME_OF_ENV) all $(ARGS)
+
+lint:
+	@tools/env.sh ruff
+	@tools/test.sh $(HOME_OF_ENV) lint
+
+benchmark:
+	@tools/env.sh benchmark
+	$(BIN)/python -m benchmarks
+
+clean-env:
+	@tools/env.sh clean
+
+clean:
+	rm -rf results build castfem.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -not -path './.castfem/*' -prune -exec rm -rf {} +

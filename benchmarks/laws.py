@@ -1,0 +1,334 @@
+"""What the constitutive laws cost, and whether compiling them pays: numba against vectorised numpy.
+
+    python -m benchmarks.laws
+
+integrates 8100 points (900 quadrilaterals with 9 points each) half of which flow, and prints a table:
+milliseconds of the compiled kernel, of the same implicit scheme in vectorised numpy (written for
+this comparison, so that it is an independent check of the kernel, too), and of the coefficients, which
+are computed once a step.  Then the time to the first answer of a new process, without and with the
+compiled code on disk.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from time import perf_counter
+
+import numpy as np
+
+from castfem.laws import (
+    Elasticity,
+    MaterialStep,
+    NortonCreep,
+    NortonHoff,
+    PerfectlyPlastic,
+    Response,
+    Solidity,
+    ThermoElastic,
+    load_elasticity,
+    load_law,
+)
+from castfem.laws import kernel as k
+from castfem.laws.base import Array
+from castfem.laws.flow import _RadialReturn
+from castfem.laws.tables import Constant, celsius
+
+POINTS = 8100
+DT = 0.1  # s
+REPEATS = 15
+NEWTON = 60
+
+
+def laws() -> dict[str, _RadialReturn]:
+    """The laws measured."""
+    elasticity = load_elasticity(solidity=Solidity.between(1766.0, 1798.0))
+    hoff = load_law("norton_hoff_kozlowski", elasticity)
+    assert isinstance(hoff, NortonHoff)
+    return {
+        "thermo-elastic": ThermoElastic(elasticity),
+        "perfectly plastic": PerfectlyPlastic(elasticity, celsius([900, 1500], [24e6, 1e5])),
+        "Norton creep": NortonCreep.constant(elasticity, 1e-3, 20e6, 5.0),
+        "Norton-Hoff, automatic yield limit": hoff,
+        "Norton-Hoff, viscous": replace(hoff, yield_limit=Constant(0.0)),
+        "Kozlowski III and Zhu, 0.08 %C": load_law("kozlowski_zhu", elasticity, carbon=0.08),
+    }
+
+
+def scene(law: _RadialReturn) -> tuple[MaterialStep, Array, Array]:
+    """A step of 8100 points after some history: step, stress, state.
+
+    From 900 to 1550 degC, cooling by 2 K; every other point is strained at up to 2e-3 1/s in the
+    direction of its stress, the others are unloaded.
+    """
+    rng = np.random.default_rng(5)
+    temperature = rng.uniform(1173.0, 1823.0, POINTS)
+    direction = rng.normal(size=(POINTS, 4))
+    direction[:, :3] -= direction[:, :3].mean(axis=1)[:, None]
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    strain = direction * rng.uniform(2e-4, 2e-3, POINTS)[:, None] * DT
+    none = np.zeros(POINTS)
+    stress, state = np.zeros((POINTS, 4)), law.initial_state(POINTS)
+    for _ in range(30):
+        step = MaterialStep(strain, none, temperature, temperature, DT)
+        found = law.integrate(step, stress, state)
+        stress, state = found.stress, found.state
+    strain[::2] *= -0.5
+    return MaterialStep(strain, none, temperature + 2.0, temperature, DT), stress, state
+
+
+# -- the same scheme in numpy ------------------------------------------------------------------
+
+
+def numpy_response(law: _RadialReturn, step: MaterialStep, stress: Array, state: Array) -> Response:
+    """Integrate like `Law.integrate`, by array operations; coefficients included in `law`."""
+    c = law.coefficients(step.temperature_old, step.temperature)
+    share, shear2 = c[:, k.SHARE], 2.0 * c[:, k.SHEAR]
+    old_mean = stress[:, :3].mean(axis=1)
+    strain = share[:, None] * step.strain_increment
+    mean_strain = strain[:, :3].mean(axis=1)
+    mean = c[:, k.CARRY_MEAN] * old_mean + 3.0 * c[:, k.BULK] * (
+        mean_strain - step.thermal_increment
+    )
+    unit = np.array([1.0, 1.0, 1.0, 0.0])
+    carried = c[:, k.CARRY_DEVIATOR, None] * (stress - old_mean[:, None] * unit)
+    deviator = carried + shear2[:, None] * (strain - mean_strain[:, None] * unit)
+    length = np.linalg.norm(deviator, axis=1)
+    trial = np.sqrt(1.5) * length
+    before = np.sqrt(1.5) * np.linalg.norm(carried, axis=1)
+    fresh = c[:, k.FRESH] > 0.0
+    old = np.where(fresh[:, None], 0.0, state)
+    new = old.copy()
+    equivalent, kept = trial.copy(), np.ones_like(trial)
+    if law.kind != k.ELASTIC:
+        solve = AUTOMATIC if law.kind == k.CURVE_AUTOMATIC else _by_increment
+        equivalent, kept = solve(law.kind, c, old, new, trial, before, share * step.dt)
+    increment = (trial - equivalent) / (1.5 * shear2)
+    if law.kind != k.ELASTIC:
+        new[:, 0] = old[:, 0] + increment
+    scale = np.where(increment > 0.0, equivalent / np.maximum(trial, 1e-300), 1.0)
+    normal = deviator / np.maximum(length, 1e-300)[:, None]
+    projector = np.eye(4) - np.outer(unit, unit) / 3.0
+    tangent = (shear2 * share * scale)[:, None, None] * projector
+    tangent += ((shear2 * share) * (kept - scale))[:, None, None] * (
+        normal[:, :, None] * normal[:, None, :]
+    )
+    tangent += (c[:, k.BULK] * share)[:, None, None] * np.outer(unit, unit)
+    total = scale[:, None] * deviator + mean[:, None] * unit
+    return Response(total, tangent, new, equivalent * increment, increment > 0.0)
+
+
+def _flow_stress(kind: int, c: Array, old: Array, trial: Array, z: Array, ln_dt: Array) -> tuple:
+    """Flow stress at dp = exp(z), derivatives by z and by trial."""
+    dp, none = np.exp(z), np.zeros_like(z)
+    if kind == k.PLASTIC:
+        return c[:, k.YIELD_STRESS], none, none
+    if kind == k.CREEP:
+        s = np.exp((z - ln_dt - c[:, k.LN_FACTOR]) / c[:, k.EXPONENT])
+        return s, s / c[:, k.EXPONENT], none
+    if kind == k.STEEL:
+        p, f2, w = old + dp, c[:, k.HARDENING_EXPONENT], c[:, k.DELTA_WEIGHT]
+        back = c[:, k.HARDENING] * p**f2
+        viscous = np.exp((z - ln_dt - c[:, k.LN_GAMMA_RATE]) / c[:, k.GAMMA_EXPONENT])
+        hard, m, n = 1.0 + 1000.0 * p, c[:, k.DELTA_HARDENING], c[:, k.DELTA_EXPONENT]
+        delta = np.exp(c[:, k.LN_DELTA_LEVEL] + (z - ln_dt) / n) * hard**m
+        slope = (1.0 - w) * (back * f2 * dp / p + viscous / c[:, k.GAMMA_EXPONENT])
+        slope += w * delta * (1.0 / n + m * 1000.0 * dp / hard)
+        return (1.0 - w) * (back + viscous) + w * delta, slope, none
+    young, shear3 = c[:, k.YOUNG], 3.0 * c[:, k.SHEAR]
+    e = np.minimum(old + dp + (trial - shear3 * dp) / young, c[:, k.LARGEST_STRAIN])
+    by_e = c[:, k.STRAIN_EXPONENT] / e - c[:, k.SOFTENING]
+    s = np.exp(
+        c[:, k.LN_LEVEL] + c[:, k.STRAIN_EXPONENT] * np.log(e) - c[:, k.SOFTENING] * e
+        + c[:, k.RATE_EXPONENT] * (z - ln_dt + k.LN_SQRT3)
+    )  # fmt: skip
+    slope = s * (c[:, k.RATE_EXPONENT] + by_e * (1.0 - shear3 / young) * dp)
+    return s, slope, s * by_e / young
+
+
+def _by_increment(
+    kind: int, c: Array, old: Array, new: Array, trial: Array, before: Array, dt: Array
+) -> tuple[Array, Array]:
+    """Bracketed Newton for ln dp, all points at once until the last has converged."""
+    shear3, ln_dt = 3.0 * c[:, k.SHEAR], np.log(dt)
+    p = old[:, 0]
+    tiny = np.full_like(trial, -300.0)
+    high = np.log(np.maximum(trial, 1e-250) / shear3)
+    low = np.minimum(tiny, high - 1.0)
+    least = _flow_stress(kind, c, p, trial, low, ln_dt)[0]
+    flows = trial > np.maximum(least, 1e-250)
+    z = high.copy()
+    for _ in range(NEWTON):
+        s, slope, _by = _flow_stress(kind, c, p, trial, z, ln_dt)
+        total = s + shear3 * np.exp(z)
+        excess = np.log(total) - np.log(np.maximum(trial, 1e-250))
+        high, low = np.where(excess > 0.0, z, high), np.where(excess > 0.0, low, z)
+        step = excess * total / (slope + shear3 * np.exp(z))
+        proposed = z - step
+        inside = (proposed > low) & (proposed <= high)
+        z = np.where(inside, proposed, 0.5 * (low + high))
+        if not np.any(flows & (np.abs(step) > 1e-13 * (1.0 + np.abs(z)))):
+            break
+    dp = np.where(flows, np.exp(z), 0.0)
+    _s, slope, by_trial = _flow_stress(kind, c, p, trial, z, ln_dt)
+    kept = (slope + shear3 * dp * by_trial) / (slope + shear3 * np.maximum(dp, 1e-300))
+    return trial - shear3 * dp, np.where(flows, kept, 1.0)
+
+
+def _remembered(a: Array, ln_old: Array, m: Array, stiff: Array, total: Array) -> tuple:
+    """Rate r with a (r/old)^m + stiff r = total, as ln r, and d ln r / d total."""
+    goal = np.log(np.maximum(total, 1e-250))
+    y = goal - np.log(stiff)
+    ln_a = np.log(np.maximum(a, 1e-250))
+    y = np.where(a > 0.0, np.minimum(y, ln_old + (goal - ln_a) / m), y)
+    for _ in range(NEWTON):
+        left = np.where(a > 0.0, np.exp(np.minimum(ln_a + m * (y - ln_old), 600.0)), 0.0)
+        right = stiff * np.exp(y)
+        rise = (m * left + right) / (left + right)
+        step = (np.log(left + right) - goal) / rise
+        y = y - step
+        if np.all(np.abs(step) <= 1e-13 * (1.0 + np.abs(y))):
+            break
+    return y, 1.0 / (np.exp(goal) * rise)
+
+
+def _automatic(
+    kind: int, c: Array, old: Array, new: Array, trial: Array, before: Array, dt: Array
+) -> tuple[Array, Array]:
+    """The law (163) with its automatic yield limit."""
+    shear3, young, m = 3.0 * c[:, k.SHEAR], c[:, k.YOUNG], c[:, k.RATE_EXPONENT]
+    drive, p, stiff = trial - before, old[:, 0], young * dt
+
+    def factor(e: Array) -> tuple[Array, Array]:
+        e = np.clip(e, 1e-300, c[:, k.LARGEST_STRAIN])
+        p4, p1 = c[:, k.STRAIN_EXPONENT], c[:, k.SOFTENING]
+        return p4 * np.log(e) - p1 * e, p4 / e - p1
+
+    ln_before = np.log(np.maximum(before, 1e-250))
+    ln_old = (ln_before - c[:, k.LN_LEVEL] - factor(p + before / young)[0]) / m - k.LN_SQRT3
+    memory = old[:, 1] > 0.0
+    ln_old = np.maximum(ln_old, np.where(memory, np.log(np.maximum(old[:, 1], 1e-300)), -1e300))
+
+    def curve(dp: Array, drive: Array) -> tuple[Array, Array, Array, Array]:
+        gain = np.maximum(drive - (shear3 - young) * dp, 0.0)
+        y, by_total = _remembered(before, ln_old, m, stiff, before + gain)
+        now = np.log(np.maximum(gain, 1e-250) / stiff)
+        anew = ~memory & (gain > 0.0) & (now >= ln_old)
+        y = np.where(anew, now, y)
+        by_total = np.where(anew, 1.0 / np.maximum(gain, 1e-250), by_total)
+        ln_factor, by_e = factor(p + dp + (trial - shear3 * dp) / young)
+        s = np.exp(c[:, k.LN_LEVEL] + ln_factor + m * (y + k.LN_SQRT3))
+        by_rate = np.where(gain > 0.0, m * by_total, 0.0)
+        by_dp = s * (by_e * (1.0 - shear3 / young) - by_rate * (shear3 - young))
+        return s, by_dp, s * (by_e / young + by_rate), y
+
+    s, by_dp, by_trial, y = curve(np.zeros_like(trial), drive)
+    flows = trial > s * (1.0 + 1e-14)
+    dp = np.where(flows, (trial - s) / shear3, 0.0)
+    back = curve(np.zeros_like(trial), np.abs(drive))[3]
+    elastic_rate = np.where(drive < 0.0, back, y)
+    low, high = np.zeros_like(trial), trial / shear3
+    for _ in range(NEWTON):
+        s, by_dp, by_trial, y = curve(dp, drive)
+        excess = np.where(flows, trial - shear3 * dp - s, 0.0)
+        low, high = np.where(excess > 0.0, dp, low), np.where(excess > 0.0, high, dp)
+        step = excess / (shear3 + by_dp)
+        if np.all(np.abs(step) <= 1e-13 * dp):
+            break
+        proposed = dp + step
+        dp = np.where((proposed >= low) & (proposed <= high), proposed, 0.5 * (low + high))
+    new[:, 1] = np.exp(np.where(flows, y, elastic_rate))
+    kept = 1.0 - shear3 * (1.0 - by_trial) / (shear3 + by_dp)
+    return trial - shear3 * dp, np.where(flows, kept, 1.0)
+
+
+AUTOMATIC = _automatic
+
+
+# -- measurement -------------------------------------------------------------------------------
+
+
+def best(action: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Shortest wall time of an action, s."""
+    times = []
+    for _ in range(repeats):
+        start = perf_counter()
+        action()
+        times.append(perf_counter() - start)
+    return min(times)
+
+
+def table() -> str:
+    """Measure all laws; a Markdown table."""
+    lines = [
+        "| law | points that flow | coefficients, once a step | compiled | numpy | ratio |"
+        " largest difference |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for name, law in laws().items():
+        step, stress, state = scene(law)
+        table_of_step = law.coefficients(step.temperature_old, step.temperature)
+        out = Response.empty(POINTS, len(law.state_names))
+
+        def run(law=law, step=step, stress=stress, state=state, c=table_of_step, out=out):  # type: ignore[no-untyped-def]
+            return law.integrate(step, stress, state, coefficients=c, out=out)
+
+        def by_numpy(law=law, step=step, stress=stress, state=state):  # type: ignore[no-untyped-def]
+            return numpy_response(law, step, stress, state)
+
+        def prepare(law=law, step=step):  # type: ignore[no-untyped-def]
+            return law.coefficients(step.temperature_old, step.temperature)
+
+        other = by_numpy()
+        run()
+        size = np.abs(out.stress).max(axis=1)
+        difference = max(
+            np.max(np.abs(out.stress - other.stress).max(axis=1) / np.maximum(size, 1.0)),
+            np.max(
+                np.abs(out.tangent - other.tangent)
+                / np.abs(out.tangent).max(axis=(1, 2))[:, None, None]
+            ),
+        )
+        compiled, plain, once = best(run), best(by_numpy, 5), best(prepare, 5)
+        plain -= once
+        lines.append(
+            f"| {name} | {out.flows.mean():.0%} | {1e3 * once:.1f} ms | {1e3 * compiled:.2f} ms |"
+            f" {1e3 * plain:.0f} ms | {plain / compiled:.0f} | {difference:.0e} |"
+        )
+    return "\n".join(lines)
+
+
+def start_times() -> tuple[float, float]:
+    """Seconds from import to the first answer of a new process: nothing on disk, then from disk."""
+    code = (
+        "from time import perf_counter; t = perf_counter()\n"
+        "import numpy as np\n"
+        "from castfem.laws import Elasticity, MaterialStep, ThermoElastic\n"
+        "law = ThermoElastic(Elasticity.constant(1e9, 0.3)); one = np.full(1, 300.0)\n"
+        "law.integrate(MaterialStep(np.zeros((1, 4)), np.zeros(1), one, one, 1.0),"
+        " np.zeros((1, 4)), law.initial_state(1))\n"
+        "print(perf_counter() - t)"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+        times = [
+            float(subprocess.check_output([sys.executable, "-c", code], env=environment))
+            for _ in range(2)
+        ]
+    return times[0], times[1]
+
+
+def main() -> None:
+    """Print what has been measured."""
+    print(f"{POINTS} points, one thread, best of {REPEATS}\n")
+    print(table())
+    first, later = start_times()
+    print(f"\nimport to first answer: {first:.1f} s compiling, {later:.2f} s from disk")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,104 @@
+"""The tables [casting], [steel], [output] and [[reference]] of a case file."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field
+
+from castfem import units
+from castfem.case.base import TableModel, written
+from castfem.quantities import Length, Percent, Speed, Superheat, Temperature, Time
+
+FieldName = Literal["temperature", "solid_fraction"]
+"""Fields that can be written."""
+
+
+class Casting(TableModel):
+    """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
+
+    speed: Speed = Field(description="casting speed", examples=["3.6 m/min"])
+    length: Length = Field(
+        description="length that is followed, from the meniscus", examples=["600 mm"]
+    )
+    superheat: Superheat | None = Field(
+        None, description="temperature of the steel at the meniscus, above the liquidus"
+    )
+    temperature: Temperature | None = Field(
+        None,
+        description="temperature of the steel at the meniscus",
+        examples=["1540 degC"],
+    )
+
+    @property
+    def duration(self) -> float:
+        """Time from the meniscus to the end of the followed length, s."""
+        return self.length / self.speed
+
+
+class Steel(TableModel):
+    """The steel that is cast: a property set, its composition and changes for this case."""
+
+    name: str = Field(
+        description="a set shipped with castfem, or a TOML file of your own, relative to this file"
+    )
+    composition: dict[str, Percent] = Field(
+        default_factory=dict,
+        description="weight percent of the elements (C = 0.42), for sets computed from it",
+    )
+    overrides: dict[str, Any] = Field(
+        default_factory=dict,
+        description="keys of the property set to change for this case, written as in its file",
+    )
+
+
+class Output(TableModel):
+    """What a run writes, and how often."""
+
+    fields: tuple[FieldName, ...] = Field(
+        ("temperature", "solid_fraction"), description="fields in fields.xdmf; [] for none"
+    )
+    every: Time = Field(written("0.5 s"), description="time between two states of the fields")
+    figures: bool = Field(True, strict=True, description="draw the figures at the end of the run")
+    checkpoint_every: int = Field(
+        20,
+        ge=0,
+        strict=True,
+        description="steps between two checkpoints (for --resume); 0 for none",
+    )
+
+
+def _quantity(text: str) -> str:
+    units.parse_any(text)
+    return text
+
+
+class Reference(TableModel):
+    """A number to compare with, printed beside the computed one where the run ends."""
+
+    quantity: str = Field(description="name of the computed quantity, as in summary.json")
+    value: Annotated[str, AfterValidator(_quantity)] = Field(
+        description='expected value with its unit, such as "4.75 mm"'
+    )
+    source: str = Field(description="where the number comes from")
+    at: Length | None = Field(
+        None,
+        description="position where it holds, from the meniscus; by default the end of the run",
+        examples=["600 mm"],
+    )
+    note: str = Field("", description="remark printed with it")
+
+    @property
+    def si(self) -> float:
+        """The expected value in SI."""
+        return units.parse_any(self.value)[0]
+
+    @property
+    def si_unit(self) -> str:
+        """The SI unit of `si`, "1" for a plain number."""
+        return units.parse_any(self.value)[1]
+
+    @property
+    def unit(self) -> str:
+        """The unit in which the value was given, empty for a plain number."""
+        return units.split(self.value)[1]

@@ -1,0 +1,213 @@
+"""Checks across the keys of a case.
+
+They run on sound cases and on the sound part of faulty ones: there, a faulty value is None and
+the checks that need it are skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from castfem.case.cooling import PrescribedTemperature
+from castfem.case.model import Case
+from castfem.case.problems import Problem, choices
+from castfem.case.section import BeamBlank, Rectangle, Round, Strip, cooled_groups, outer_groups
+from castfem.units import format, nearest
+
+
+def check(case: Case) -> Iterator[Problem]:
+    """Yield everything that does not fit together."""
+    yield from _casting(case)
+    yield from _section(case)
+    yield from _mesh(case)
+    yield from _zones(case)
+    yield from _laws(case)
+    yield from _stepping(case)
+    yield from _output(case)
+
+
+def _mm(length: float) -> str:
+    return format(length, "m", "mm")
+
+
+def _casting(case: Case) -> Iterator[Problem]:
+    casting = case.casting
+    if casting is None:
+        return
+    given = casting.model_fields_set & {"superheat", "temperature"}
+    if len(given) != 1:
+        problem = "both are given" if given else "neither is given"
+        yield Problem(
+            ("casting",),
+            f'{problem}; exactly one of superheat = "40 K" and temperature = "1540 degC"',
+        )
+
+
+def _section(case: Case) -> Iterator[Problem]:
+    section = case.section
+    if not isinstance(section, Rectangle):
+        return
+    radius, width, height = section.corner_radius, section.width, section.height
+    if None not in (radius, width, height) and radius >= 0.5 * min(width, height):
+        yield Problem(
+            ("section", "corner_radius"),
+            f"({_mm(radius)}) leaves no flat face; allowed: below half the smaller side "
+            f'({_mm(0.5 * min(width, height))}), or shape = "round"',
+        )
+
+
+def _halves(section: Any) -> tuple[float | None, float | None]:
+    """Return half the thickness and half the largest dimension (of a strip, its length)."""
+    if isinstance(section, Strip):
+        return section.length, section.length
+    round_one = isinstance(section, Round)
+    sizes = [section.diameter] if round_one else [section.width, section.height]
+    if None in sizes:
+        return None, None
+    thin = section.web_thickness if isinstance(section, BeamBlank) else min(sizes)
+    return (None if thin is None else 0.5 * thin), 0.5 * max(sizes)
+
+
+def _mesh(case: Case) -> Iterator[Problem]:
+    mesh, section = case.mesh, case.section
+    if mesh is None or section is None:
+        return
+    thin, large = _halves(section)
+    for key in ("surface_size", "corner_size", "face_size", "core_size", "core_depth"):
+        value, most = getattr(mesh, key), thin if key == "surface_size" else large
+        if value is not None and most is not None and value > most:
+            what = "half the thickness of" if key == "surface_size" else "half"
+            yield Problem(
+                ("mesh", key), f"({_mm(value)}) is larger than {what} the section ({_mm(most)})"
+            )
+    for small, big in (("surface_size", "core_size"), ("corner_size", "face_size")):
+        fine, coarse = getattr(mesh, small), getattr(mesh, big)
+        if None not in (fine, coarse) and fine > coarse:
+            yield Problem(
+                ("mesh", small),
+                f"({_mm(fine)}) is larger than {big} ({_mm(coarse)}); cells grow from the surface "
+                "to the core and from the corner to the middle of a face",
+            )
+    if isinstance(section, Round | Strip) and mesh.corner_size is not None:
+        yield Problem(
+            ("mesh", "corner_size"), f'a section of shape "{section.shape}" has no corner'
+        )
+
+
+def _zones(case: Case) -> Iterator[Problem]:
+    zones = case.cooling
+    if zones is None:
+        return
+    names: list[str] = []
+    reached = 0.0
+    for index, zone in enumerate(zones):
+        if zone is None:
+            continue
+        if zone.name in names:
+            yield Problem(("cooling", index, "name"), f'("{zone.name}") is used twice')
+        names.append(zone.name)
+        if zone.to is None:
+            if "to" not in zone.model_fields_set and index < len(zones) - 1:
+                yield Problem(
+                    ("cooling", index), "'to' is missing; only the last zone may leave it out"
+                )
+            continue
+        if zone.to <= reached:
+            yield Problem(
+                ("cooling", index, "to"),
+                f"({_mm(zone.to)}) does not lie beyond the end of the zone before "
+                f"({_mm(reached)}); zones follow one another in casting order",
+            )
+        reached = max(reached, zone.to)
+    last = zones[-1]
+    length = case.casting.length if case.casting else None
+    open_end = last is None or "to" not in last.model_fields_set or last.to is None
+    if not open_end and length is not None and reached < length:
+        yield Problem(
+            ("cooling", len(zones) - 1, "to"),
+            f"({_mm(reached)}) ends before casting.length ({_mm(length)}); "
+            "add a zone, or leave out 'to' in the last",
+        )
+
+
+def _laws(case: Case) -> Iterator[Problem]:
+    known = outer_groups(case.section) if _complete(case.section) else ()
+    for i, zone in enumerate(case.cooling or ()):
+        laws = (zone.surface if zone else None) or ()
+        for j, law in enumerate(laws):
+            path = ("cooling", i, "surface", j)
+            gap = getattr(law, "gap", None)
+            if gap and law.law == "contact" and "gap_conductivity" not in law.model_fields_set:
+                yield Problem(path, "a gap needs its gap_conductivity")
+            if known:
+                yield from _names(law.on, known, (*path, "on"))
+                yield from _clash(law, laws[:j], cooled_groups(case.section), known, path)
+
+
+def _clash(
+    law: Any,
+    before: tuple[Any, ...],
+    default: tuple[str, ...],
+    known: tuple[str, ...],
+    path: tuple[str | int, ...],
+) -> Iterator[Problem]:
+    """Yield a problem if a given temperature meets another law on the same boundary group."""
+    own = set(_matching(law.on or default, known))
+    for other in before:
+        shared = own & set(_matching(other.on or default, known))
+        if shared and any(isinstance(it, PrescribedTemperature) for it in (law, other)):
+            yield Problem(
+                path, f"a given temperature on {choices(sorted(shared))} excludes other laws there"
+            )
+            return
+
+
+def _complete(section: Any) -> bool:
+    """Return whether all that decides on the section's boundary groups is sound."""
+    return section is not None and None not in (
+        getattr(section, "symmetry", "whole"),
+        getattr(section, "corner_radius", 0.0),
+    )
+
+
+def _matching(on: tuple[str, ...], known: tuple[str, ...]) -> list[str]:
+    return [group for group in known if any(group.startswith(name) for name in on)]
+
+
+def _names(
+    on: tuple[str, ...] | None, known: tuple[str, ...], path: tuple[str | int, ...]
+) -> Iterator[Problem]:
+    for name in on or ():
+        if not name or not any(group.startswith(name) for group in known):
+            yield Problem(
+                path,
+                f'no boundary group "{name}" on this section; allowed: {choices(known)} '
+                f"or how they begin{nearest(name, known)}",
+            )
+
+
+def _stepping(case: Case) -> Iterator[Problem]:
+    time = case.thermal.time if case.thermal else None
+    if time is None:
+        return
+    if {"step", "adaptive"} <= time.model_fields_set:
+        yield Problem(
+            ("thermal", "time"), "step and adaptive exclude each other; give one of the two"
+        )
+    bounds = time.adaptive
+    if bounds is None or None in (bounds.smallest, bounds.first, bounds.largest):
+        return
+    if not bounds.smallest <= bounds.first <= bounds.largest:
+        yield Problem(
+            ("thermal", "time", "adaptive"),
+            f"smallest ({bounds.smallest:g} s) <= first ({bounds.first:g} s) <= largest "
+            f"({bounds.largest:g} s) does not hold",
+        )
+
+
+def _output(case: Case) -> Iterator[Problem]:
+    fields = case.output.fields if case.output else None
+    for index, name in enumerate(fields or ()):
+        if name in (fields or ())[:index]:
+            yield Problem(("output", "fields"), f"'{name}' stands there twice")

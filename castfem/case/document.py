@@ -1,0 +1,244 @@
+"""Case files as documents: TOML, `extends`, overrides, and which file each key came from.
+
+Tables merge deeply: a file adds to and changes what it extends. Arrays (of tables, too) replace.
+Of two keys that exclude each other the later one wins: a file that sets `superheat` drops an
+inherited `temperature`. A table whose kind changes (`shape`) is replaced as a whole.
+"""
+
+from __future__ import annotations
+
+import copy
+import os
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from castfem.case.problems import dotted
+from castfem.units import nearest
+
+Keys = tuple[str | int, ...]
+
+_EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
+    (("casting",), "superheat", "temperature"),
+    (("thermal", "time"), "step", "adaptive"),
+)
+_KINDS = ("shape", "law")
+
+
+@dataclass
+class Document:
+    """A case as it was written, before it is validated.
+
+    Attributes:
+        data: The merged tables, without `extends`.
+        label: Name of the file that was asked for.
+        origins: Where a key (or the table it stands in) was written: a file, or "--set".
+        faults: Full lines about files and overrides that could not be used.
+    """
+
+    data: dict[str, Any]
+    label: str
+    origins: dict[Keys, str] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+
+    def origin(self, path: Keys) -> str:
+        """Return the file in which a key stands, or the table around it if it is missing."""
+        for end in range(len(path), 0, -1):
+            if path[:end] in self.origins:
+                return self.origins[path[:end]]
+        return self.label
+
+
+def read(path: Path) -> Document:
+    """Read a case file and all it extends; what cannot be read is noted in `faults`."""
+    return _read(path, os.fspath(path), ())
+
+
+def _read(path: Path, label: str, chain: tuple[Path, ...]) -> Document:
+    document = Document({}, label)
+    data = _load(path, document)
+    if data is None:
+        return document
+    base = data.pop("extends", None)
+    _anchor(data, path.parent)
+    if base is not None:
+        if not isinstance(base, str) or not base:
+            document.faults.append(f"{label}: extends: must be the path of a case file")
+        else:
+            _extend(document, path, base, (*chain, path.resolve()))
+    _merge(document, document.data, data, (), label)
+    return document
+
+
+def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) -> None:
+    """Read the file named by `extends` into the document, before the file's own keys."""
+    below = path.parent / base
+    if below.resolve() in chain:
+        names = " -> ".join(p.name for p in (*chain, below))
+        document.faults.append(f'{document.label}: extends ("{base}"): goes in a circle: {names}')
+        return
+    if not below.is_file():
+        near = nearest(below.name, (p.name for p in below.parent.glob("*.toml") if p != path))
+        document.faults.append(
+            f'{document.label}: extends ("{base}"): file not found: {below}{near}'
+        )
+        return
+    inherited = _read(below, os.path.normpath(below), chain)
+    document.faults += inherited.faults
+    document.data, document.origins = inherited.data, inherited.origins
+
+
+def _load(path: Path, document: Document) -> dict[str, Any] | None:
+    """Return the tables of one file; note why if it cannot be read."""
+    label = document.label
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        return tomllib.loads(text)
+    except FileNotFoundError:
+        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
+        document.faults.append(f"{label}: file not found{near}")
+    except OSError as error:
+        document.faults.append(f"{label}: cannot be read: {error.strerror}")
+    except UnicodeDecodeError as error:
+        line = error.object[: error.start].count(b"\n") + 1
+        document.faults.append(f"{label}: line {line}: not a text in UTF-8")
+    except tomllib.TOMLDecodeError as error:
+        document.faults.append(f"{label}: {_syntax(str(error), text)}")
+    return None
+
+
+def _syntax(message: str, text: str) -> str:
+    """Return a TOML syntax error as "line 3, column 7: what is wrong: the line"."""
+    what, _, place = message.partition(" (at ")
+    place = place.rstrip(")")
+    if not place.startswith("line"):
+        return f"line {text.count(chr(10)) + 1}: {what} (the file ends too early)"
+    number = int(place.split()[1].rstrip(","))
+    lines = text.splitlines()
+    line = lines[number - 1].strip() if number <= len(lines) else ""
+    return f"{place}: {what}: {line}"
+
+
+def _anchor(data: dict[str, Any], folder: Path) -> None:
+    """Make the paths written in a file independent of where castfem is started.
+
+    Those are the name of a steel file and every `file` of a table.
+    """
+    steel = data.get("steel")
+    if isinstance(steel, dict) and isinstance(steel.get("name"), str):
+        steel["name"] = anchored_steel(steel["name"], folder)
+    _anchor_files(data, folder)
+
+
+def anchored_steel(name: str, folder: Path) -> str:
+    """Return the absolute path of a steel file; the name of a shipped set as it is."""
+    if name.endswith(".toml") or "/" in name or name.startswith("."):
+        return os.path.abspath(folder / name)
+    return name
+
+
+def _anchor_files(value: Any, folder: Path) -> None:
+    if isinstance(value, dict):
+        if isinstance(value.get("file"), str):
+            value["file"] = os.path.abspath(folder / value["file"])
+        for inner in value.values():
+            _anchor_files(inner, folder)
+    elif isinstance(value, list):
+        for inner in value:
+            _anchor_files(inner, folder)
+
+
+def _merge(
+    document: Document, under: dict[str, Any], over: dict[str, Any], path: Keys, label: str
+) -> None:
+    """Merge the table `over`, which stands in the file `label`, into `under` at `path`."""
+    for where, one, other in _EXCLUSIVE:
+        if path == where and (one in over) != (other in over):
+            under.pop(other if one in over else one, None)
+    if any(kind in over and over[kind] != under.get(kind) for kind in _KINDS):
+        under.clear()
+        _forget(document, path)
+        document.origins[path] = label
+    for key, value in over.items():
+        here = (*path, key)
+        if isinstance(value, dict) and isinstance(under.get(key), dict):
+            _merge(document, under[key], value, here, label)
+        else:
+            _forget(document, here)
+            document.origins[here] = label
+            under[key] = value
+
+
+def _forget(document: Document, path: Keys) -> None:
+    """Drop what is known of the origins at and below a path."""
+    for known in [k for k in document.origins if k[: len(path)] == path]:
+        del document.origins[known]
+
+
+def override(document: Document, assignments: Iterable[str]) -> None:
+    """Apply `a.b.0.c=value` assignments; values are TOML, or else taken as text."""
+    for assignment in assignments:
+        key, equals, text = assignment.partition("=")
+        if not equals or not key.strip():
+            document.faults.append(
+                f'--set: "{assignment}": write it as key=value, such as casting.speed="3 m/min"'
+            )
+            continue
+        try:
+            value = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            value = text.strip()
+        put(document, key.strip(), value, "--set")
+
+
+def put(document: Document, key: str, value: Any, label: str) -> None:
+    """Set one dotted key in the document; note in `faults` if there is no such place."""
+    parts = [part.strip() for part in key.split(".")]
+    place: Any = document.data
+    path: Keys = ()
+    for part in parts[:-1]:
+        step = _step(place, part)
+        if step is None:
+            document.faults.append(f"{label}: {key}: {_no_entry(place, path, part)}")
+            return
+        path = (*path, step)
+        if isinstance(place, dict) and step not in place:
+            place[step] = {}
+        place = place[step]
+    last = _step(place, parts[-1])
+    if last is None:
+        document.faults.append(f"{label}: {key}: {_no_entry(place, path, parts[-1])}")
+        return
+    if isinstance(place, dict):
+        if path == ("steel",) and last == "name" and isinstance(value, str):
+            value = anchored_steel(value, Path.cwd())
+        _merge(document, place, {str(last): copy.deepcopy(value)}, path, label)
+    else:
+        place[last] = value
+        document.origins[(*path, last)] = label
+
+
+def _step(place: Any, part: str) -> str | int | None:
+    """Return the key or index that `part` means in a table or array, None if there is none."""
+    if isinstance(place, Mapping):
+        return part
+    if not isinstance(place, Sequence) or isinstance(place, str):
+        return None
+    if part.isdigit():
+        return int(part) if int(part) < len(place) else None
+    for index, entry in enumerate(place):
+        if isinstance(entry, Mapping) and entry.get("name") == part:
+            return index
+    return None
+
+
+def _no_entry(place: Any, path: Keys, part: str) -> str:
+    """Say why `part` leads nowhere in `place`."""
+    where = dotted(path)
+    if not isinstance(place, Sequence) or isinstance(place, str):
+        return f"{where} is a single value, it has no keys"
+    names = [str(e["name"]) for e in place if isinstance(e, Mapping) and "name" in e]
+    named = f" or the name of one ({', '.join(names)}{nearest(part, names)})" if names else ""
+    return f"'{part}' is no entry of {where}; give an index from 0 to {len(place) - 1}{named}"

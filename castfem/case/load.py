@@ -1,0 +1,121 @@
+"""Loading a case: file, `extends`, overrides, validation, and all problems in one go."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from castfem.case import checks, document, problems
+from castfem.case.base import LENIENT
+from castfem.case.model import Case
+from castfem.errors import InputError
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """What came of reading a case.
+
+    Attributes:
+        case: The case; with problems, what is sound of it: whatever is faulty is None in it.
+            None if not even the files could be read.
+        problems: One line each.
+        steel: Where the steel was chosen ("billet.toml: steel"), for its own messages.
+    """
+
+    case: Case | None
+    problems: tuple[str, ...]
+    steel: str = "steel"
+
+
+def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
+    """Read and validate a case file.
+
+    Args:
+        path: The case file.
+        overrides: Assignments `dotted.key=value`; the value is TOML, or else taken as text.
+
+    Raises:
+        InputError: Something is wrong; it holds every problem found, one line each.
+    """
+    reading = read_case(path, overrides)
+    if reading.problems or reading.case is None:
+        raise InputError(reading.problems)
+    return reading.case
+
+
+def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:
+    """Read a case file and return what is sound of it with all its problems (see `load_case`)."""
+    written = document.read(Path(path))
+    if written.faults:
+        return Reading(None, tuple(written.faults))
+    document.override(written, overrides)
+    return _validate(written)
+
+
+def from_document(data: Mapping[str, Any], label: str = "case") -> Case:
+    """Validate the tables of a case that was made in memory, written as in a case file.
+
+    Raises:
+        InputError: As `load_case`.
+    """
+    return _or_raise(_validate(document.Document(copy.deepcopy(dict(data)), label)))
+
+
+def changed(case: Case, changes: Mapping[str, Any]) -> Case:
+    """Return the case with some dotted keys changed; see `Case.with_`."""
+    written = document.Document(case.document(), "case")
+    for key, value in changes.items():
+        document.put(written, key, value, "with_")
+    return _or_raise(_validate(written))
+
+
+def _or_raise(reading: Reading) -> Case:
+    if reading.problems or reading.case is None:
+        raise InputError(reading.problems)
+    return reading.case
+
+
+def _validate(written: document.Document) -> Reading:
+    """Validate a document, check across keys, and collect the problems with their files."""
+    case, found = _build(written.data)
+    found += list(checks.check(case))
+    lines = [*written.faults, *(_line(written, problem) for problem in found)]
+    steel = f"{written.origin(('steel', 'name'))}: steel"
+    return Reading(case, tuple(dict.fromkeys(lines)), steel)
+
+
+def _build(data: dict[str, Any]) -> tuple[Case, list[problems.Problem]]:
+    """Return the case, faulty values None, and the problems within single keys."""
+    try:
+        return Case.model_validate(data), []
+    except ValidationError as error:
+        found = problems.from_validation(error, data)
+        sound = copy.deepcopy(data)
+        for problem in found:
+            _mend(sound, problem)
+        return Case.model_validate(sound, context=LENIENT), found
+
+
+def _mend(data: dict[str, Any], problem: problems.Problem) -> None:
+    """Take an unknown key out of the data, put None for a missing one."""
+    *above, key = problem.path
+    table = problems.at(data, tuple(above))
+    if isinstance(table, dict) and problem.kind == "extra_forbidden":
+        table.pop(key, None)
+    elif isinstance(table, dict) and problem.kind == "missing":
+        table[key] = None
+
+
+def _line(written: document.Document, problem: problems.Problem) -> str:
+    """Return "file: dotted.key: text"; entries of [[cooling]] are also told by their name."""
+    where = problems.dotted(problem.path)
+    if problem.path[:1] == ("cooling",) and len(problem.path) > 1:
+        name = problems.at(written.data, (*problem.path[:2], "name"))
+        where += f' (zone "{name}")' if isinstance(name, str) else ""
+    parts = [written.origin(problem.path), where, problem.text]
+    return ": ".join(part for part in parts if part)

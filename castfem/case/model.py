@@ -1,0 +1,123 @@
+"""The case: everything a run needs to know, validated and in SI."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from castfem.case.base import TableModel
+from castfem.case.casting import Casting, Output, Reference, Steel
+from castfem.case.cooling import HeatLaw, Zone
+from castfem.case.section import Mesh, Section, cooled_groups
+from castfem.case.thermal import Thermal
+
+_NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True, "casting": {"length"}}
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """A cooling zone as far as the strand is followed.
+
+    Attributes:
+        name: Name of the zone.
+        start: Where it begins, from the meniscus, m.
+        end: Where it ends, m; not beyond the followed length.
+        laws: Pairs of the boundary groups (or beginnings of their names) and the law on them.
+    """
+
+    name: str
+    start: float
+    end: float
+    laws: tuple[tuple[tuple[str, ...], HeatLaw], ...]
+
+
+class Case(TableModel):
+    """A case file. Tables may be inherited from the file named by `extends`."""
+
+    title: str = Field(min_length=1, description="one line that says what the case is")
+    casting: Casting
+    steel: Steel
+    section: Section
+    mesh: Mesh
+    cooling: tuple[Zone, ...] = Field(min_length=1)
+    thermal: Thermal = Field(default_factory=lambda: Thermal.model_validate({}))
+    output: Output = Field(default_factory=lambda: Output.model_validate({}))
+    reference: tuple[Reference, ...] = ()
+
+    def zones(self) -> tuple[Span, ...]:
+        """Return the cooling zones within the followed length, in casting order."""
+        spans, start = [], 0.0
+        default = cooled_groups(self.section)
+        for zone in self.cooling:
+            end = self.casting.length if zone.to is None else min(zone.to, self.casting.length)
+            laws = tuple((law.on or default, law) for law in zone.surface)
+            spans.append(Span(zone.name, start, end, laws))
+            start = end
+            if end >= self.casting.length:
+                break
+        return tuple(spans)
+
+    def expected(self) -> tuple[Reference, ...]:
+        """Return the reference numbers that hold where the run ends."""
+        end = self.casting.length
+        return tuple(r for r in self.reference if r.at is None or math.isclose(r.at, end))
+
+    def mesh_parameters(self) -> dict[str, Any]:
+        """Return the keys of [section] and [mesh] that are given, in SI: the mesh's parameters."""
+        section = self.section.model_dump(exclude_none=True)
+        return section | self.mesh.model_dump(exclude_none=True)
+
+    def document(self) -> dict[str, Any]:
+        """Return the case as the tables of a case file, every quantity with its unit."""
+        tables = self.model_dump(mode="json", exclude_none=True)
+        for table, key in (
+            (tables["steel"], "composition"),
+            (tables["steel"], "overrides"),
+            (tables["thermal"], "solver"),
+            (tables, "reference"),
+        ):
+            if not table[key]:
+                del table[key]
+        return tables
+
+    def resolved_toml(self) -> str:
+        """Return a case file without `extends` that reads back to an equal case."""
+        import tomli_w
+
+        return tomli_w.dumps(self.document())
+
+    def physics_hash(self) -> str:
+        """Return a hash of all that the computed fields depend on.
+
+        It leaves out the title, the output settings, the reference numbers and the followed
+        length (a run may be resumed further down the strand); a steel file counts by its content.
+        """
+        physics = self.model_dump(mode="json", exclude_none=True, exclude=_NOT_PHYSICS)
+        path = Path(self.steel.name)
+        if path.suffix == ".toml":
+            content = path.read_bytes() if path.is_file() else b""
+            physics["steel"]["name"] = hashlib.sha256(content).hexdigest()
+        text = json.dumps(physics, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    def with_(self, changes: Mapping[str, Any] | None = None, **dotted: Any) -> Case:
+        """Return a changed case: `case.with_({"casting.speed": "3 m/min"})`.
+
+        Args:
+            changes: Dotted key and new value, as it would be written in a case file. A zone or
+                another entry of an array is named by its index or its name.
+            dotted: The same for keys of the top level: `case.with_(title="slower")`.
+
+        Raises:
+            InputError: The changed case is not valid; all problems at once.
+        """
+        from castfem.case.load import changed
+
+        return changed(self, {**(changes or {}), **dotted})

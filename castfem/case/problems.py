@@ -1,0 +1,225 @@
+"""Problems of a case file, told in one line each: where, what, what is allowed, what was meant."""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from castfem.case.base import TableModel
+from castfem.quantities import Kind
+from castfem.units import nearest
+
+Path = tuple[str | int, ...]
+_MISSING = object()
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Something wrong with a case.
+
+    Attributes:
+        path: Keys and indices down to what is wrong; () for the whole case.
+        text: What is wrong, what is allowed.
+        kind: pydantic's name of the error, empty for what castfem's own checks find.
+    """
+
+    path: Path
+    text: str
+    kind: str = ""
+
+
+def dotted(path: Path) -> str:
+    """Return the path as users write it: cooling.0.surface.1.law."""
+    return ".".join(str(part) for part in path)
+
+
+def shown(value: object) -> str:
+    """Return a value as it stands in a TOML file, shortened."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        text = f'"{value}"'
+    elif isinstance(value, Mapping):
+        text = "{ " + ", ".join(f"{k} = {shown(v)}" for k, v in value.items()) + " }"
+    elif isinstance(value, Sequence):
+        text = "[" + ", ".join(shown(v) for v in value) + "]"
+    else:
+        text = str(value)
+    return text if len(text) <= 60 else text[:56] + " ..."
+
+
+def choices(names: Iterable[object]) -> str:
+    """Return names as a list in a sentence."""
+    return ", ".join(str(name) for name in names)
+
+
+def at(data: Any, path: Path) -> Any:
+    """Return the value at a path, `_MISSING` where there is none."""
+    for part in path:
+        within = isinstance(data, Sequence) and isinstance(part, int) and part < len(data)
+        if within or (isinstance(data, Mapping) and part in data):
+            data = data[part]
+        else:
+            return _MISSING
+    return data
+
+
+def from_validation(error: ValidationError, data: Mapping[str, Any]) -> list[Problem]:
+    """Return the problems pydantic found, their paths those of the document."""
+    from castfem.case.model import Case
+
+    found = []
+    for details in error.errors(include_url=False):
+        path, kind = _path_in(data, details["loc"]), details["type"]
+        value = at(data, path)
+        if kind == "too_short" and value:  # pydantic counts the sound entries only
+            continue
+        found.append(Problem(path, _text(details, path, value, Case, data), kind))
+    return found
+
+
+def _path_in(data: Any, loc: Path) -> Path:
+    """Drop from pydantic's location the tags of unions, which are no keys of the document."""
+    path: list[str | int] = []
+    for part in loc:
+        if (
+            isinstance(data, Mapping)
+            and part not in data
+            and part
+            in (
+                data.get("law"),
+                data.get("shape"),
+            )
+        ):
+            continue
+        path.append(part)
+        found = at(data, (part,))
+        data = None if found is _MISSING else found
+    return tuple(path)
+
+
+def _text(
+    details: ErrorDetails, path: Path, value: Any, root: type[TableModel], data: Mapping[str, Any]
+) -> str:
+    """Return the text of one problem: what is wrong (value); what is allowed; nearest name."""
+    kind, context = details["type"], details.get("ctx", {})
+    given = "" if value is _MISSING else f" ({shown(value)})"
+    if kind == "extra_forbidden":
+        model = model_at(root, path[:-1], data)
+        keys = list(model.model_fields) if model else []
+        keys += ["extends"] if len(path) == 1 else []
+        return f"unknown key{given}; allowed: {choices(keys)}{nearest(str(path[-1]), keys)}"
+    if kind == "missing":
+        return _missing(model_at(root, path[:-1], data), path)
+    if kind == "union_tag_not_found":
+        tag = "shape" if path == ("section",) else "law"
+        return f"the key '{tag}' is missing; one of {choices(_tags(root, path))}"
+    if kind == "union_tag_invalid":
+        tag = "shape" if path == ("section",) else "law"
+        name = str(context.get("tag"))
+        tags = _tags(root, path)
+        return f'{tag} = "{name}" is not known; one of {choices(tags)}{nearest(name, tags)}'
+    if kind == "literal_error":
+        names = _literals(str(context.get("expected")))
+        return f"not possible{given}; one of {choices(names)}{nearest(str(value), names)}"
+    if kind == "value_error":
+        return f"{context['error']}{given}"
+    return f"{_PLAIN.get(kind, details['msg'])}{given}"
+
+
+_PLAIN = {
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "dict_type": "must be a table",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "string_type": "must be a text",
+    "bool_type": "must be true or false",
+    "int_type": "must be a whole number",
+    "too_short": "must not be empty",
+    "string_too_short": "must not be empty",
+    "greater_than_equal": "must not be negative",
+}
+
+
+def _missing(model: type[TableModel] | None, path: Path) -> str:
+    """Say what is missing, and how it may be written."""
+    field = model.model_fields.get(str(path[-1])) if model else None
+    if field is None:
+        return "is missing"
+    for kind in field.metadata:
+        if isinstance(kind, Kind):
+            return f'is missing; {field.description}, such as "{kind.example}"'
+    inner = submodels(field.annotation)
+    if inner:
+        return f"the table [{dotted(path)}] is missing"
+    return f"is missing; {field.description}"
+
+
+def _literals(expected: str) -> list[str]:
+    """Return the names in pydantic's "'a', 'b' or 'c'"."""
+    return [name.strip(" '") for name in expected.replace(" or ", ",").split(",")]
+
+
+def submodels(annotation: Any) -> list[type[TableModel]]:
+    """Return the table models an annotation can stand for, in order."""
+    if isinstance(annotation, type) and issubclass(annotation, TableModel):
+        return [annotation]
+    origin = typing.get_origin(annotation)
+    if origin is typing.Annotated:
+        return submodels(typing.get_args(annotation)[0])
+    if origin in (tuple, list, typing.Union, types.UnionType):
+        return [m for inner in typing.get_args(annotation) for m in submodels(inner)]
+    return []
+
+
+def tag_of(model: type[TableModel]) -> str | None:
+    """Return the law or shape a model of a union stands for, None for other models."""
+    for key in ("law", "shape"):
+        field = model.model_fields.get(key)
+        if field is not None:
+            return str(typing.get_args(field.annotation)[0])
+    return None
+
+
+def _tags(root: type[TableModel], path: Path) -> list[str]:
+    model, field = root, None
+    for part in path:
+        if isinstance(part, str):
+            field = model.model_fields[part]
+            inner = submodels(field.annotation)
+            model = inner[0] if inner else model
+    found = submodels(field.annotation) if field is not None else []
+    return [tag for tag in (tag_of(m) for m in found) if tag]
+
+
+def model_at(
+    root: type[TableModel], path: Path, data: Mapping[str, Any]
+) -> type[TableModel] | None:
+    """Return the table model at a path of the document, None where there is none."""
+    model: type[TableModel] | None = root
+    candidates: list[type[TableModel]] = [root]
+    value: Any = data
+    for part in path:
+        value = at(value, (part,))
+        if isinstance(part, str):
+            field = model.model_fields.get(part) if model else None
+            candidates = submodels(field.annotation) if field else []
+        model = _chosen(candidates, value)
+    return model
+
+
+def _chosen(candidates: list[type[TableModel]], value: Any) -> type[TableModel] | None:
+    """Return the model of a union that the value's tag names."""
+    if len(candidates) == 1:
+        return candidates[0]
+    for model in candidates:
+        if isinstance(value, Mapping) and tag_of(model) in (value.get("law"), value.get("shape")):
+            return model
+    return None

@@ -1,0 +1,121 @@
+"""The command line. Exit status 0: well; 1: what the user gave cannot be used; 2: failed."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+import traceback
+from collections.abc import Sequence
+
+from castfem.cli import parallel
+from castfem.errors import CastfemError, InputError
+
+_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and leave the process with its exit status."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    status = execute(words)
+    if status != 0 and _on_all_ranks(words):
+        parallel.settle()
+    sys.exit(status)
+
+
+def _on_all_ranks(words: Sequence[str]) -> bool:
+    """Return whether it is done by all ranks: a run is, everything else by rank 0 alone."""
+    return words[:1] == ["run"]
+
+
+def execute(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    Args:
+        arguments: Without the program's name; by default those of the process.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    rank, _ = parallel.launched()
+    if rank != 0 and not _on_all_ranks(words):
+        return 0
+    # PETSc would turn a closed pipe or Ctrl-C into a page of advice on debuggers.
+    options = os.environ.get("PETSC_OPTIONS", "")
+    if "no_signal_handler" not in options:
+        os.environ["PETSC_OPTIONS"] = f"{options} -no_signal_handler".strip()
+    import click
+
+    from castfem.cli.app import app
+
+    try:
+        status = app(args=words, prog_name="castfem", standalone_mode=False)
+        if status == _INTERRUPTED:
+            return _interrupted(rank)
+        return status if isinstance(status, int) else 0
+    except click.exceptions.Exit as stop:
+        return int(stop.exit_code)
+    except click.exceptions.Abort:
+        return _interrupted(rank)
+    except click.ClickException as error:
+        if rank == 0:
+            error.show()
+        return InputError.exit_status
+    except KeyboardInterrupt:
+        return _interrupted(rank)
+    except Exception as error:
+        if rank == 0:
+            return report(error, verbose=_verbose(words))
+        return _status(error)
+
+
+def report(error: Exception, *, verbose: bool = False, prefix: str = "castfem: ") -> int:
+    """Print an error for the user and return the exit status it stands for.
+
+    Args:
+        error: What was raised.
+        verbose: Print the traceback of an error that was not raised on purpose.
+        prefix: In front of the first line.
+    """
+    if isinstance(error, InputError):
+        count = len(error.problems)
+        if count > 1:
+            print(f"{prefix}{count} problems", file=sys.stderr)
+            prefix = "  "
+        for line in error.problems:
+            print(f"{prefix}{line}", file=sys.stderr)
+    elif isinstance(error, CastfemError):
+        print(f"{prefix}{error}", file=sys.stderr)
+    elif isinstance(error, ImportError) and (error.name or "").split(".")[0] in _ENVIRONMENT:
+        print(
+            f"{prefix}{error.name} is not installed for this Python; `make env` sets all up, "
+            "see README.md",
+            file=sys.stderr,
+        )
+    else:
+        if verbose:
+            traceback.print_exception(error)
+        hint = "" if verbose else " (repeat with -v and add the traceback)"
+        print(
+            f"{prefix}unexpected {type(error).__name__}: {error}\n"
+            f"This is a fault of castfem, not yours: please report it{hint}.",
+            file=sys.stderr,
+        )
+    sys.stderr.flush()
+    return _status(error)
+
+
+_ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh")
+
+
+def _status(error: Exception) -> int:
+    return error.exit_status if isinstance(error, CastfemError) else CastfemError.exit_status
+
+
+def _verbose(words: Sequence[str]) -> bool:
+    """Return whether -v stands on the command line (-vv and -qv count, too)."""
+    return any(word == "--verbose" or re.fullmatch("-q?v+", word) for word in words)
+
+
+def _interrupted(rank: int) -> int:
+    if rank == 0:
+        print("castfem: interrupted; `castfem run ... --resume` goes on", file=sys.stderr)
+    return _INTERRUPTED

@@ -1,0 +1,5 @@
+"""`python -m castfem.cli`."""
+
+from castfem.cli import main
+
+main()

@@ -1,0 +1,181 @@
+"""The commands of castfem. Heavy modules are imported inside the commands that need them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from castfem import __version__
+from castfem.cli import catalogue
+from castfem.errors import InputError
+
+app = typer.Typer(
+    name="castfem",
+    help="Continuous casting of steel: one slice of the strand, followed from the meniscus.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+CaseName = Annotated[
+    str, typer.Argument(metavar="CASE", help="A case file, or the name of a shipped case.")
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. casting.length='20 m'."),
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")]
+Verbose = Annotated[
+    int, typer.Option("--verbose", "-v", count=True, help="Say more; tracebacks of faults.")
+]
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        print(f"castfem {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def run(
+    case: CaseName,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder; by default results/<family>/<name>."),
+    ] = None,
+    set_: Overrides = None,
+    resume: Annotated[bool, typer.Option(help="Go on from the last checkpoint.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option(help="Replace a run of another case in the folder.")
+    ] = False,
+    profile: Annotated[bool, typer.Option(help="Print where the time went.")] = False,
+    quiet: Quiet = False,
+    verbose: Verbose = 0,
+) -> None:
+    """Run a case. Under mpirun it runs on all ranks."""
+    from castfem.cli.running import Options, run_case
+
+    if resume and overwrite:
+        raise InputError("--resume and --overwrite exclude each other")
+    run_case(
+        Options(
+            name=case,
+            folder=output,
+            overrides=tuple(set_ or ()),
+            resume=resume,
+            overwrite=overwrite,
+            profile=profile,
+            verbosity=-1 if quiet else verbose,
+        )
+    )
+
+
+@app.command()
+def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
+    """Check a case, its steel and its mesh without running it."""
+    from castfem.cli.checking import checked, describe
+    from castfem.cli.drawing import build_mesh
+
+    sound, steel = checked(catalogue.find(case), set_ or ())
+    mesh = build_mesh(sound)
+    if not quiet:
+        print(describe(case, sound, steel, len(mesh.cells)))
+
+
+@app.command()
+def cases() -> None:
+    """List the cases shipped with castfem."""
+    shipped = catalogue.shipped()
+    width = max((len(name) for name in shipped), default=0)
+    for name, path in shipped.items():
+        print(f"{name:{width}}  {catalogue.title_of(path)}")
+
+
+@app.command()
+def init(name: Annotated[str, typer.Argument(help="Name of the new case file.")]) -> None:
+    """Write a commented case to start from."""
+    from castfem.cli.starter import starter
+
+    path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(starter(str(path), path.stem.replace("_", " ")))
+    except FileExistsError:
+        raise InputError(f"{path}: exists already; choose another name") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror})") from None
+    print(f"wrote {path}; run it with: castfem run {path}")
+
+
+@app.command()
+def show(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+) -> None:
+    """Print the table of a run and draw its figures."""
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder")
+    from castfem.output.show import show as show_folder
+
+    show_folder(folder)
+
+
+@app.command()
+def mesh(
+    case: CaseName,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_mesh.png.")
+    ] = None,
+    set_: Overrides = None,
+) -> None:
+    """Draw the mesh of a case and print its counts and quality."""
+    from castfem.case import load_case
+    from castfem.cli.drawing import draw_mesh
+
+    path = catalogue.find(case)
+    draw_mesh(load_case(path, set_ or ()), output or Path(f"{path.stem}_mesh.png"))
+
+
+@app.command()
+def material(
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="A shipped set, or a steel file (.toml).")
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>.png.")
+    ] = None,
+    composition: Annotated[
+        list[str] | None,
+        typer.Option("--composition", "-c", metavar="C=0.42", help="Weight percent of an element."),
+    ] = None,
+) -> None:
+    """Describe a steel and plot its properties."""
+    from castfem.cli.drawing import draw_material
+
+    draw_material(name, composition or [], output)
+
+
+@app.command()
+def schema(
+    markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print the reference page of case files instead.")
+    ] = False,
+) -> None:
+    """Print the JSON schema of case files, for editors."""
+    from castfem.case.reference import markdown_page
+    from castfem.case.schema import schema_text
+
+    sys.stdout.write(markdown_page() if markdown else schema_text())

@@ -1,0 +1,118 @@
+"""`castfem mesh` and `castfem material`: pictures and a few lines of text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.case import Case
+from castfem.errors import InputError
+
+if TYPE_CHECKING:
+    from castfem.meshes import SectionMesh
+
+
+def build_mesh(case: Case) -> SectionMesh:
+    """Return the mesh of a case.
+
+    Raises:
+        InputError: The mesh cannot be built, or would have bad cells.
+    """
+    from castfem.meshes import build
+
+    try:
+        return build(**case.mesh_parameters())
+    except ValueError as error:
+        raise InputError(f"mesh: {error}") from error
+
+
+def draw_mesh(case: Case, picture: Path) -> None:
+    """Build the mesh of a case, print its counts and quality, and draw it.
+
+    Raises:
+        InputError: The mesh cannot be built, or would have bad cells.
+    """
+    from castfem.meshes.draw import draw
+
+    mesh = build_mesh(case)
+    _print_rows(mesh_rows(mesh))
+    with _drawing(picture):
+        draw(mesh, picture)
+
+
+def mesh_rows(mesh: SectionMesh) -> list[tuple[str, str]]:
+    """Return label and value of what characterises a mesh."""
+    q = mesh.quality()
+    return [
+        ("cells", f"{q.cells} of shape {mesh.cell}, order {mesh.order}"),
+        ("points", f"{q.points}, of which {q.vertices} vertices"),
+        ("boundary", f"{q.facets} facets: {', '.join(mesh.groups)}"),
+        ("sizes", f"{1e3 * q.smallest_size:.4g} to {1e3 * q.largest_size:.4g} mm"),
+        ("growth", f"at most {q.max_growth:.3g} from cell to cell"),
+        ("aspect ratio", f"at most {q.max_aspect_ratio:.3g}"),
+        ("angles", f"{q.min_angle:.4g} to {q.max_angle:.4g} degrees"),
+        ("scaled Jacobian", f"at least {q.min_scaled_jacobian:.3g}"),
+        ("area", f"{1e4 * q.area:.6g} cm^2, relative error {q.area_error:.2g}"),
+        ("modelled part", f"1/{mesh.multiplicity} of the section"),
+    ]
+
+
+def draw_material(name: str, composition: Iterable[str], picture: Path | None) -> None:
+    """Describe a steel and plot its properties.
+
+    Args:
+        name: A shipped set, or a steel file.
+        composition: Assignments "C=0.42", weight percent.
+        picture: File of the plot, None for <name>.png.
+
+    Raises:
+        InputError: No such steel, or a composition that cannot be read.
+    """
+    amounts = _composition(composition)
+    from castfem.materials import describe_steel, load_steel
+    from castfem.materials.plot import plot_steel
+
+    steel = load_steel(name, Path.cwd(), composition=amounts, origin="castfem material")
+    _print_rows(describe_steel(steel))
+    target = picture or Path(f"{Path(name).stem}.png")
+    with _drawing(target):
+        plot_steel(steel, target)
+
+
+def _print_rows(rows: list[tuple[str, str]]) -> None:
+    width = max(len(label) for label, _ in rows)
+    for label, text in rows:
+        print(f"{label:{width}}  {text}")
+
+
+@contextmanager
+def _drawing(picture: Path) -> Iterator[None]:
+    """Say where the picture is, or why it cannot be there.
+
+    Raises:
+        InputError: It cannot be written, or its ending names no format.
+    """
+    formats = (".png", ".pdf", ".svg")
+    if picture.suffix.lower() not in formats:
+        raise InputError(f"{picture}: a picture ends in {', '.join(formats)}")
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"{picture}: cannot be written ({error.strerror})") from None
+    print(f"drawn in {picture}")
+
+
+def _composition(assignments: Iterable[str]) -> dict[str, float]:
+    """Return weight percent by element from "C=0.42" assignments."""
+    found = {}
+    for assignment in assignments:
+        element, _, text = assignment.partition("=")
+        try:
+            found[element.strip()] = float(text)
+        except ValueError:
+            raise InputError(
+                f'--composition "{assignment}": write it as element=weight percent, such as C=0.42'
+            ) from None
+    return found

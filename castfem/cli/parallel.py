@@ -1,0 +1,90 @@
+"""Ranks: who prints, how all ranks agree on the user's mistakes, and how they end together."""
+
+from __future__ import annotations
+
+import os
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+_LAUNCHERS = (
+    ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
+    ("PMI_RANK", "PMI_SIZE"),
+    ("SLURM_PROCID", "SLURM_NTASKS"),
+)
+_PATIENCE = 5.0  # s for the other ranks to arrive at the same failure
+
+
+def launched() -> tuple[int, int]:
+    """Return rank and size as the launcher set them in the environment; MPI is not touched."""
+    for rank, size in _LAUNCHERS:
+        if rank in os.environ and size in os.environ:
+            return int(os.environ[rank]), int(os.environ[size])
+    return 0, 1
+
+
+def communicator() -> MPI.Intracomm | None:
+    """Return the communicator of all ranks, None when there is only one."""
+    if launched()[1] == 1:
+        return None
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
+
+
+def agree(comm: MPI.Intracomm | None, problems: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the problems of the first rank that has any, the same on all ranks (collective)."""
+    if comm is None:
+        return problems
+    return next((found for found in comm.allgather(problems) if found), ())
+
+
+def rank_of(comm: MPI.Intracomm | None) -> int:
+    """Return this process's rank."""
+    return 0 if comm is None else int(comm.rank)
+
+
+def settle() -> None:
+    """Wait a little for the other ranks, so that rank 0 has printed before the first one ends.
+
+    A launcher ends all ranks as soon as one leaves with an exit status.
+    """
+    comm = communicator()
+    if comm is not None:
+        _all_arrive(comm)
+
+
+def _all_arrive(comm: MPI.Intracomm) -> bool:
+    """Return whether all ranks come here within a few seconds."""
+    request = comm.Ibarrier()
+    end = time.monotonic() + _PATIENCE
+    while not request.Test():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+class Together:
+    """Tells whether all ranks have failed at the same place, so that they can end in order.
+
+    A rank that fails alone leaves the others waiting for it for ever: it must abort them all.
+
+    Args:
+        comm: All ranks, or None (collective).
+    """
+
+    def __init__(self, comm: MPI.Intracomm | None) -> None:
+        self._world = comm
+        self._comm = None if comm is None else comm.Dup()
+
+    def failed(self) -> bool:
+        """Wait a little for the other ranks; return whether they all came here, too."""
+        return self._comm is None or _all_arrive(self._comm)
+
+    def abort(self, status: int) -> None:
+        """End all ranks at once with an exit status."""
+        if self._world is not None:
+            self._world.Abort(status)

@@ -1,0 +1,139 @@
+"""`castfem run`: validate, look at the folder, march, and end all ranks in order."""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem import log
+from castfem.case import Case
+from castfem.cli import catalogue, folder, parallel
+from castfem.cli.checking import problems_of
+from castfem.errors import CastfemError, InputError
+from castfem.progress import Progress
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user asked for.
+
+    Attributes:
+        name: Case file or name of a shipped case.
+        folder: Where to write, None for the default.
+        overrides: Assignments of --set.
+        resume: Go on from the last checkpoint.
+        overwrite: Replace a run of another case.
+        profile: Print where the time went.
+        verbosity: -1 quiet, 0 normal, 1 and more verbose.
+    """
+
+    name: str
+    folder: Path | None
+    overrides: tuple[str, ...]
+    resume: bool
+    overwrite: bool
+    profile: bool
+    verbosity: int
+
+
+def run_case(options: Options) -> None:
+    """Run a case on all ranks.
+
+    Raises:
+        InputError: Something the user wrote cannot be used; the same on all ranks.
+        CastfemError: The run failed; on all ranks.
+    """
+    comm = parallel.communicator()
+    rank = parallel.rank_of(comm)
+    log.setup(options.verbosity, rank)
+    case, target = _validated(comm, options)
+    together = parallel.Together(comm)
+    try:
+        _march(case, target, comm, options)
+    except Exception as error:
+        _told_to_file(error)
+        if not together.failed():
+            _fail_alone(error, rank, together)
+        raise
+    finally:
+        log.close()
+
+
+def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[Case, Path]:
+    """Return the case and its folder, which rank 0 has looked at.
+
+    Every rank reads and validates; if any finds a problem, all raise the same InputError.
+    """
+    case, target = None, Path()
+    problems: list[str] = []
+    try:
+        path = catalogue.find(options.name)
+        target = options.folder or catalogue.default_folder(options.name, path)
+        case, _, problems = problems_of(path, options.overrides)
+    except InputError as error:
+        problems = list(error.problems)
+    found = parallel.agree(comm, tuple(problems))
+    if not found and case is not None and parallel.rank_of(comm) == 0:
+        try:
+            folder.check(target, case, resume=options.resume, overwrite=options.overwrite)
+        except InputError as error:
+            problems = list(error.problems)
+    found = found or parallel.agree(comm, tuple(problems))
+    if found or case is None:
+        raise InputError(found)
+    return case, target
+
+
+def _march(case: Case, target: Path, comm: MPI.Intracomm | None, options: Options) -> None:
+    """Hand the case to the engine; on rank 0 print the table of the run and draw its figures."""
+    from castfem.march import run
+
+    root = parallel.rank_of(comm) == 0
+    progress = Progress(options.verbosity) if root else None
+    try:
+        run(
+            case,
+            target,
+            comm=comm,
+            resume=options.resume,
+            profile=options.profile,
+            progress=progress,
+        )
+    finally:
+        if progress is not None:
+            progress.stop()
+    if root:
+        _show(target, options.verbosity < 0, figures=case.output.figures)
+
+
+def _show(target: Path, quiet: bool, *, figures: bool) -> None:
+    if quiet and not figures:
+        return
+    from rich.console import Console
+
+    from castfem.output.show import show
+
+    show(target, Console(quiet=quiet), figures=figures)
+    if not quiet:
+        print(f"results in {target}")
+
+
+def _told_to_file(error: Exception) -> None:
+    """Leave the error in run.log, with the traceback if it was not raised on purpose."""
+    known = isinstance(error, CastfemError)
+    text = str(error) if known else "".join(traceback.format_exception(error))
+    log.logger.error("%s", text, extra=log.FILE_ONLY)
+
+
+def _fail_alone(error: Exception, rank: int, together: parallel.Together) -> None:
+    """End all ranks after an error that only this one met."""
+    from castfem.cli import report
+
+    status = report(error, prefix=f"castfem: on rank {rank}: ")
+    log.close()
+    together.abort(status)

@@ -1,0 +1,85 @@
+"""The commented case file that `castfem init` writes."""
+
+from __future__ import annotations
+
+STARTER = """\
+# A case of castfem. Run it with:      castfem run {file}
+# Check it without running it:         castfem check {file}
+# All keys are described in docs/case_files.md; `castfem schema` helps editors to complete them.
+# Quantities are texts with their unit; a temperature is "160 degC", a difference is "40 K".
+
+title = "{title}"
+
+[casting]
+speed = "1.2 m/min"
+length = "3 m"                        # followed from the meniscus
+superheat = "25 K"                    # or: temperature = "1540 degC"
+
+[steel]
+name = "carbon_042"                   # shipped with castfem, or a file of your own: "./steel.toml"
+
+[section]
+shape = "rectangle"                   # or round, beam_blank, strip
+width = "200 mm"
+height = "160 mm"
+corner_radius = "6 mm"
+symmetry = "quarter"                  # or half, whole
+
+[mesh]
+surface_size = "1 mm"                 # at the surface, normal to it
+corner_size = "1 mm"                  # along the surface, at a corner
+face_size = "8 mm"                    # along the surface, at mid-face
+core_size = "10 mm"
+
+# Zones in casting order. Several heat laws on one surface add up.
+[[cooling]]
+name = "mould"
+to = "800 mm"
+
+[[cooling.surface]]
+law = "contact"
+coefficient = "1600 W/(m^2 K)"
+wall = "160 degC"
+
+[[cooling]]
+name = "spray"
+to = "2 m"
+
+[[cooling.surface]]
+law = "spray"
+water = "3 L/(m^2 s)"
+water_temperature = "25 degC"
+correlation = "nozaki"
+machine_factor = 4
+
+[[cooling]]
+name = "air"                          # the last zone goes on to the end
+
+[[cooling.surface]]
+law = "radiation"
+emissivity = 0.8
+ambient = "25 degC"
+
+[[cooling.surface]]
+law = "convection"
+ambient = "25 degC"
+
+# A coefficient may be a table over temperature, here or in a file ({{ file = "h.csv" }}).
+[cooling.surface.coefficient]
+temperature = [400, 800, 1200]
+temperature_unit = "degC"
+value = [9, 10, 12]
+unit = "W/(m^2 K)"
+
+[thermal.time]
+adaptive = {{ tolerance = "0.5 K", largest = "1 s" }}    # or: step = "50 ms"
+
+[output]
+fields = ["temperature", "solid_fraction"]
+every = "5 s"
+"""
+
+
+def starter(file: str, title: str) -> str:
+    """Return a starter case file for the given file name."""
+    return STARTER.format(file=file, title=title)

@@ -1,0 +1,125 @@
+"""Every call that differs between DOLFINx 0.9, 0.10 and 0.11; nothing else asks for a version."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+
+import basix.ufl
+import dolfinx
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem, la
+from dolfinx import mesh as dmesh
+
+
+def create_mesh(
+    comm: MPI.Comm,
+    cells: npt.NDArray[np.int64],
+    points: npt.NDArray[np.float64],
+    cell: str,
+    order: int,
+) -> dmesh.Mesh:
+    """Distribute `points` (n, 2) and `cells` (m, k), both given on rank 0 alone."""
+    element = basix.ufl.element("Lagrange", cell, order, shape=(2,))
+    # 0.10 swapped the order of x and e: by name it is the same call.
+    return dmesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element))
+
+
+def geometry_dofmap(mesh: dmesh.Mesh) -> npt.NDArray[np.int32]:
+    """Geometry nodes of each local cell, (cells, nodes); 0.11 renamed it."""
+    geometry = mesh.geometry
+    maps = getattr(geometry, "dofmaps", None)
+    if maps is not None and not callable(maps):
+        return np.asarray(maps[0])
+    return np.asarray(geometry.dofmap)
+
+
+def coordinate_map(mesh: dmesh.Mesh) -> Any:
+    """Coordinate element of the only cell type; 0.11 keeps a list of them."""
+    maps = getattr(mesh.geometry, "cmaps", None)
+    return maps[0] if isinstance(maps, (list, tuple)) else mesh.geometry.cmap
+
+
+def assemble_matrix(form: fem.Form) -> Any:
+    """Assembled PETSc matrix of a bilinear form without boundary conditions."""
+    from dolfinx.fem import petsc
+
+    matrix = petsc.assemble_matrix(form)
+    matrix.assemble()
+    return matrix
+
+
+def without_zeros(matrix: Any, relative: float = 1e-12) -> Any:
+    """Copy of an AIJ matrix without entries below `relative` times its largest; frees `matrix`.
+
+    On rectangles the vertex rule leaves half of the pattern of a bilinear element empty, and a
+    factorisation pays for what the pattern holds.
+    """
+    from petsc4py import PETSc
+
+    starts, columns, values = matrix.getValuesCSR()
+    comm = matrix.comm.tompi4py()
+    largest = comm.allreduce(float(np.abs(values).max(initial=0.0)), op=MPI.MAX)
+    keep = np.abs(values) > relative * largest
+    rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    counts = np.bincount(rows[keep], minlength=len(starts) - 1)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(starts.dtype)
+    sizes = matrix.getSizes()
+    slim = PETSc.Mat().createAIJ(sizes, csr=(starts, columns[keep], values[keep]), comm=matrix.comm)
+    slim.assemble()
+    matrix.destroy()
+    return slim
+
+
+def assemble_owned(form: fem.Form, owned: int) -> npt.NDArray[np.float64]:
+    """Linear form summed over the ranks, entries of this rank's own degrees of freedom (owned,)."""
+    vector = fem.assemble_vector(form)
+    vector.scatter_reverse(la.InsertMode.add)
+    return np.array(vector.array[:owned])
+
+
+def create_matrix(form: fem.Form) -> Any:
+    """Empty PETSc matrix with the pattern of a bilinear form."""
+    from dolfinx.fem import petsc
+
+    return petsc.create_matrix(form)
+
+
+def assemble_into(matrix: Any, form: fem.Form, conditions: list[fem.DirichletBC]) -> None:
+    """Assemble a bilinear form anew; rows and columns of the conditions become those of 1."""
+    from dolfinx.fem import petsc
+
+    matrix.zeroEntries()
+    petsc.assemble_matrix(matrix, form, conditions)
+    matrix.assemble()
+
+
+class Tabulation:
+    """A UFL expression at points of the reference cell, on all cells of this rank.
+
+    Args:
+        mesh: Mesh.
+        expression: Of any shape; with an argument (rank 1) its derivative by that.
+        points: Reference points (n, 2).
+    """
+
+    def __init__(self, mesh: dmesh.Mesh, expression: Any, points: npt.NDArray[np.float64]) -> None:
+        self._mesh, self._points = mesh, len(points)
+        self._expression = fem.Expression(expression, points)
+        owned = mesh.topology.index_map(2).size_local
+        self._cells = np.arange(owned, dtype=np.int32)
+
+    def values(self) -> npt.NDArray[np.float64]:
+        """Values (cells, points, components x degrees of freedom); 0.9 returns them flat."""
+        found = np.asarray(self._expression.eval(self._mesh, self._cells))
+        rows = len(self._cells) * self._points
+        width = found.size // rows if rows else 0
+        return found.reshape(len(self._cells), self._points, width)
+
+
+def version() -> str:
+    """DOLFINx version."""
+    return str(dolfinx.__version__)

@@ -1,0 +1,31 @@
+"""The two ways a run can end badly, each with the exit status the command line gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class CastfemError(Exception):
+    """Base of every error castfem raises on purpose; `exit_status` is what the shell sees."""
+
+    exit_status = 2
+
+
+class InputError(CastfemError):
+    """What the user wrote cannot be used.
+
+    Attributes:
+        problems: One line for each thing that is wrong; it names the file, the key and the mend.
+    """
+
+    exit_status = 1
+
+    def __init__(self, problems: str | Iterable[str]) -> None:
+        self.problems = (problems,) if isinstance(problems, str) else tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class RunFailure(CastfemError):
+    """A run could not be continued; the last good state is on disk."""
+
+    exit_status = 2

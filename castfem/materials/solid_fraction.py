@@ -1,0 +1,154 @@
+"""Solid fraction as a function of temperature: linear (12), a table, or the lever rule.
+
+Each law is a `Property` (see `castfem.materials.properties`) that also knows its solidus and
+liquidus.  Below the solidus it is 1, above the liquidus 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.materials.iron_carbon import Array, IronCarbon, Side
+from castfem.materials.properties import Property
+
+
+class SolidFraction(Property, Protocol):
+    """A property between 1 at the solidus and 0 at the liquidus."""
+
+    @property
+    def solidus(self) -> float:
+        """K."""
+
+    @property
+    def liquidus(self) -> float:
+        """K."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinearFraction:
+    """Solid fraction linear from solidus to liquidus (12); a step where they coincide.
+
+    Args:
+        solidus: K.
+        liquidus: K, not below the solidus.
+    """
+
+    solidus: float
+    liquidus: float
+    curved: bool = False
+    span: tuple[float, float] = (0.0, np.inf)
+
+    def __post_init__(self) -> None:
+        if self.solidus > self.liquidus:
+            raise ValueError("solidus above liquidus")
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Solidus and liquidus."""
+        return (self.solidus,) if self.jumps else (self.solidus, self.liquidus)
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """The melting point, if solidus and liquidus coincide."""
+        return (self.solidus,) if self.solidus == self.liquidus else ()
+
+    def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Solid fraction, between 0 and 1."""
+        t = np.asarray(temperature, float)
+        if self.jumps:
+            solid = t < self.solidus if side == "above" else t <= self.solidus
+            return np.asarray(solid, float)
+        return np.clip((self.liquidus - t) / (self.liquidus - self.solidus), 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class TableFraction:
+    """Solid fraction from a table that falls from 1 at the solidus to 0 at the liquidus.
+
+    Args:
+        temperature: K, strictly increasing, from the solidus to the liquidus.
+        value: Solid fractions, 1 first and 0 last, never rising.
+
+    Raises:
+        ValueError: If the table is not of this kind.
+    """
+
+    temperature: tuple[float, ...]
+    value: tuple[float, ...]
+    jumps: tuple[float, ...] = ()
+    curved: bool = False
+    span: tuple[float, float] = (0.0, np.inf)
+
+    def __post_init__(self) -> None:
+        rows = len(self.temperature)
+        if rows < 2 or rows != len(self.value):
+            raise ValueError("a table of solid fractions needs two rows at least")
+        if any(np.diff(self.temperature) <= 0.0):
+            raise ValueError("the temperatures of a table must increase")
+        inner = self.value[1:-1]
+        ends = self.value[0] == 1.0 and self.value[-1] == 0.0
+        if not ends or any(np.diff(self.value) > 0.0) or any(not 0.0 < v < 1.0 for v in inner):
+            raise ValueError(
+                "the solid fraction must fall from 1 in the first row to 0 in the last"
+            )
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """The rows of the table."""
+        return self.temperature
+
+    @property
+    def solidus(self) -> float:
+        """First temperature of the table, K."""
+        return self.temperature[0]
+
+    @property
+    def liquidus(self) -> float:
+        """Last temperature of the table, K."""
+        return self.temperature[-1]
+
+    def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Solid fraction, between 0 and 1."""
+        t = np.asarray(temperature, float)
+        return np.asarray(np.interp(t, self.temperature, self.value))
+
+
+@dataclass(frozen=True, slots=True)
+class LeverFraction:
+    """Solid fraction of the iron-carbon equilibrium, peritectic jump included.
+
+    Args:
+        diagram: Iron-carbon diagram of the steel.
+    """
+
+    diagram: IronCarbon
+    curved: bool = True
+    span: tuple[float, float] = (0.0, np.inf)
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Solidus, liquidus and, between them, the peritectic."""
+        return tuple(t for t in self.diagram.kinks if self.solidus <= t <= self.liquidus)
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """The peritectic, or the melting point of pure iron."""
+        return tuple(t for t in self.diagram.reactions if self.solidus <= t <= self.liquidus)
+
+    @property
+    def solidus(self) -> float:
+        """K."""
+        return self.diagram.solidus
+
+    @property
+    def liquidus(self) -> float:
+        """K."""
+        return self.diagram.liquidus
+
+    def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Solid fraction, between 0 and 1."""
+        return np.asarray(1.0 - self.diagram.phases(temperature, side).liquid)

@@ -1,0 +1,150 @@
+"""What is read off the slice after each step and at the end of the run, in SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem import reductions
+from castfem.probes import Profile
+from castfem.scene import Scene
+from castfem.thermal.stepper import StepResult, ThermalState
+
+Array = npt.NDArray[np.float64]
+
+CELSIUS = 273.15
+
+
+@dataclass(slots=True)
+class Reading:
+    """One row of the history in SI, K.
+
+    Attributes:
+        time: s. position: Below the meniscus, m. step: Length of the last step, s.
+        newton: Newton iterations of the step. profiles: Temperature along each probe.
+        shell: Depth of the solidus below the surface, by probe, m; liquidus likewise.
+        flux: Heat flux at the probe's surface point, W/m2.
+        removed: Heat removed from the whole section since the meniscus, J per m of strand.
+        temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
+    """
+
+    time: float
+    position: float
+    step: float
+    newton: int
+    profiles: dict[str, Profile]
+    shell: dict[str, float]
+    liquidus: dict[str, float]
+    flux: dict[str, float]
+    removed: float
+    temperature_range: tuple[float, float]
+    balance: float
+
+
+@dataclass(slots=True)
+class Measure:
+    """Reads results off a scene and keeps what the summary needs over the whole run.
+
+    Attributes:
+        worst_balance: Largest relative heat balance error of a step.
+        metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
+            left.
+    """
+
+    scene: Scene
+    worst_balance: float = 0.0
+    metallurgical_length: float | None = None
+    _hottest: float = np.inf
+    _time: float = 0.0
+    _surface: dict[str, tuple[int, float]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Find the surface vertex nearest to the start of each probe."""
+        section = self.scene.section
+        space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
+        share = self.scene.zones.perimeter_share()
+        on_surface = np.flatnonzero(share > 0)
+        for name, (start, _) in self.scene.probes.lines.items():
+            distance = np.linalg.norm(space_points[on_surface] - np.asarray(start), axis=1)
+            nearest = float(distance.min()) if distance.size else np.inf
+            best = -reductions.largest(section.comm, np.array([-nearest]))
+            mine = np.isfinite(nearest) and nearest <= best * (1 + 1e-12)
+            owner = -reductions.largest(
+                section.comm, np.array([-float(section.comm.rank if mine else section.comm.size)])
+            )
+            if owner == section.comm.rank:
+                dof = int(on_surface[int(distance.argmin())])
+                self._surface[name] = (dof, float(share[dof]))
+
+    def read(self, state: ThermalState, result: StepResult | None, step: float) -> Reading:
+        """Read everything off the committed `state` (collective)."""
+        scene = self.scene
+        profiles = scene.probes.sample(state.point.temperature)
+        steel = scene.steel
+        self._note_closing(state, state.extremes[1])
+        balance = 0.0 if result is None else result.balance
+        self.worst_balance = max(self.worst_balance, abs(balance))
+        return Reading(
+            time=state.time,
+            position=state.time * scene.case.casting.speed,
+            step=step,
+            newton=0 if result is None else result.newton,
+            profiles=profiles,
+            shell={n: p.isotherm_depth(steel.solidus) for n, p in profiles.items()},
+            liquidus={n: p.isotherm_depth(steel.liquidus) for n, p in profiles.items()},
+            flux=self._surface_flux(state),
+            removed=state.removed * scene.section.multiplicity,
+            temperature_range=state.extremes,
+            balance=balance,
+        )
+
+    def memory(self) -> dict[str, float | None]:
+        """What a checkpoint must hold of the measures over the whole run."""
+        return {
+            "worst_balance": self.worst_balance,
+            "metallurgical_length": self.metallurgical_length,
+            "hottest": self._hottest,
+            "time": self._time,
+        }
+
+    def recall(self, memory: dict[str, float | None]) -> None:
+        """Take up what `memory` gave."""
+        self.worst_balance = memory["worst_balance"] or 0.0
+        self.metallurgical_length = memory["metallurgical_length"]
+        self._hottest = memory["hottest"] or np.inf
+        self._time = memory["time"] or 0.0
+
+    def heat_gained(self, state: ThermalState) -> float:
+        """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""
+        scene = self.scene
+        start = float(scene.problem.curve.enthalpy(scene.start_temperature))
+        change = float(scene.problem.area @ (state.enthalpy - start))
+        return reductions.total(scene.section.comm, change)
+
+    def _surface_flux(self, state: ThermalState) -> dict[str, float]:
+        """Heat flux at the surface point of each probe, W/m2."""
+        problem = self.scene.problem
+        flow = problem.surface_flow(state.point, state.rate, state.time)
+        names = list(self.scene.probes.lines)
+        local = np.zeros(len(names))
+        for i, name in enumerate(names):
+            if name in self._surface:
+                dof, share = self._surface[name]
+                local[i] = flow[dof] / share
+        flux = reductions.totals(self.scene.section.comm, local)
+        return {name: float(flux[i]) for i, name in enumerate(names)}
+
+    def _note_closing(self, state: ThermalState, hottest: float) -> None:
+        """Note where the hottest vertex passes the solidus, between two steps by interpolation."""
+        solidus = self.scene.steel.solidus
+        if hottest >= solidus:
+            self.metallurgical_length = None
+        elif self.metallurgical_length is None:
+            share = 1.0
+            if np.isfinite(self._hottest) and self._hottest > solidus:
+                share = (self._hottest - solidus) / (self._hottest - hottest)
+            time = self._time + share * (state.time - self._time)
+            self.metallurgical_length = time * self.scene.case.casting.speed
+        self._hottest, self._time = hottest, state.time

@@ -1,0 +1,1 @@
+"""Mechanics of the slice: generalized plane strain, state at quadrature points, SNES."""

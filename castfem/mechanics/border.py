@@ -1,0 +1,133 @@
+"""Linear systems with a sparse block and a few scalar unknowns beside it.
+
+    [ A  U ] [u]   [f]
+    [ R  D ] [z] = [g]
+
+A is factored once per Newton step; one solve with U and f together as right-hand sides closes the
+scalars by their Schur complement, (D - R A^-1 U) z = g - R A^-1 f.  The scalars live on the last
+rank, behind its displacements.
+"""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.snes import Options, apply_options
+
+Array = npt.NDArray[np.float64]
+
+
+class Border:
+    """The bordered matrix, as PETSc matrix and preconditioner in one (python type).
+
+    Args:
+        matrix: A; assembled by its owner before each `update`.
+        scalars: How many.
+        prefix: Option prefix of the solver for A.
+        options: Its PETSc options (ksp_, pc_, mat_), without prefix.
+        symmetric: Whether R is the transpose of U.
+
+    Attributes:
+        operator: The bordered matrix.
+        columns: U, this rank's rows (owned, scalars). rows: R, transposed likewise.
+        corner: D (scalars, scalars), the same on every rank.
+    """
+
+    def __init__(
+        self, matrix: PETSc.Mat, scalars: int, prefix: str, options: Options, symmetric: bool
+    ) -> None:
+        self.comm: MPI.Comm = matrix.comm.tompi4py()
+        self._matrix, self.scalars, self._symmetric = matrix, scalars, symmetric
+        self.owned = matrix.getLocalSize()[0]
+        self._keeper = self.comm.size - 1
+        self.columns = np.zeros((self.owned, scalars))
+        self.rows = self.columns if symmetric else np.zeros((self.owned, scalars))
+        self.corner = np.zeros((scalars, scalars))
+        self._right, self._solved = (self._dense(scalars + 1) for _ in range(2))
+        self._in, self._out = matrix.createVecs()
+        self.ksp = PETSc.KSP().create(matrix.comm)
+        self.ksp.setOptionsPrefix(prefix)
+        self.ksp.setOperators(matrix)
+        apply_options(prefix, options, self.ksp, self.ksp.getPC())
+        here = self.owned + (scalars if self.comm.rank == self._keeper else 0)
+        whole = matrix.getSize()[0] + scalars
+        size = (here, whole)
+        self.operator = PETSc.Mat().createPython((size, size), self, comm=matrix.comm)
+        self.operator.setUp()
+
+    def _dense(self, columns: int) -> PETSc.Mat:
+        rows = (self.owned, self._matrix.getSize()[0])
+        dense = PETSc.Mat().createDense((rows, (None, columns)), comm=self._matrix.comm)
+        dense.setUp()
+        dense.assemble()
+        return dense
+
+    def vector(self) -> PETSc.Vec:
+        """A vector of the bordered layout."""
+        return self.operator.createVecRight()
+
+    def share(self, local: Array) -> Array:
+        """The scalars of a vector's local part, on every rank."""
+        return np.asarray(self.comm.bcast(np.array(local[self.owned :]), root=self._keeper))
+
+    def join(self, nodal: Array, scalars: Array) -> Array:
+        """Local part of a vector from its nodal entries and the scalars (known to all)."""
+        tail = scalars if self.comm.rank == self._keeper else np.zeros(0)
+        return np.concatenate([nodal, tail])
+
+    def use_with(self, ksp: PETSc.KSP) -> None:
+        """Make `ksp` solve with this border, exactly."""
+        ksp.setType("preonly")
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(self)
+
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Product with the bordered matrix (line searches ask for it)."""
+        local = x.getArray(readonly=True)
+        z, nodal = self.share(local), local[: self.owned]
+        self._in.setArray(nodal)
+        self._matrix.mult(self._in, self._out)
+        top = self._out.getArray(readonly=True) + self.columns @ z
+        bottom = self._total(self.rows.T @ nodal) + self.corner @ z
+        y.setArray(self.join(top, bottom))
+
+    def _total(self, values: Array) -> Array:
+        if self.comm.size == 1:
+            return values
+        return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
+
+    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Solve for one right-hand side, all columns of U along with it."""
+        local = x.getArray(readonly=True)
+        right = self._right.getDenseArray()
+        right[:, :-1] = self.columns
+        right[:, -1] = local[: self.owned]
+        self._right.assemble()
+        self.ksp.matSolve(self._right, self._solved)
+        if self.ksp.getConvergedReason() < 0:
+            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
+            y.set(0.0)
+            return
+        solved = self._solved.getDenseArray()
+        through = self._total(self.rows.T @ solved)
+        schur = self.corner - through[:, :-1]
+        try:
+            z = np.linalg.solve(schur, self.share(local) - through[:, -1])
+        except np.linalg.LinAlgError:
+            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
+            y.set(0.0)
+            return
+        y.setArray(self.join(solved[:, -1] - solved[:, :-1] @ z, z))
+
+    def updated(self) -> None:
+        """Tell PETSc that the blocks have changed."""
+        self.operator.assemble()
+
+    def destroy(self) -> None:
+        """Free the PETSc objects (the owner frees A)."""
+        for thing in (self.ksp, self.operator, self._right, self._solved, self._in, self._out):
+            thing.destroy()

@@ -1,0 +1,261 @@
+"""From displacement to strain at the points, and the forms that go with it: small and large strain.
+
+Both kinds offer the same: `increments` for the law, and compiled forms for what the law answers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from castfem.compat import Tabulation
+from castfem.forms import finite_strain, mechanics
+from castfem.mechanics.points import Points
+from castfem.mechanics.supports import SurfacePressure, Traction
+from castfem.section import Section
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Fields:
+    """What the forms see of material and motion.
+
+    Attributes:
+        u: Displacement now. u_old: At the start of the step.
+        modes: Generalized strains now (4,). modes_old: At the start of the step.
+        one: A direction of the generalized strains (4,). other: A second one.
+        deviator: Stress deviator. tangent: Deviatoric tangent (4, 4).
+        mean: Mean stress. bulk: Bulk modulus. pressure: Ferrostatic pressure, or None.
+    """
+
+    u: fem.Function
+    u_old: fem.Function
+    modes: fem.Constant
+    modes_old: fem.Constant
+    one: fem.Constant
+    other: fem.Constant
+    deviator: fem.Function
+    tangent: fem.Function
+    mean: fem.Function
+    bulk: fem.Function
+    pressure: fem.Function | None
+
+    @classmethod
+    def on(
+        cls, section: Section, space: fem.FunctionSpace, points: Points, pressure: bool
+    ) -> Fields:
+        """Fields of zeros; a pressure only if asked for."""
+        vectors = [fem.Constant(section.mesh, np.zeros(4)) for _ in range(4)]
+        at, mean = points.deviator, points.mean
+        return cls(
+            fem.Function(space), fem.Function(space), *vectors,
+            at.function(4), at.function(4, 4), mean.function(), mean.function(),
+            mean.function() if pressure else None,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Forms:
+    """Compiled forms.
+
+    Attributes:
+        work: Forces in the plane (vector). stiffness: Their derivative (matrix).
+        mode_work: Work of the stress on the direction `Fields.one` (scalar).
+        column: Derivative of the forces along that direction (vector); None without free modes.
+        row: Derivative of `mode_work` by the displacement (vector); None if it equals `column`.
+        corner: Derivative of the work on `one` along `other` (scalar).
+    """
+
+    work: fem.Form
+    stiffness: fem.Form
+    mode_work: fem.Form
+    column: fem.Form | None
+    row: fem.Form | None
+    corner: fem.Form | None
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceLoads:
+    """Loads on groups and the constants that carry their values.
+
+    Attributes:
+        tractions: Tag-restricted measure tags, constant and course of each traction.
+        pressures: Likewise.
+        measure: Perimeter measure with the boundary tags.
+    """
+
+    tractions: list[tuple[tuple[int, ...], fem.Constant, Traction]]
+    pressures: list[tuple[tuple[int, ...], fem.Constant, SurfacePressure]]
+    measure: ufl.Measure
+
+    @classmethod
+    def on(cls, section: Section, loads: list[Traction | SurfacePressure]) -> SurfaceLoads:
+        """Prepare the loads."""
+        mesh = section.mesh
+        measure = ufl.Measure(
+            "ds",
+            domain=mesh,
+            subdomain_data=section.facet_tags,
+            metadata={"quadrature_rule": "default", "quadrature_degree": 5},
+        )
+        found = cls([], [], measure)
+        for load in loads:
+            tags = tuple(section.matching(load.on))
+            if isinstance(load, Traction):
+                found.tractions.append((tags, fem.Constant(mesh, np.zeros(2)), load))
+            else:
+                found.pressures.append((tags, fem.Constant(mesh, np.float64(0.0)), load))
+        return found
+
+    def set(self, time: float) -> None:
+        """Take up the loads at `time` (s)."""
+        for _, constant, traction in self.tractions:
+            constant.value[:] = traction.value(time)
+        for _, scalar, pressure in self.pressures:
+            scalar.value = pressure.value(time)
+
+
+class SmallStrain:
+    """Strain linear in the displacement; the tangent is symmetric as long as the law's is."""
+
+    symmetric = True
+
+    def __init__(
+        self, section: Section, points: Points, fields: Fields, loads: SurfaceLoads, modes: bool
+    ) -> None:
+        self._points, self._fields = points, fields
+        x, y = points.position.T
+        # Strain of each generalized strain at the points, rows [xx, yy, zz, xy] that are not 0.
+        self._thickness = np.column_stack([np.ones_like(x), x, y])
+        self.forms = self._compile(section, loads, modes)
+
+    def _compile(self, section: Section, loads: SurfaceLoads, modes: bool) -> Forms:
+        fields, points, mesh = self._fields, self._points, section.mesh
+        space = fields.u.function_space
+        v = ufl.TestFunction(space)
+        rules = (points.deviator.measure, points.mean.measure)
+        stress = mechanics.isotropic(fields.mean, fields.pressure)
+        nodal, moved = (
+            mechanics.strain(mechanics.of_displacement(w), mesh)
+            for w in (v, ufl.TrialFunction(space))
+        )
+        one, other = (
+            mechanics.strain(mechanics.of_modes(d, mesh), mesh) for d in (fields.one, fields.other)
+        )
+        work = mechanics.virtual_work(fields.deviator, stress, nodal, *rules)
+        for tags, traction, _ in loads.tractions:
+            work -= mechanics.traction_work(traction, v, loads.measure(tags))
+        for tags, pressure, _ in loads.pressures:
+            work -= mechanics.pressure_work(pressure, v, mesh, loads.measure(tags))
+        material = (fields.tangent, fields.bulk)
+        matrix = mechanics.stiffness(*material, moved, nodal, *rules)
+        along = mechanics.virtual_work(fields.deviator, stress, one, *rules)
+        column = mechanics.stiffness(*material, one, nodal, *rules) if modes else None
+        corner = mechanics.stiffness(*material, other, one, *rules) if modes else None
+        return _compiled(section, work, matrix, along, column, None, corner)
+
+    def increments(self, stress_old: Array) -> tuple[Array, Array]:
+        """Strain increments of the step (points, 4) and the old stress as the law is to see it."""
+        fields = self._fields
+        change = fields.u.x.array - fields.u_old.x.array
+        strain = (self._points.strain @ change).reshape(-1, 4)
+        modes = fields.modes.value - fields.modes_old.value
+        strain[:, 1] += modes[3]
+        strain[:, 2] += self._thickness @ modes[:3]
+        return strain, stress_old
+
+
+class LargeStrain:
+    """Hughes' and Winget's midpoint update on the deformed slice, see `forms.finite_strain`."""
+
+    symmetric = False
+
+    def __init__(
+        self, section: Section, points: Points, fields: Fields, loads: SurfaceLoads, modes: bool
+    ) -> None:
+        self._points, self._fields = points, fields
+        self._now = finite_strain.deformation(fields.u, fields.modes, section.mesh)
+        self._old = finite_strain.deformation(fields.u_old, fields.modes_old, section.mesh)
+        step = finite_strain.increment(self._now, self._old)
+        self._steps = [
+            Tabulation(section.mesh, step, rule.points) for rule in (points.deviator, points.mean)
+        ]
+        self.forms = self._compile(section, loads, modes)
+
+    def _compile(self, section: Section, loads: SurfaceLoads, modes: bool) -> Forms:
+        fields, points, mesh = self._fields, self._points, section.mesh
+        space, now, old = fields.u.function_space, self._now, self._old
+        v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+        rules = (points.deviator.measure, points.mean.measure)
+        stress = mechanics.isotropic(fields.mean, fields.pressure)
+        nodal, moved = self._direction(v), self._direction(w)
+        one, other = (mechanics.of_modes(d, mesh) for d in (fields.one, fields.other))
+        material = (fields.tangent, fields.bulk, fields.deviator, fields.mean, fields.pressure)
+
+        def derivative(by: mechanics.Direction, virtual: mechanics.Direction) -> ufl.Form:
+            return finite_strain.stiffness(now, old, material, by, virtual, rules)
+
+        work = finite_strain.virtual_work(now, fields.deviator, stress, nodal, *rules)
+        matrix = derivative(moved, nodal)
+        column = derivative(one, nodal) if modes else None
+        for tags, traction, _ in loads.tractions:
+            work -= mechanics.traction_work(traction, v, loads.measure(tags))
+        for tags, pressure, _ in loads.pressures:
+            ds = loads.measure(tags)
+            work -= finite_strain.pressure_work(now, pressure, v, mesh, ds)
+            matrix -= finite_strain.pressure_stiffness(now, pressure, moved, v, mesh, ds)
+            if column is not None:
+                column -= finite_strain.pressure_stiffness(now, pressure, one, v, mesh, ds)
+        along = finite_strain.virtual_work(now, fields.deviator, stress, one, *rules)
+        row = derivative(self._direction(v), one) if modes else None
+        corner = derivative(other, one) if modes else None
+        return _compiled(section, work, matrix, along, column, row, corner)
+
+    @staticmethod
+    def _direction(w: ufl.Argument) -> mechanics.Direction:
+        return mechanics.of_displacement(w)
+
+    def increments(self, stress_old: Array) -> tuple[Array, Array]:
+        """Midpoint strain increments (points, 4) and the old stress, turned with the material."""
+        found = np.concatenate([t.values().reshape(-1, 5) for t in self._steps])
+        return np.ascontiguousarray(found[:, :4]), turned(
+            stress_old, 2.0 * np.arctan(0.5 * found[:, 4])
+        )
+
+
+def turned(stress: Array, angle: Array) -> Array:
+    """Mandel vectors (n, 4) turned by angles (n,) about the casting direction."""
+    c, s = np.cos(2.0 * angle), np.sin(2.0 * angle)
+    centre = 0.5 * (stress[:, 0] + stress[:, 1])
+    half, shear = 0.5 * (stress[:, 0] - stress[:, 1]), stress[:, 3] / mechanics.SQRT2
+    new, slant = c * half - s * shear, s * half + c * shear
+    return np.column_stack([centre + new, centre - new, stress[:, 2], mechanics.SQRT2 * slant])
+
+
+def _compiled(
+    section: Section,
+    work: ufl.Form,
+    matrix: ufl.Form,
+    along: ufl.Form,
+    column: ufl.Form | None,
+    row: ufl.Form | None,
+    corner: ufl.Form | None,
+) -> Forms:
+    """Compile the forms of a scene; those of free modes only if it has any."""
+
+    def maybe(name: str, form: ufl.Form | None) -> fem.Form | None:
+        return None if form is None else section.compile(name, form)
+
+    return Forms(
+        section.compile("mechanics.work", work),
+        section.compile("mechanics.stiffness", matrix),
+        section.compile("mechanics.mode_work", along),
+        maybe("mechanics.column", column),
+        maybe("mechanics.row", row),
+        maybe("mechanics.corner", corner),
+    )

@@ -1,0 +1,196 @@
+"""The planes that bound the slice: their free, fixed and imposed motions (thesis III.1).
+
+The distance of the planes is e = a0 + a1 x + a2 y (37), relative to an undeformed thickness of 1.
+What is carried here are the generalized strains [a0 - 1, a1, a2, across], see
+`castfem.forms.mechanics`.  Whatever rules them, they are
+
+    generalized strains = offset(t) + directions(t) z
+
+with free scalars z, each closed by the balance of the work of its direction (38).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.errors import InputError
+from castfem.forms.mechanics import MODES
+
+Array = npt.NDArray[np.float64]
+Course = Callable[[float], float]
+
+
+class Planes(Protocol):
+    """What rules the planes."""
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the free scalars."""
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """Offset (4,) and directions (4, free) of the generalized strains at `time` (s)."""
+
+    def load(self, time: float) -> Array:
+        """External axial force (N), moments of sigma_zz with x and y (N m), and force across."""
+
+
+def allowed_modes(groups: tuple[str, ...]) -> tuple[str, ...]:
+    """Generalized strains that the symmetry of a section leaves, by its boundary groups.
+
+    A section mirrored at x = 0 (group symmetry_x) has no a1, one mirrored at y = 0 no a2.
+    """
+    barred = {"a1": "symmetry_x", "a2": "symmetry_y"}
+    return tuple(
+        name
+        for name in MODES[:3]
+        if not any(g.startswith(barred.get(name, "?")) for g in groups)
+    )
+
+
+def check_modes(names: tuple[str, ...], groups: tuple[str, ...]) -> None:
+    """Refuse generalized strains that the symmetry of the section excludes.
+
+    Raises:
+        InputError: Naming each.
+    """
+    allowed = (*allowed_modes(groups), "across")
+    wrong = [n for n in names if n not in allowed]
+    if wrong:
+        raise InputError(
+            [
+                f"{n}: the symmetry of this section keeps it at zero; it can have "
+                f"{', '.join(allowed[:-1])}"
+                for n in wrong
+            ]
+        )
+
+
+def _still(time: float) -> float:
+    return 0.0
+
+
+@dataclass(frozen=True)
+class PlainPlanes:
+    """Each generalized strain free, or imposed over time (fixed at zero by default).
+
+    Attributes:
+        free: Those that are free, of `MODES`.
+        imposed: Value over time (s) of others: strain, 1/m, 1/m, strain.
+        force: External axial force, N. moment_x: External moment of sigma_zz with x, N m (thesis'
+            M_y). moment_y: The same with y (M_x). Each over time.
+    """
+
+    free: tuple[str, ...] = ("a0",)
+    imposed: Mapping[str, Course] = field(default_factory=dict)
+    force: Course = _still
+    moment_x: Course = _still
+    moment_y: Course = _still
+
+    def __post_init__(self) -> None:
+        """Check the names."""
+        for name in (*self.free, *self.imposed):
+            if name not in MODES:
+                raise InputError(f"{name}: not a motion of the planes; one of {', '.join(MODES)}")
+        both = [n for n in self.free if n in self.imposed]
+        if both or len(set(self.free)) < len(self.free):
+            raise InputError(f"{', '.join(both or self.free)}: either free or imposed, once")
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """See `Planes`."""
+        offset = np.zeros(4)
+        for name, course in self.imposed.items():
+            offset[MODES.index(name)] = course(time)
+        return offset, np.eye(4)[:, [MODES.index(n) for n in self.free]]
+
+    def load(self, time: float) -> Array:
+        """See `Planes`."""
+        return np.array([self.force(time), self.moment_x(time), self.moment_y(time), 0.0])
+
+
+@dataclass(frozen=True)
+class BentPlanes:
+    """Planes that converge to the centre of curvature of the machine (39)-(44).
+
+    y points from the extrados (outside) at y = -h/2 to the intrados; the machine's radius R is that
+    of the extrados.  With k = 1/(R - h/2), the curvature of the strand's middle,
+
+        a2 = -a0 k                                                (41)
+        a0 = 1/(1 - k y1),  a2 = -k/(1 - k y1)                    (43)-(44)
+
+    the first with a0 free, the second with the neutral axis imposed at y1.  The slice is free of
+    strain at the curvature it has at `start`: a curved mould casts a curved strand.  Then k counts
+    from there (to first order in h/R).
+
+    Attributes:
+        curvature: 1/R over time, 1/m; linear between the rolls, see `between`.
+        half_thickness: h/2, m.
+        neutral_axis: y1, m; None to let axial equilibrium find it.
+        start: When the slice was cast, s.
+        force: External axial force over time, N.
+    """
+
+    curvature: Course
+    half_thickness: float
+    neutral_axis: float | None = None
+    start: float = 0.0
+    force: Course = _still
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """See `Planes`."""
+        return ("a0",) if self.neutral_axis is None else ()
+
+    def _middle(self, time: float) -> float:
+        """Curvature of the strand's middle, 1/m."""
+        chi = self.curvature(time)
+        slack = 1.0 - chi * self.half_thickness
+        if not slack > 0.0:
+            raise InputError(
+                f"the strand's radius of curvature ({1.0 / chi:g} m) must exceed half its "
+                f"thickness ({self.half_thickness:g} m)"
+            )
+        return chi / slack
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """See `Planes`."""
+        k = self._middle(time) - self._middle(self.start)
+        if self.neutral_axis is None:
+            direction = np.array([[1.0], [0.0], [-k], [0.0]])
+            return np.array([0.0, 0.0, -k, 0.0]), direction
+        thickness = 1.0 / (1.0 - k * self.neutral_axis)
+        return np.array([thickness - 1.0, 0.0, -k * thickness, 0.0]), np.zeros((4, 0))
+
+    def load(self, time: float) -> Array:
+        """See `Planes`."""
+        return np.array([self.force(time), 0.0, 0.0, 0.0])
+
+
+def between(positions: npt.ArrayLike, radii: npt.ArrayLike, speed: float) -> Course:
+    """Curvature 1/R over time from the radii at pairs of rolls: linear in between (III.1.2).
+
+    Args:
+        positions: Of the pairs, increasing, m below the meniscus.
+        radii: R there, m; inf where the strand is straight.
+        speed: Casting speed, m/s.
+
+    Raises:
+        InputError: If the positions do not increase or a radius is zero.
+    """
+    places, r = np.asarray(positions, float), np.asarray(radii, float)
+    if places.shape != r.shape or places.ndim != 1 or not len(r):
+        raise InputError("as many radii as positions of rolls are needed")
+    if np.any(np.diff(places) <= 0.0):
+        raise InputError("positions of rolls must increase")
+    if np.any(r == 0.0):
+        raise InputError("a radius of curvature must not be 0")
+    chi = 1.0 / r
+
+    def curvature(time: float) -> float:
+        return float(np.interp(speed * time, places, chi))
+
+    return curvature

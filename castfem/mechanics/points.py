@@ -1,0 +1,229 @@
+"""Quadrature points of the slice: rules, functions on them, and the way from nodal values to them.
+
+Two rules (see docs/mechanics.md for why): the stress deviator has one, the mean stress a poorer one.
+All arrays over points hold the deviator's points first, then those of the mean stress; within a
+rule cell after cell.  Only a rank's own cells count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import basix.ufl
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from scipy import sparse
+
+from castfem.compat import Tabulation
+from castfem.forms import mechanics as forms
+from castfem.section import Section
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Integration:
+    """Degrees of the two quadrature rules.
+
+    Attributes:
+        deviator: For the stress deviator (quadrilaterals: 3 x 3 points, triangles: 6).
+        mean: For the mean stress (2 x 2, 3).
+    """
+
+    deviator: int
+    mean: int
+
+    @classmethod
+    def of(cls, cell: str) -> Integration:
+        """The rules castfem uses."""
+        return cls(4, 2) if cell == "triangle" else cls(4, 3)
+
+
+def displacement_element(cell: str) -> basix.ufl._ElementBase:
+    """Second-order displacement: 9-node quadrilaterals; 6-node triangles with an inner bubble."""
+    quadratic = basix.ufl.element("Lagrange", cell, 2)
+    if cell == "triangle":
+        quadratic = basix.ufl.enriched_element([quadratic, basix.ufl.element("Bubble", cell, 3)])
+    return basix.ufl.blocked_element(quadratic, shape=(2,))
+
+
+class Rule:
+    """One quadrature rule on all cells of this rank.
+
+    Attributes:
+        points: Reference points (k, 2). measure: Area measure that uses them.
+        count: Points on this rank's cells. volume: Area that belongs to each (count,), m2.
+        position: Where they are on the undeformed mesh (count, 2), m.
+    """
+
+    def __init__(self, section: Section, degree: int) -> None:
+        mesh = section.mesh
+        self._mesh, self._cell, self._degree = mesh, section.cell, degree
+        self.points, weights = basix.make_quadrature(
+            getattr(basix.CellType, section.cell), degree
+        )
+        self.measure = ufl.Measure(
+            "dx",
+            domain=mesh,
+            metadata={"quadrature_rule": "default", "quadrature_degree": degree},
+        )
+        size = Tabulation(mesh, abs(ufl.JacobianDeterminant(mesh)), self.points).values()
+        self.volume = (size[..., 0] * weights).ravel() if size.size else np.zeros(0)
+        self.count = self.volume.size
+        places = Tabulation(mesh, ufl.SpatialCoordinate(mesh), self.points).values()
+        self.position = places.reshape(self.count, 2)
+        self._place = self._layout()
+
+    def _layout(self) -> npt.NDArray[np.int64] | slice:
+        """Degree of freedom of each point.
+
+        DOLFINx promises nowhere that they follow one another, nor in which order: both are checked.
+        """
+        space = self._space(())
+        cells = self._mesh.topology.index_map(2).size_local
+        dofs = np.asarray(space.dofmap.list)[:cells].ravel().astype(np.int64)
+        found = space.tabulate_dof_coordinates()[dofs, :2]
+        scale = np.abs(found).max(initial=1e-300)
+        if dofs.size != self.count or np.abs(found - self.position).max(initial=0.0) > 1e-9 * scale:
+            raise RuntimeError("quadrature functions do not lie at the points of their rule")
+        if np.array_equal(dofs, np.arange(self.count)):
+            return slice(0, self.count)
+        return dofs
+
+    def _space(self, shape: tuple[int, ...]) -> fem.FunctionSpace:
+        element = basix.ufl.quadrature_element(
+            self._cell, value_shape=shape, scheme="default", degree=self._degree
+        )
+        return fem.functionspace(self._mesh, element)
+
+    def function(self, *shape: int) -> fem.Function:
+        """A function with a value of `shape` at each point."""
+        return fem.Function(self._space(shape))
+
+    def fill(self, function: fem.Function, values: Array) -> None:
+        """Set a function of this rule to `values` (count, ...)."""
+        target = function.x.array.reshape(-1, values[0].size if len(values) else 1)
+        target[self._place] = values.reshape(len(values), -1)
+
+
+class Points:
+    """The points of both rules and sparse operators to them.
+
+    Args:
+        section: The distributed section.
+        space: Space of the displacement.
+        integration: Degrees of the rules.
+
+    Attributes:
+        deviator: Rule of the stress deviator. mean: Rule of the mean stress.
+        count: Points of both. split: Points of the first.
+        volume: Area of each point (count,), m2; each rule fills the section by itself.
+        position: (count, 2), m.
+        strain: Operator (4 count, local degrees of freedom) from displacement to Mandel strain.
+        vertex: Operator (count, local vertices) from vertex values to the points.
+    """
+
+    def __init__(self, section: Section, space: fem.FunctionSpace, integration: Integration) -> None:
+        self.section = section
+        self.deviator = Rule(section, integration.deviator)
+        self.mean = Rule(section, integration.mean)
+        self.split, self.count = self.deviator.count, self.deviator.count + self.mean.count
+        self.volume = np.concatenate([self.deviator.volume, self.mean.volume])
+        self.position = np.concatenate([self.deviator.position, self.mean.position])
+        moved = forms.strain(forms.of_displacement(ufl.TrialFunction(space)), section.mesh)
+        self.strain = self._operator(moved, space)
+        self.vertex = self._operator(
+            ufl.TrialFunction(section.vertex_space), section.vertex_space
+        )
+
+    def _operator(self, expression: object, space: fem.FunctionSpace) -> sparse.csr_matrix:
+        """Sparse matrix of a linear expression of a space's functions, rows by point."""
+        index_map, size = space.dofmap.index_map, space.dofmap.bs
+        columns = (index_map.size_local + index_map.num_ghosts) * size
+        cells = self.section.mesh.topology.index_map(2).size_local
+        nodes = np.asarray(space.dofmap.list)[:cells].astype(np.int64)
+        dofs = (nodes[:, :, None] * size + np.arange(size)).reshape(cells, -1)
+        blocks = []
+        for rule in (self.deviator, self.mean):
+            values = Tabulation(self.section.mesh, expression, rule.points).values()
+            if not values.size:
+                continue
+            table = values.reshape(cells, len(rule.points), -1, dofs.shape[1])
+            where = np.broadcast_to(dofs[:, None, None, :], table.shape)
+            starts = np.arange(0, table.size + 1, dofs.shape[1])
+            blocks.append(
+                sparse.csr_matrix(
+                    (table.ravel(), where.ravel(), starts), shape=(len(starts) - 1, columns)
+                )
+            )
+        if not blocks:
+            return sparse.csr_matrix((0, columns))
+        matrix = sparse.vstack(blocks, format="csr")
+        matrix.eliminate_zeros()
+        matrix.sort_indices()
+        return matrix
+
+    def at_vertices(self, values: Array, rule: Rule | None = None) -> Array:
+        """Mean of point values around each owned vertex, (owned, ...).
+
+        Each point counts by its area and its nearness to the vertex (the vertex' hat function).
+
+        Args:
+            values: (points of the rule, ...).
+            rule: Whose points; those of the deviator if None.
+        """
+        rule = rule or self.deviator
+        rows = slice(0, self.split) if rule is self.deviator else slice(self.split, self.count)
+        weights = self.vertex[rows].T.multiply(rule.volume).tocsr()
+        flat = values.reshape(len(values), -1)
+        sums = np.column_stack([weights @ flat, np.asarray(weights.sum(axis=1)).ravel()])
+        summed = np.column_stack([self._summed(column) for column in sums.T])
+        mean = summed[:, :-1] / summed[:, -1:]
+        return np.asarray(mean.reshape(len(mean), *values.shape[1:]))
+
+    def to_vertices(self, density: Array) -> Array:
+        """Integral of a density at the deviator's points times each vertex' hat function, (owned,).
+
+        That is how dissipation (J/m3) enters the heat balance of the vertices (J/m).
+        """
+        return self._summed(self.vertex[: self.split].T @ (density * self.deviator.volume))
+
+    def _summed(self, local: Array) -> Array:
+        """Contributions of all ranks to this rank's own vertices."""
+        from dolfinx import la
+
+        function = fem.Function(self.section.vertex_space)
+        function.x.array[:] = local
+        function.x.scatter_reverse(la.InsertMode.add)
+        return np.array(function.x.array[: self.section.owned])
+
+
+class Cellwise:
+    """Values by cell on rank 0, numbered as in the input mesh whatever the number of ranks.
+
+    Checkpoints keep stress, state and displacement like this: what belongs to a cell's points and
+    nodes, in the order of the reference cell.
+    """
+
+    def __init__(self, section: Section) -> None:
+        self.comm = section.comm
+        owned = section.mesh.topology.index_map(2).size_local
+        self.cells = np.asarray(section.mesh.topology.original_cell_index)[:owned]
+        self._all = self.comm.gather(self.cells)
+
+    def gather(self, values: Array) -> Array | None:
+        """Values (own cells, ...) of all ranks as (cells, ...) on rank 0, None elsewhere."""
+        pieces = self.comm.gather(np.ascontiguousarray(values))
+        if pieces is None or self._all is None:
+            return None
+        whole = np.zeros((sum(len(c) for c in self._all), *values.shape[1:]))
+        for cells, piece in zip(self._all, pieces, strict=True):
+            whole[cells] = piece
+        return whole
+
+    def scatter(self, values: Array | None) -> Array:
+        """Inverse of `gather`."""
+        return np.ascontiguousarray(self.comm.bcast(values)[self.cells])

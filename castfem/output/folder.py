@@ -1,0 +1,315 @@
+"""The folder a run writes, and who may write into it.
+
+    case.toml      the case as resolved: extends, --set and defaults worked in
+    run.json       how it went: status, versions, ranks, wall time by stage (`RunRecord`)
+    run.log        what was said on the way
+    history.csv    one row a step (`castfem.output.history`)
+    fields.xdmf    the fields over time, for ParaView (`castfem.output.xdmf`) ...
+    fields.h5      ... and their numbers
+    checkpoint.h5  the state to resume from (`castfem.output.checkpoint`)
+    summary.json   the results in numbers (`castfem.output.summary`)
+    figures/       what `castfem show` draws (`castfem.output.figures`)
+
+castfem begins anew only in a folder without any of these names, or in one that holds its own
+run.json; then it removes these and nothing else. run.json exists from the first moment to the last,
+and a locked `.castfem.lock` says that a run is at work; the lock goes with the process, however it
+ends. No host name and no path outside the folder is written.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field, fields, replace
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import castfem
+from castfem.errors import CastfemError, InputError
+from castfem.output.checkpoint import CHECKPOINT_NAME
+from castfem.output.files import saving, system_reason, temporary_name, write_json, write_text
+from castfem.output.history import HISTORY_NAME
+from castfem.output.summary import SUMMARY_NAME, Summary
+from castfem.output.xdmf import HDF5_NAME, XDMF_NAME
+
+if TYPE_CHECKING:
+    from filelock import FileLock
+
+CASE_NAME = "case.toml"
+RUN_NAME = "run.json"
+LOG_NAME = "run.log"
+FIGURES_NAME = "figures"
+FIGURES = ("temperature", "states", "surface_temperature", "shell", "heat", "steps")
+_LOCK_NAME = ".castfem.lock"
+_FORMAT = "castfem run"
+ARTEFACTS = (
+    *(CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
+    *(CHECKPOINT_NAME, SUMMARY_NAME),
+    *(f"{FIGURES_NAME}/{name}.png" for name in FIGURES),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class RunRecord:
+    """What run.json holds.
+
+    Attributes:
+        status: "running", "finished" or "failed". A run that was killed stays "running".
+        reason: Why it failed, one line.
+        started: When the run began, UTC.
+        ended: When it ended, empty before.
+        resumed: How often it was resumed.
+        ranks: Number of MPI processes.
+        versions: Name to version of castfem and what it stands on.
+        wall_time: Stage to seconds, those before a resume included.
+        compiled_forms: Names of the forms this scene compiled or took from the cache.
+        memory_mb: Largest resident memory of all ranks together, in 10^6 bytes.
+        reached: Last good state: time [s], position [m], step.
+    """
+
+    status: str = "running"
+    reason: str = ""
+    started: str = ""
+    ended: str = ""
+    resumed: int = 0
+    ranks: int = 1
+    versions: Mapping[str, str] = field(default_factory=dict)
+    wall_time: Mapping[str, float] = field(default_factory=dict)
+    compiled_forms: tuple[str, ...] = ()
+    memory_mb: float | None = None
+    reached: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, folder: Path | str) -> RunRecord:
+        """Reads run.json.
+
+        Raises:
+            InputError: There is none, or it is not castfem's.
+        """
+        path = Path(folder) / RUN_NAME
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except FileNotFoundError as error:
+            raise InputError(f"{folder}: holds no run of castfem (no {RUN_NAME})") from error
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be read ({error})") from error
+        if not isinstance(content, dict) or content.get("format") != _FORMAT:
+            raise InputError(f"{path}: not written by castfem")
+        known = {entry.name for entry in fields(cls)}
+        record = {key: value for key, value in content.items() if key in known}
+        record["compiled_forms"] = tuple(record.get("compiled_forms", ()))
+        return cls(**record)
+
+
+class OutputFolder:
+    """The folder of one run; on rank 0 only.
+
+    Used as a context manager it notes in run.json how the block ended and gives the lock back.
+    """
+
+    def __init__(self, path: Path | str) -> None:
+        """Names the folder; nothing is touched before `begin`."""
+        self.path = Path(path)
+        self.record = RunRecord()
+        self._earlier: Mapping[str, float] = {}
+        self._lock: FileLock | None = None
+
+    def __truediv__(self, name: str) -> Path:
+        """The path of a file in the folder."""
+        return self.path / name
+
+    def begin(self, case: str, *, ranks: int = 1, resume: bool = False) -> None:
+        """Takes the folder for a run: lock, removal of the run before, case.toml, run.json.
+
+        Args:
+            case: The resolved case as TOML.
+            ranks: Number of MPI processes.
+            resume: Go on with the run in the folder; nothing is removed.
+
+        Raises:
+            InputError: Another run is at work there, files there are not castfem's, there is
+                nothing to resume, or the folder cannot be written.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._acquire()
+        except OSError as error:
+            raise self._unusable(error) from error
+        try:
+            self._take_over(case, ranks, resume)
+        except CastfemError as error:
+            self.close()
+            cause = error.__cause__
+            raise (self._unusable(cause) if isinstance(cause, OSError) else error) from error
+        except OSError as error:
+            self.close()
+            raise self._unusable(error) from error
+
+    def update(self, **changes: Any) -> None:
+        """Changes entries of run.json, named as in `RunRecord`.
+
+        wall_time is that of this process; it is added to what the run had taken before a resume.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        if "wall_time" in changes:
+            own = changes["wall_time"]
+            stages = [*self._earlier, *(name for name in own if name not in self._earlier)]
+            changes["wall_time"] = {
+                name: self._earlier.get(name, 0.0) + own.get(name, 0.0) for name in stages
+            }
+        self.record = replace(self.record, **changes)
+        write_json(self / RUN_NAME, {"format": _FORMAT, **asdict(self.record)})
+
+    def write_summary(self, summary: Summary) -> None:
+        """Writes summary.json.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        write_json(self / SUMMARY_NAME, summary.to_json())
+
+    def finish(self, **changes: Any) -> None:
+        """Notes in run.json that the run has ended well."""
+        self.update(status="finished", reason="", ended=_now(), **changes)
+
+    def fail(self, reason: str, **changes: Any) -> None:
+        """Notes in run.json why the run has failed: the first line, without where the folder is."""
+        first = reason.strip().splitlines()[0] if reason.strip() else "unknown reason"
+        inside = first.replace(f"{self.path}/", "")
+        self.update(status="failed", reason=inside, ended=_now(), **changes)
+
+    def close(self) -> None:
+        """Gives the lock back."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def __enter__(self) -> OutputFolder:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if error is not None and self._lock is not None and self.record.status == "running":
+            stopped = isinstance(error, KeyboardInterrupt)
+            reason = "stopped by the user" if stopped else str(error) or type(error).__name__
+            with suppress(CastfemError):  # a full disk must not hide what went wrong
+                self.fail(reason)
+        self.close()
+
+    def is_running(self) -> bool:
+        """Whether a run is at work in the folder at this moment."""
+        if self._lock is not None:
+            return True
+        from filelock import FileLock, Timeout
+
+        lock = self / _LOCK_NAME
+        if not lock.is_file():
+            return False
+        probe = FileLock(lock, timeout=0)
+        try:
+            probe.acquire()
+        except Timeout:
+            return True
+        except (OSError, NotImplementedError):
+            return False
+        probe.release()
+        return False
+
+    def _acquire(self) -> None:
+        """Takes the lock or says that somebody has it."""
+        from filelock import FileLock, Timeout
+
+        lock = FileLock(self / _LOCK_NAME, timeout=0)
+        try:
+            lock.acquire()
+        except Timeout as error:
+            raise InputError(
+                f"{self.path}: another run is writing here; wait for it, or choose another folder"
+            ) from error
+        except NotImplementedError:  # a file system without locks: run.json alone has to do
+            return
+        self._lock = lock
+
+    def _take_over(self, case: str, ranks: int, resume: bool) -> None:
+        """Makes the folder ready under the lock."""
+        present = [name for name in ARTEFACTS if (self / name).exists()]
+        if (self / RUN_NAME).exists():
+            earlier = RunRecord.load(self.path)
+        elif resume:
+            raise InputError(f"{self.path}: no run to resume; run again without --resume")
+        elif present:
+            raise InputError(
+                f"{self.path}: holds {', '.join(present)}, not of a run of castfem; "
+                "choose another folder or move them away"
+            )
+        if resume:
+            if CHECKPOINT_NAME not in present:
+                raise InputError(
+                    f"{self / CHECKPOINT_NAME}: no such file, nothing to resume from; "
+                    "run again without --resume"
+                )
+            self._earlier = dict(earlier.wall_time)
+            began, count = earlier.started, earlier.resumed + 1
+        else:
+            began, count = _now(), 0
+        self.record = RunRecord(
+            started=began, resumed=count, ranks=ranks, versions=versions(), wall_time=self._earlier
+        )
+        self.update()
+        if not resume:
+            self._remove_artefacts()
+        # replaced, never removed first: the case may have been read from this very file
+        write_text(self / CASE_NAME, case)
+
+    def _remove_artefacts(self) -> None:
+        """Removes what the run before has written, except what is replaced at once."""
+        for name in ARTEFACTS:
+            path = self / name
+            for leftover in (path, temporary_name(path), path.with_name(f".{path.name}.tmp2")):
+                if name not in (CASE_NAME, RUN_NAME) or leftover != path:
+                    with saving(path):
+                        leftover.unlink(missing_ok=True)
+        with suppress(OSError):  # it may hold figures of the user
+            (self / FIGURES_NAME).rmdir()
+
+    def _unusable(self, error: BaseException) -> InputError:
+        """The folder cannot be written, said in one line with the mend."""
+        _, reason = system_reason(error)
+        return InputError(
+            f"{self.path}: cannot be used as output folder ({reason}); choose another with -o"
+        )
+
+
+def versions() -> dict[str, str]:
+    """Versions of castfem and of what this process has loaded; imports nothing."""
+    found = {"castfem": castfem.__version__, "python": platform.python_version()}
+    for name in ("dolfinx", "ufl", "basix", "numpy", "h5py"):
+        module = sys.modules.get(name)
+        if module is None:
+            continue
+        version = getattr(module, "__version__", None)
+        if version is None:
+            with suppress(metadata.PackageNotFoundError):
+                version = metadata.version(f"fenics-{name}")
+        if version:
+            found[name] = str(version)
+    petsc = sys.modules.get("petsc4py.PETSc")
+    if petsc is not None:
+        found["petsc"] = ".".join(str(number) for number in petsc.Sys.getVersion())
+    return found
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")

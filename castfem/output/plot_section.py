@@ -1,0 +1,229 @@
+"""Figures over the section: the temperature field and what is solid, mushy and liquid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.output.fields import Fields
+from castfem.output.layout import triangulate
+from castfem.output.style import CELSIUS, LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.figure import Figure
+    from matplotlib.tri import Triangulation
+
+_STATES = {"solid": "#5b6f82", "mushy": "#f2a541", "liquid": "#fbe7b2"}
+_SLENDER = 12.0  # from this ratio of the sides on, equal axes would leave a line
+_WIDE = 1.6  # from here on the colour bar lies below
+_MIRRORED = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
+
+
+@dataclass(frozen=True, slots=True)
+class Steel:
+    """Between which temperatures it freezes: solidus and liquidus [K]."""
+
+    solidus: float
+    liquidus: float
+
+    @classmethod
+    def of(cls, facts: Mapping[str, Any]) -> Steel | None:
+        """From entries `solidus` and `liquidus`; None if they are not there."""
+        try:
+            return cls(float(facts["solidus"]), float(facts["liquidus"]))
+        except (KeyError, TypeError, ValueError):
+            return None
+
+
+def section_triangles(
+    fields: Fields, values: NDArray[np.float64], mirrored: bool = True
+) -> tuple[Triangulation, NDArray[np.float64]]:
+    """The mesh as triangles in mm with a nodal field on it.
+
+    Args:
+        fields: Mesh, and which part of the section it is (attribute `symmetry`).
+        values: (n,) at the nodes.
+        mirrored: Show the whole section, the modelled part repeated.
+    """
+    from matplotlib.tri import Triangulation
+
+    plane, triangles, parents = triangulate(fields.points, fields.cells, fields.cell, fields.order)
+    nodal = values[parents].mean(axis=1)
+    part = str(fields.attributes.get("symmetry", "whole"))
+    signs = _MIRRORED.get(part, ((1, 1),)) if mirrored else ((1, 1),)
+    points = np.vstack([1e3 * plane * np.array(sign) for sign in signs])
+    offsets = range(0, len(points), len(plane))
+    table = np.vstack([triangles + offset for offset in offsets])
+    return Triangulation(points[:, 0], points[:, 1], table), np.tile(nodal, len(signs))
+
+
+def draw_temperature(
+    fields: Fields, steel: Steel | None, *, index: int = -1, mirrored: bool = True
+) -> Figure:
+    """The temperature field with solidus and liquidus drawn into it.
+
+    Args:
+        fields: Of the run.
+        steel: Isotherms to draw.
+        index: Of the time, as in a list.
+        mirrored: Show the whole section.
+    """
+    mesh, values = section_triangles(
+        fields, fields.values("temperature", index) - CELSIUS, mirrored
+    )
+    figure, axes = _frame(mesh, _when("Temperature", fields, index), bar=True)
+    low, high = float(values.min()), float(values.max())
+    if high - low < 1e-6:
+        low, high = low - 1.0, high + 1.0
+    shades = axes.tripcolor(mesh, values, shading="gouraud", cmap="inferno", vmin=low, vmax=high)
+    bar = _colour_bar(figure, axes, shades, lies=_lies(mesh))
+    lines = [level for level in bar.get_ticks() if values.min() < level < values.max()]
+    if lines:
+        axes.tricontour(mesh, values, levels=lines, colors="white", linewidths=0.5, alpha=0.6)
+    handles = _isotherms(axes, mesh, values, steel)
+    if handles:
+        _legend_below(figure, handles)
+    return figure
+
+
+def draw_states(
+    fields: Fields, steel: Steel | None, *, index: int = -1, mirrored: bool = True
+) -> Figure | None:
+    """What is solid, mushy and liquid, with the share of each; None when the steel is unknown."""
+    from matplotlib.patches import Patch
+
+    if steel is None:
+        return None
+    temperature = fields.values("temperature", index)
+    mesh, values = section_triangles(fields, temperature, mirrored)
+    figure, axes = _frame(mesh, _when("State of the steel", fields, index), bar=False)
+    low = min(float(values.min()), steel.solidus) - 1.0
+    high = max(float(values.max()), steel.liquidus) + 1.0
+    gap = max(steel.liquidus, np.nextafter(steel.solidus, np.inf))
+    axes.tricontourf(
+        mesh, values, levels=[low, steel.solidus, gap, high], colors=list(_STATES.values())
+    )
+    shares = state_shares(mesh, values, steel)
+    handles = [
+        Patch(facecolor=colour, edgecolor="#444444", label=f"{state}  {100 * share:.1f} %")
+        for (state, colour), share in zip(_STATES.items(), shares, strict=True)
+    ]
+    _legend_below(figure, handles)
+    return figure
+
+
+def state_shares(
+    mesh: Triangulation, values: NDArray[np.float64], steel: Steel
+) -> tuple[float, float, float]:
+    """Shares of the area that are solid, mushy and liquid, exact for the drawn triangles.
+
+    Args:
+        mesh: Triangles.
+        values: Temperature at their corners, in the scale of `steel`.
+        steel: Limits of the states.
+    """
+    corners = np.sort(values[mesh.triangles], axis=1)
+    x, y = mesh.x[mesh.triangles], mesh.y[mesh.triangles]
+    area = 0.5 * np.abs(
+        (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
+    )
+    solid = float((_share_below(corners, steel.solidus) * area).sum() / area.sum())
+    not_liquid = float((_share_below(corners, steel.liquidus) * area).sum() / area.sum())
+    return solid, not_liquid - solid, 1.0 - not_liquid
+
+
+def _share_below(corners: NDArray[np.float64], level: float) -> NDArray[np.float64]:
+    """The part of each triangle where its linear field, corner values sorted, is below a level."""
+    a, b, c = corners.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rising = (level - a) ** 2 / ((b - a) * (c - a))
+        falling = 1.0 - (c - level) ** 2 / ((c - a) * (c - b))
+    share = np.where(level < b, rising, falling)
+    return np.where(level <= a, 0.0, np.where(level >= c, 1.0, share))
+
+
+def _isotherms(
+    axes: Axes, mesh: Triangulation, values: NDArray[np.float64], steel: Steel | None
+) -> list[Any]:
+    """Draws solidus and liquidus into a field in degC and returns their legend."""
+    from matplotlib.lines import Line2D
+
+    if steel is None:
+        return []
+    handles = []
+    for name, level, colour in (
+        ("solidus", steel.solidus - CELSIUS, SOLIDUS_COLOUR),
+        ("liquidus", steel.liquidus - CELSIUS, LIQUIDUS_COLOUR),
+    ):
+        if values.min() < level < values.max():
+            axes.tricontour(mesh, values, levels=[level], colors=["white"], linewidths=[2.4])
+            axes.tricontour(mesh, values, levels=[level], colors=[colour], linewidths=[1.2])
+        handles.append(Line2D([], [], color=colour, label=f"{name} {level:.1f} °C"))
+    return handles
+
+
+def _size(mesh: Triangulation) -> tuple[float, float]:
+    """Width and height of the frame [inch], as those of the section unless it is a mere line."""
+    ratio = float(np.ptp(mesh.x) / np.ptp(mesh.y))
+    if 1 / _SLENDER < ratio < _SLENDER:
+        return (7.2, 7.2 / ratio) if ratio > _WIDE else (5.0 * ratio, 5.0)
+    return (7.2, 2.2) if ratio > 1 else (2.2, 5.0)
+
+
+def _lies(mesh: Triangulation) -> bool:
+    """Whether the section is so wide that the colour bar goes below."""
+    width, height = _size(mesh)
+    return width / height > _WIDE
+
+
+def _frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
+    """A figure for the section, axes in mm, with room for a colour bar."""
+    width, height = _size(mesh)
+    beside = 1.1 if bar and not _lies(mesh) else 0.1
+    below = 0.9 if bar and _lies(mesh) else 0.0
+    figure = new_figure(max(width + 0.7 + beside, 3.6), height + 1.1 + below)
+    axes = figure.add_subplot()
+    true = np.ptp(mesh.x) / np.ptp(mesh.y) / (width / height)
+    axes.set_aspect("equal" if 0.99 < true < 1.01 else "auto")
+    axes.grid(False)
+    axes.set_xlabel("x [mm]")
+    axes.set_ylabel("y [mm]")
+    axes.set_xlim(mesh.x.min(), mesh.x.max())
+    axes.set_ylim(mesh.y.min(), mesh.y.max())
+    axes.set_title(title if width > 4 else title.replace(", ", ",\n").replace(" at ", "\nat "))
+    return figure, axes
+
+
+def _colour_bar(figure: Figure, axes: Axes, shades: ScalarMappable, lies: bool) -> Colorbar:
+    """The scale of the temperatures, as long as the frame."""
+    label = "temperature [°C]"
+    if lies:
+        return figure.colorbar(shades, ax=axes, label=label, location="bottom", aspect=45, pad=0.03)
+    # constrained layout would make it as long as the room for the frame, of which that takes a part
+    return figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.045, 1)), label=label)
+
+
+def _legend_below(figure: Figure, handles: list[Any]) -> None:
+    """A legend under everything, on one line if there is room."""
+    columns = len(handles) if figure.get_size_inches()[0] > 1.4 * len(handles) else 1
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+
+
+def _when(what: str, fields: Fields, index: int) -> str:
+    """The title: what, where and when."""
+    position, time = float(fields.positions[index]), float(fields.times[index])
+    where = f"{position:.4g} m" if position > 2.0 else f"{1e3 * position:.4g} mm"
+    return f"{what} at {where} below the meniscus, t = {time:.4g} s"
+
+
+SECTION_FIGURES: dict[str, Callable[[Fields, Steel | None], Figure | None]] = {
+    "temperature": draw_temperature,
+    "states": draw_states,
+}

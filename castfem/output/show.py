@@ -1,0 +1,228 @@
+"""What `castfem show` prints about a run, finished or not, and the figures it draws."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.errors import CastfemError, InputError
+from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
+from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.summary import (
+    Comparison,
+    Summary,
+    from_si,
+    unit_of_difference,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+_DECIMALS = {"degC": 1, "K": 1, "mm": 2}
+
+
+def show(folder: Path | str, console: Console | None = None, *, figures: bool = True) -> None:
+    """Prints status, results beside references, balances and effort of a run; draws its figures.
+
+    Args:
+        folder: Of the run, which may be at work, killed or failed.
+        console: Where to print; standard output if None.
+        figures: Draw them; a folder that cannot be written costs a line, not the table.
+
+    Raises:
+        InputError: The folder holds no run, or a file in it is damaged.
+    """
+    from rich.console import Console
+
+    path = Path(folder)
+    out = console or Console()
+    if not path.is_dir():
+        raise InputError(f"{path}: no such folder")
+    record = RunRecord.load(path)
+    summary = Summary.load(path)
+    running = record.status == "running" and OutputFolder(path).is_running()
+    if summary is not None and summary.title:
+        out.print(summary.title, style="bold", highlight=False)
+    _print(out, _status(record, running))
+    if summary is None or record.status != "finished":
+        _print_last_state(out, path, record)
+    if summary is not None:
+        _print_summary(out, summary)
+    _print_effort(out, record, summary)
+    if record.status == "failed":
+        _print(out, f"what happened: {path / LOG_NAME}")
+    if figures:
+        _print_figures(out, path)
+
+
+def shown(value: float, unit: str) -> str:
+    """A value as tables print it, without its unit; "-" when it does not exist."""
+    if not math.isfinite(value):
+        return "-"
+    if unit in _DECIMALS and abs(value) < 1e5:
+        return f"{value:.{_DECIMALS[unit]}f}"
+    if value == int(value) and abs(value) < 1e6:
+        return f"{value:.0f}"
+    return f"{value:.4g}"
+
+
+def _print(out: Console, text: str, style: str = "") -> None:
+    """A line that is neither wrapped nor coloured by its content: paths stay whole."""
+    out.print(text, style=style or None, highlight=False, soft_wrap=True, markup=False)
+
+
+def _status(record: RunRecord, running: bool) -> str:
+    """One line: how the run stands."""
+    how = record.status
+    if how == "running" and not running:
+        how = "interrupted"
+    facts = f"on {record.ranks} rank{'s' if record.ranks > 1 else ''}"
+    seconds = sum(record.wall_time.values())
+    if seconds:
+        facts = f"in {_duration(seconds)} {facts}"
+    if record.resumed:
+        times = "once" if record.resumed == 1 else f"{record.resumed} times"
+        facts += f", resumed {times}"
+    return f"{how} {facts}" + (f": {record.reason}" if record.status == "failed" else "")
+
+
+def _duration(seconds: float) -> str:
+    """Seconds as a person says it."""
+    if seconds < 120:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def _table(title: str, *columns: str) -> Table:
+    """An empty table; the first and the last column are words, the others numbers."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for number, name in enumerate(columns):
+        words = number == 0 or name in ("unit", "")
+        table.add_column(name, justify="left" if words else "right", no_wrap=number > 0)
+    return table
+
+
+def _print_summary(out: Console, summary: Summary) -> None:
+    """The results, each with what others have found, and the balances."""
+    sources: dict[str, str] = {}
+    rows = _rows(summary, sources)
+    others = ("reference", "difference", "") if summary.references else ()
+    table = _table("Results", "quantity", "castfem", "unit", *others)
+    for row in rows:
+        table.add_row(*row[: 3 + len(others)])
+    if rows:
+        out.print(table, highlight=False)
+    for source, mark in sources.items():
+        _print(out, f"{mark} {source}")
+    out.print()
+    for name, terms in summary.balances.items():
+        table = _table(f"Balance of {name.replace('_', ' ')}", "term", "value", "unit")
+        for quantity in terms.values():
+            table.add_row(quantity.label, shown(quantity.shown, quantity.unit), quantity.unit)
+        out.print(table, "", highlight=False)
+
+
+def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
+    """Label, ours, unit, theirs, difference, source; one row a reference or a lone quantity.
+
+    `sources` is filled with the mark of each source.
+    """
+    rows: list[tuple[str, ...]] = []
+    for name, quantity in summary.quantities.items():
+        mine = [c for c in summary.references if c.reference.quantity == name and not c.note]
+        value = shown(quantity.shown, quantity.unit)
+        if all(c.reference.at is not None for c in mine):
+            rows.append((quantity.label, value, quantity.unit, "", "", ""))
+        rows.extend(_comparison_row(c, quantity.label, sources) for c in mine)
+    for comparison in summary.references:
+        if comparison.note:
+            label = f"{comparison.reference.quantity} ({comparison.note})"
+            rows.append(_comparison_row(comparison, label, sources))
+    return rows
+
+
+def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str]) -> tuple[str, ...]:
+    """A row in the unit of the reference."""
+    reference = comparison.reference
+    unit = reference.unit
+    if reference.at is not None:
+        label += f", at {1e3 * reference.at:.6g} mm"
+    theirs = shown(from_si(reference.value, unit), unit)
+    difference = ""
+    if math.isfinite(comparison.difference):
+        digits = len(theirs.partition(".")[2])
+        form = "+.4g" if "e" in theirs else f"+.{digits}f"
+        difference = f"{comparison.difference:{form}}"
+        if unit_of_difference(unit) != unit:
+            difference += f" {unit_of_difference(unit)}"
+        if math.isfinite(comparison.relative):
+            difference += f" ({100 * comparison.relative:+.1f} %)"
+    mark = sources.setdefault(reference.source, f"[{len(sources) + 1}]")
+    return label, shown(from_si(comparison.ours, unit), unit), unit, theirs, difference, mark
+
+
+def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:
+    """The last row of the history and the last checkpoint of a run that has not finished."""
+    try:
+        table = read_history(path / HISTORY_NAME)
+    except InputError:
+        _print(out, "no step has been taken yet")
+        return
+    if table.empty:
+        _print(out, "no step has been taken yet")
+        return
+    units: Mapping[str, str] = table.attrs["units"]
+    last = _table(f"Last of {len(table)} steps", "quantity", "castfem", "unit")
+    for name, value in table.iloc[-1].items():
+        unit = units[str(name)]
+        last.add_row(str(name).replace("_", " "), shown(float(value), unit), unit)
+    out.print(last, "", highlight=False)
+    if "time" in record.reached:
+        at = f"t = {record.reached['time']:.6g} s"
+        if "position" in record.reached:
+            at += f", {1e3 * record.reached['position']:.6g} mm below the meniscus"
+        _print(out, f"last checkpoint at {at}; continue from it with --resume")
+
+
+def _print_effort(out: Console, record: RunRecord, summary: Summary | None) -> None:
+    """Steps, wall time by stage, memory."""
+    if summary is not None and summary.steps:
+        counts = ", ".join(f"{k.replace('_', ' ')} {v:.6g}" for k, v in summary.steps.items())
+        _print(out, f"steps: {counts}")
+    if record.wall_time:
+        stages = ", ".join(
+            f"{stage.replace('_', ' ')} {seconds:.2f} s"
+            for stage, seconds in record.wall_time.items()
+        )
+        _print(out, f"wall time: {stages}")
+    if record.memory_mb is not None:
+        _print(out, f"memory: {record.memory_mb:.0f} MB")
+
+
+def _print_figures(out: Console, path: Path) -> None:
+    """Draws the figures and says where they are."""
+    from castfem.output.figures import draw_figures
+
+    try:
+        drawn = draw_figures(path)
+    except CastfemError as error:
+        _print(out, f"figures: {error}", style="yellow")
+        return
+    if drawn:
+        names = ", ".join(figure.name for figure in drawn)
+        _print(out, f"figures in {drawn[0].parent}: {names}")

@@ -1,0 +1,208 @@
+"""The look all figures share, and what they need to know of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.output.files import replacing
+from castfem.output.summary import Zone
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+DPI = 160
+CELSIUS = 273.15
+SOLIDUS_COLOUR = "#1b6ca8"
+LIQUIDUS_COLOUR = "#c0392b"
+# Colour-blind safe (Okabe and Ito); the known probes keep theirs in every figure.
+_COLOURS = {"mid_face": "#0072b2", "corner": "#d55e00", "narrow_face": "#009e73"}
+_OTHER_COLOURS = ("#cc79a7", "#56b4e9", "#e69f00", "#7f7f7f", "#000000")
+_LONG = 2.0  # m; from here on positions are in metres
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """The way of the slice: what the x axis of every history is drawn over.
+
+    Attributes:
+        time: (n,) [s].
+        position: (n,) below the meniscus [m].
+        zones: The cooling.
+    """
+
+    time: NDArray[np.float64]
+    position: NDArray[np.float64]
+    zones: tuple[Zone, ...] = ()
+
+    @property
+    def along(self) -> bool:
+        """Whether the position serves as axis: it grows."""
+        return bool(
+            len(self.position) > 1
+            and np.isfinite(self.position).all()
+            and (np.diff(self.position) >= 0).all()
+            and self.position[-1] > self.position[0]
+        )
+
+    @property
+    def scale(self) -> float:
+        """Figure units per metre of position: 1000 for mm, 1 for m."""
+        return 1.0 if self.position[-1] > _LONG else 1e3
+
+    @property
+    def abscissa(self) -> NDArray[np.float64]:
+        """The values along the x axis."""
+        return self.position * self.scale if self.along else self.time
+
+    @property
+    def label(self) -> str:
+        """Of the x axis."""
+        if not self.along:
+            return "time since the meniscus [s]"
+        return f"position below the meniscus [{'m' if self.scale == 1.0 else 'mm'}]"
+
+
+@contextmanager
+def look() -> Iterator[None]:
+    """The settings of matplotlib inside the block."""
+    import matplotlib
+
+    settings: dict[Any, Any] = {
+        "font.size": 9.5,
+        "axes.labelsize": 9.5,
+        "axes.titlesize": 10.5,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "axes.linewidth": 0.8,
+        "grid.color": "#d9d9d9",
+        "grid.linewidth": 0.6,
+        "lines.linewidth": 1.7,
+        "legend.fontsize": 8.5,
+        "legend.framealpha": 0.9,
+        "legend.edgecolor": "#bfbfbf",
+        "xtick.labelsize": 9,
+        "ytick.labelsize": 9,
+        "figure.constrained_layout.use": True,
+    }
+    with matplotlib.rc_context(settings):
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure (inches) that needs no display."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Writes a PNG in one step.
+
+    Raises:
+        RunFailure: It cannot be written.
+    """
+    with replacing(path, durable=False) as temporary:
+        figure.savefig(temporary, format="png", dpi=DPI)
+    return path
+
+
+def probe_label(probe: str) -> str:
+    """The name of a probe in a legend."""
+    return "mid-face" if probe == "mid_face" else probe.replace("_", " ")
+
+
+def probe_colours(probes: list[str]) -> dict[str, str]:
+    """One colour a probe."""
+    others = [probe for probe in probes if probe not in _COLOURS]
+    spare = {probe: _OTHER_COLOURS[i % len(_OTHER_COLOURS)] for i, probe in enumerate(others)}
+    return {probe: _COLOURS.get(probe, spare.get(probe, "k")) for probe in probes}
+
+
+def dress(axes: list[Axes], course: Course) -> None:
+    """Gives panels above one another their common x axis: position, time on top, the zones."""
+    low, high = float(course.abscissa[0]), float(course.abscissa[-1])
+    if low == high:
+        low, high = low - 0.5, high + 0.5
+    for panel in axes:
+        panel.set_xlim(low, high)
+    axes[-1].set_xlabel(course.label)
+    if not course.along:
+        return
+    strip = _draw_zones(axes, course)
+    to_time, to_position = _clocks(course)
+    top = axes[0].secondary_xaxis(1.0 + strip, functions=(to_time, to_position))
+    top.set_xlabel("time since the meniscus [s]")
+
+
+def _clocks(course: Course) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    """Time as a function of the abscissa and back, straight beyond the ends."""
+    steps = np.concatenate([[True], np.diff(course.abscissa) > 0])
+    x, t = course.abscissa[steps], course.time[steps]
+    before, after = (t[1] - t[0]) / (x[1] - x[0]), (t[-1] - t[-2]) / (x[-1] - x[-2])
+    span = x[-1] - x[0]
+    x = np.concatenate([[x[0] - span], x, [x[-1] + span]])
+    t = np.concatenate([[t[0] - span * before], t, [t[-1] + span * after]])
+    return (lambda a: np.interp(a, x, t)), (lambda a: np.interp(a, t, x))
+
+
+def _draw_zones(axes: list[Axes], course: Course) -> float:
+    """Names the cooling zones in a strip above the first panel and parts them in all panels.
+
+    Returns:
+        Height of the strip as a fraction of the panel, 0 without one.
+    """
+    low, high = axes[0].get_xlim()
+    zones = [
+        (max(low, z.start * course.scale), min(high, z.end * course.scale), z.name)
+        for z in course.zones
+    ]
+    zones = [zone for zone in zones if zone[0] < zone[1]]
+    if len(zones) < 2:
+        return 0.0
+    figure = axes[0].figure.get_figure(root=True)
+    width, height = figure.get_size_inches()
+    inches = (0.86 * width - 0.2) / (high - low)  # about, per unit of the abscissa
+    names = [_fitting(name, (right - left) * inches) for left, right, name in zones]
+    lines = max(name.count("\n") + 1 for name, _ in names)
+    share = (0.08 + 0.115 * lines) / (0.8 * height / len(axes))
+    strip = axes[0].inset_axes((0.0, 1.0, 1.0, share))
+    strip.set_xlim(low, high)
+    strip.set_axis_off()
+    for number, ((name, size), (left, right, _)) in enumerate(zip(names, zones, strict=True)):
+        strip.axvspan(left, right, color=("#ececec", "#d5d5d5")[number % 2], linewidth=0)
+        strip.text(
+            (left + right) / 2,
+            0.48,
+            name,
+            transform=strip.get_xaxis_transform(),
+            ha="center",
+            va="center",
+            fontsize=size,
+            linespacing=0.95,
+            color="#333333",
+        )
+        for panel in axes if number else ():
+            panel.axvline(left, color="#8a8a8a", linewidth=0.8, linestyle=(0, (4, 3)), zorder=1)
+    return float(share)
+
+
+def _fitting(name: str, inches: float) -> tuple[str, float]:
+    """A name as it fits into a width, and its size: whole, a word a line, smaller, or empty."""
+    words = name.replace("_", " ").split()
+    for size in (7.0, 5.8):
+        room = inches / (0.0085 * size)  # characters
+        for text in (" ".join(words), "\n".join(words)):
+            if max((len(line) for line in text.split("\n")), default=0) <= room:
+                return text, size
+    return "", 7.0

@@ -1,0 +1,265 @@
+"""summary.json: the results of a run in numbers, beside what others have found.
+
+    {"title": ..., "status": "finished" | "failed",
+     "quantities": {NAME: {"value": 4.75, "unit": "mm", "label": "shell, mid-face"}, ...},
+     "references": [{"quantity": NAME, "value": 4.75, "unit": "mm", "source": ..., "at": null,
+                     "ours": 4.9, "difference": 0.15, "relative": 0.032, "note": ""}, ...],
+     "balances": {NAME: {NAME: {"value", "unit", "label"}, ...}, ...},
+     "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
+     "zones": [{"name": "mould", "start": 0.0, "end": 0.6}, ...]}
+
+In the file each value is in the unit beside it, in Python in SI; zones and `at` (null: the end of
+the run) are in metres below the meniscus. A value that does not exist is null there, NaN here. The
+difference of two temperatures is in K and has no relative size: where the zero of a scale lies is a
+convention.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from castfem import units
+from castfem.errors import InputError
+
+SUMMARY_NAME = "summary.json"
+_NONE = "-"  # how "no unit" is written
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """One result.
+
+    Attributes:
+        value: In SI; NaN when it does not exist.
+        unit: In which it is shown, "-" for none.
+        label: What it is, for tables.
+    """
+
+    value: float
+    unit: str
+    label: str
+
+    @property
+    def shown(self) -> float:
+        """The value in its unit."""
+        return from_si(self.value, self.unit)
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A number to compare with.
+
+    Attributes:
+        quantity: Name of ours.
+        value: In SI.
+        unit: In which it is shown.
+        source: Who has found it.
+        at: Where it holds, below the meniscus [m]; None at the end of the run.
+    """
+
+    quantity: str
+    value: float
+    unit: str
+    source: str
+    at: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """A reference and what we have found.
+
+    Attributes:
+        reference: The number to compare with.
+        ours: In SI; NaN when there is none.
+        note: Why there is none.
+    """
+
+    reference: Reference
+    ours: float = math.nan
+    note: str = ""
+
+    @property
+    def difference(self) -> float:
+        """Ours less theirs, in the unit of `unit_of_difference`."""
+        unit = unit_of_difference(self.reference.unit)
+        return from_si(self.ours - self.reference.value, unit)
+
+    @property
+    def relative(self) -> float:
+        """The difference as a fraction of theirs; NaN for temperatures and for a zero."""
+        theirs = self.reference.value
+        if unit_of_difference(self.reference.unit) != self.reference.unit or theirs == 0:
+            return math.nan
+        return (self.ours - theirs) / abs(theirs)
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """A cooling zone between two positions below the meniscus [m]."""
+
+    name: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The content of summary.json, in SI.
+
+    Attributes:
+        title: Of the case.
+        status: "finished" or "failed".
+        quantities: Name to result; `solidus` and `liquidus` of the steel are among them.
+        references: Comparisons, from `compare`.
+        balances: Name of what is conserved to its terms.
+        steps: Counts and sizes [s] of the march.
+        wall_time: Stage to seconds.
+        zones: The cooling, in casting order.
+    """
+
+    title: str
+    status: str
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    references: tuple[Comparison, ...] = ()
+    balances: Mapping[str, Mapping[str, Quantity]] = field(default_factory=dict)
+    steps: Mapping[str, float] = field(default_factory=dict)
+    wall_time: Mapping[str, float] = field(default_factory=dict)
+    zones: tuple[Zone, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of the file, for `castfem.output.files.write_json`."""
+        return {
+            "title": self.title,
+            "status": self.status,
+            "quantities": {name: _quantity_json(q) for name, q in self.quantities.items()},
+            "references": [_comparison_json(comparison) for comparison in self.references],
+            "balances": {
+                name: {term: _quantity_json(q) for term, q in terms.items()}
+                for name, terms in self.balances.items()
+            },
+            "steps": dict(self.steps),
+            "wall_time": dict(self.wall_time),
+            "zones": [asdict(zone) for zone in self.zones],
+        }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Summary:
+        """The inverse of `to_json`.
+
+        Raises:
+            KeyError, TypeError, ValueError: It is not such a content.
+        """
+        return cls(
+            title=content["title"],
+            status=content["status"],
+            quantities={name: _quantity(q) for name, q in content["quantities"].items()},
+            references=tuple(_comparison(entry) for entry in content["references"]),
+            balances={
+                name: {term: _quantity(q) for term, q in terms.items()}
+                for name, terms in content["balances"].items()
+            },
+            steps=content["steps"],
+            wall_time=content["wall_time"],
+            zones=tuple(Zone(**zone) for zone in content["zones"]),
+        )
+
+    @classmethod
+    def load(cls, folder: Path | str) -> Summary | None:
+        """Reads summary.json; None if the folder has none yet.
+
+        Raises:
+            InputError: It cannot be read.
+        """
+        path = Path(folder) / SUMMARY_NAME
+        if not path.is_file():
+            return None
+        try:
+            return cls.from_json(json.loads(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path}: cannot be read ({error!r}); repeat the run") from error
+
+
+def compare(
+    references: Iterable[Reference], quantities: Mapping[str, Quantity]
+) -> tuple[Comparison, ...]:
+    """Finds our value of each reference.
+
+    A name we have no quantity for, or one of another dimension, gives a comparison with a note: a
+    run that has ended is not thrown away for it.
+    """
+    found = []
+    for reference in references:
+        quantity = quantities.get(reference.quantity)
+        if quantity is None:
+            note = "no such quantity" + units.nearest(reference.quantity, quantities)
+            found.append(Comparison(reference, note=note))
+        elif si_unit(quantity.unit) != si_unit(reference.unit):
+            note = f"{reference.unit} is not a unit of it; it is in {quantity.unit}"
+            found.append(Comparison(reference, note=note))
+        else:
+            found.append(Comparison(reference, quantity.value))
+    return tuple(found)
+
+
+@lru_cache(maxsize=256)
+def si_unit(unit: str) -> str:
+    """The SI unit that measures the same as `unit`, "1" for none."""
+    return "1" if unit in (_NONE, "", "1") else units.parse_any(f"1 {unit}")[1]
+
+
+def from_si(value: float, unit: str) -> float:
+    """An SI value in a unit; what is not finite stays."""
+    if not math.isfinite(value):
+        return value
+    return units.convert(value, si_unit(unit), "1" if unit in (_NONE, "") else unit)
+
+
+def to_si(value: float | None, unit: str) -> float:
+    """A value in a unit brought to SI; None becomes NaN."""
+    if value is None or not math.isfinite(value):
+        return math.nan
+    return (
+        value if si_unit(unit) == unit or unit == _NONE else units.parse_any(f"{value!r} {unit}")[0]
+    )
+
+
+def unit_of_difference(unit: str) -> str:
+    """The unit in which two values in `unit` differ: K for temperatures."""
+    return "K" if si_unit(unit) == "K" else unit
+
+
+def _quantity_json(quantity: Quantity) -> dict[str, Any]:
+    return {"value": quantity.shown, "unit": quantity.unit, "label": quantity.label}
+
+
+def _quantity(content: Mapping[str, Any]) -> Quantity:
+    unit = content["unit"]
+    return Quantity(to_si(content["value"], unit), unit, content["label"])
+
+
+def _comparison_json(comparison: Comparison) -> dict[str, Any]:
+    reference = comparison.reference
+    return {
+        "quantity": reference.quantity,
+        "value": from_si(reference.value, reference.unit),
+        "unit": reference.unit,
+        "source": reference.source,
+        "at": reference.at,
+        "ours": from_si(comparison.ours, reference.unit),
+        "difference": comparison.difference,
+        "relative": comparison.relative,
+        "note": comparison.note,
+    }
+
+
+def _comparison(content: Mapping[str, Any]) -> Comparison:
+    unit = content["unit"]
+    value = to_si(content["value"], unit)
+    reference = Reference(content["quantity"], value, unit, content["source"], content.get("at"))
+    return Comparison(reference, to_si(content["ours"], unit), content["note"])

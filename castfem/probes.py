@@ -1,0 +1,173 @@
+"""Values and isotherms along lines through the section, whichever ranks hold its cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import geometry
+
+from castfem import compat, reductions
+from castfem.section import Section
+
+Array = npt.NDArray[np.float64]
+
+SAMPLES = 401  # along a line, packed towards the surface
+_NEARLY = 1e-2  # of a cell: how far outside a sample may lie (a curved face, cut by straight cells)
+_INSIDE = 1e-9  # of the line's length: how far the first and last sample are drawn inward
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Temperature along one line.
+
+    Attributes:
+        depth: Distance below the surface (n,), m. temperature: (n,), K.
+    """
+
+    depth: Array
+    temperature: Array
+
+    def isotherm_depth(self, level: float) -> float:
+        """Depth of the first crossing of `level` (K) from colder to hotter, m.
+
+        0 when the surface is at or above the level, the whole length when all of the line is below.
+        """
+        hot = self.temperature >= level
+        if not hot.any():
+            return float(self.depth[-1])
+        i = int(np.argmax(hot))
+        if i == 0:
+            return 0.0
+        t0, t1 = self.temperature[i - 1], self.temperature[i]
+        return float(
+            self.depth[i - 1] + (level - t0) / (t1 - t0) * (self.depth[i] - self.depth[i - 1])
+        )
+
+
+class LineProbes:
+    """Samples vertex fields of a section along its probe lines.
+
+    The interpolation is one sparse matrix, made once; a sample is one product and one small gather.
+
+    Raises:
+        ValueError: If a line leaves the section.
+    """
+
+    def __init__(
+        self, section: Section, lines: dict[str, tuple[Array, Array]] | None = None
+    ) -> None:
+        self.section = section
+        self.lines = dict(section.probes if lines is None else lines)
+        fraction = np.linspace(0.0, 1.0, SAMPLES) ** 2
+        self.depth = {
+            name: fraction * float(np.linalg.norm(np.subtract(end, start)))
+            for name, (start, end) in self.lines.items()
+        }
+        inner = _INSIDE + (1 - 2 * _INSIDE) * fraction
+        points = [
+            np.asarray(start) + inner[:, None] * np.subtract(end, start)
+            for start, end in self.lines.values()
+        ]
+        self._points = np.vstack(points) if points else np.zeros((0, 2))
+        self._matrix = self._interpolation()
+        self._field, self._samples = self._matrix.createVecs()
+
+    def _interpolation(self) -> PETSc.Mat:
+        """Matrix (samples x vertices) of shape function values."""
+        section, comm = self.section, self.section.comm
+        n = len(self._points)
+        mine, columns, weights = self._locate()
+        size = ((None, n), (section.owned, section.vertex_space.dofmap.index_map.size_global))
+        matrix = PETSc.Mat().createAIJ(size, comm=comm)
+        matrix.setPreallocationNNZ((4, 4))
+        matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        for row, cols, vals in zip(mine, columns, weights, strict=True):
+            matrix.setValues([row], cols, vals)
+        matrix.assemble()
+        return matrix
+
+    def _locate(self) -> tuple[npt.NDArray[np.int64], list[npt.NDArray[np.int32]], list[Array]]:
+        """The samples this rank has, the global vertices of the cell of each, and their weights.
+
+        Of all cells whose box holds a sample the one is taken in which it lies deepest, on all
+        ranks: a sample on an edge, or a rounding outside a face, is found the same way on any
+        number of ranks.
+        """
+        section, n = self.section, len(self._points)
+        mesh, dofmap = section.mesh, section.vertex_space.dofmap
+        best = np.full(n, np.inf)
+        cells, shapes = np.full(n, -1), np.zeros((n, 3 if section.cell == "triangle" else 4))
+        local = mesh.topology.index_map(2).size_local
+        if local and n:
+            tree = geometry.bb_tree(
+                mesh, 2, entities=np.arange(local, dtype=np.int32), padding=1e-9
+            )
+            xyz = np.column_stack([self._points, np.zeros(n)])
+            near = geometry.compute_collisions_points(tree, xyz)
+            node_of, x = compat.geometry_dofmap(mesh), mesh.geometry.x[:, :2]
+            cmap = compat.coordinate_map(mesh)
+            for i in range(n):
+                for cell in near.links(i):
+                    corners = np.ascontiguousarray(x[node_of[cell]])
+                    xi = cmap.pull_back(self._points[i : i + 1], corners)[0]
+                    outside = _outside(section.cell, xi)
+                    if outside < best[i]:
+                        best[i], cells[i] = outside, cell
+                        shapes[i] = _first_order_shapes(section.cell, xi)
+        rows = self._won(best)
+        columns = [
+            dofmap.index_map.local_to_global(dofmap.cell_dofs(int(cells[i]))).astype(np.int32)
+            for i in rows
+        ]
+        return rows, columns, [shapes[i] for i in rows]
+
+    def _won(self, outside: Array) -> npt.NDArray[np.int64]:
+        """The samples that lie deepest in a cell of this rank; a tie goes to the lower rank."""
+        comm = self.section.comm
+        least = -reductions.largest_of(comm, -outside)
+        if (least > _NEARLY).any():
+            x, y = self._points[np.argmax(least)]
+            raise ValueError(f"probe point ({x:g}, {y:g}) m lies outside the section")
+        rank = np.where(outside <= least + 1e-12, comm.rank, comm.size).astype(float)
+        return np.flatnonzero(-reductions.largest_of(comm, -rank) == comm.rank)
+
+    def sample(self, owned: Array) -> dict[str, Profile]:
+        """Profiles of a vertex field (owned,) along every line, on every rank."""
+        self._field.setArray(owned)
+        self._matrix.mult(self._field, self._samples)
+        local = self._samples.getArray(readonly=True)
+        values = (
+            local
+            if self.section.comm.size == 1
+            else np.concatenate(self.section.comm.allgather(local))
+        )
+        pieces = np.split(values, len(self.lines)) if self.lines else []
+        return {
+            name: Profile(self.depth[name], np.array(piece))
+            for name, piece in zip(self.lines, pieces, strict=True)
+        }
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self._matrix, self._field, self._samples):
+            thing.destroy()
+
+
+def _first_order_shapes(cell: str, xi: Array) -> Array:
+    """First-order shape functions of the cell at reference point xi (2,)."""
+    r, s = xi[0], xi[1]
+    if cell == "triangle":
+        return np.array([1 - r - s, r, s])
+    return np.array([(1 - r) * (1 - s), r * (1 - s), (1 - r) * s, r * s])
+
+
+def _outside(cell: str, xi: Array) -> float:
+    """How far reference point xi (2,) lies outside its cell; negative inside."""
+    r, s = xi
+    if cell == "triangle":
+        return float(max(-r, -s, r + s - 1))
+    return float(max(-r, -s, r - 1, s - 1))

@@ -1,0 +1,199 @@
+"""Writes what a march yields: history, fields, checkpoints.  Files are rank 0's business."""
+
+from __future__ import annotations
+
+import time as clock
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem import log
+from castfem.measure import CELSIUS, Reading
+from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
+from castfem.output.folder import OutputFolder
+from castfem.output.history import HISTORY_NAME, History
+from castfem.output.xdmf import FieldWriter
+from castfem.parallel import on_root
+from castfem.timestep import same_instant
+
+if TYPE_CHECKING:
+    from castfem.march import March
+    from castfem.scene import Scene
+
+Array = npt.NDArray[np.float64]
+
+# Arrays of the committed thermal state that a checkpoint holds, by their name in it.
+STATE = ("enthalpy", "rate")
+
+
+class Recorder:
+    """Files of one run.
+
+    Args:
+        scene: What is marched.
+        folder: The run's folder, begun; used on rank 0.
+        resume: Go on with the files that are there.
+    """
+
+    def __init__(self, scene: Scene, folder: OutputFolder, resume: bool = False) -> None:
+        self.scene, self.folder, self.comm = scene, folder, scene.section.comm
+        self._every = scene.case.output.checkpoint_every
+        self._history: History | None = None
+        self._fields: FieldWriter | None = None
+        self._next_fields = 0
+        self._marked = clock.perf_counter()
+        self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
+        on_root(self.comm, self._open_for_resume if resume else self._open)
+        if resume:
+            self.checkpoint = self.comm.bcast(self.checkpoint)
+
+    def _open(self) -> None:
+        """Begin history and fields."""
+        self._history = History(self.folder / HISTORY_NAME, columns(tuple(self.scene.probes.lines)))
+        source = self.scene.section.source
+        if self.scene.case.output.fields and source is not None:
+            steel = self.scene.steel
+            facts: dict[str, float | str] = {"solidus": steel.solidus, "liquidus": steel.liquidus}
+            symmetry = getattr(self.scene.case.section, "symmetry", None)
+            if symmetry:
+                facts["symmetry"] = symmetry
+            self._fields = FieldWriter(
+                self.folder.path,
+                source.points,
+                source.cells,
+                source.cell,
+                source.order,
+                attributes=facts,
+            )
+
+    def _open_for_resume(self) -> None:
+        """Read the checkpoint and cut what was written after it."""
+        physics = self.scene.case.physics_hash()
+        self.checkpoint = load_checkpoint(self.folder / CHECKPOINT_NAME, physics=physics)
+        time = float(self.checkpoint[0]["time"])
+        self._history = History.resume(
+            self.folder / HISTORY_NAME, time, columns(tuple(self.scene.probes.lines))
+        )
+        if self.scene.case.output.fields:
+            self._fields = FieldWriter.resume(self.folder.path, time)
+
+    def step(self, march: March, reading: Reading) -> None:
+        """Write one committed step: a row always, fields at output times, a checkpoint in turn.
+
+        Raises:
+            RunFailure: On every rank, when a file cannot be written.
+        """
+        fields = self._due_fields(march, reading)
+        state: dict[str, Array | None] = {}
+        checkpoint = self._every > 0 and march.steps > 0 and march.steps % self._every == 0
+        if checkpoint:
+            state = self._gathered(march)
+
+        def write() -> None:
+            assert self._history is not None
+            self._history.append(row(march, reading))
+            if self._fields is not None and fields:
+                self._fields.write(reading.time, reading.position, fields)
+            if checkpoint:
+                self._save(march, state)
+
+        on_root(self.comm, write)
+
+    def _due_fields(self, march: March, reading: Reading) -> dict[str, Array] | None:
+        """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
+        output = self.scene.case.output
+        if not output.fields or not self._is_due(reading.time):
+            return None
+        kelvin = self.scene.section.gather(march.state.point.temperature)
+        if kelvin is None:
+            return {}
+        made = {"temperature": lambda: kelvin, "solid_fraction": lambda: self._fraction(kelvin)}
+        return {name: made[name]() for name in output.fields}
+
+    def _fraction(self, kelvin: Array) -> Array:
+        return np.asarray(self.scene.steel.solid_fraction(kelvin))
+
+    def _is_due(self, time: float) -> bool:
+        """Whether `time` is the meniscus, a multiple of the output interval, or the end."""
+        every, end = self.scene.case.output.every, self.scene.control.end
+        nearest = round(time / every) * every
+        return time == 0.0 or same_instant(time, nearest, end) or same_instant(time, end, end)
+
+    def _gathered(self, march: March) -> dict[str, Array | None]:
+        """The committed state by node of the section, on rank 0 (collective)."""
+        gather = self.scene.section.gather
+        return {name: gather(getattr(march.state, name)) for name in STATE}
+
+    def _save(self, march: March, state: dict[str, Array | None]) -> None:
+        """Save a checkpoint and note how far the run has come (rank 0)."""
+        arrays = {name: values for name, values in state.items() if values is not None}
+        physics = self.scene.case.physics_hash()
+        save_checkpoint(self.folder / CHECKPOINT_NAME, march.description(), arrays, physics=physics)
+        self.folder.update(
+            reached={
+                "time": march.state.time,
+                "position": march.state.time * self.scene.case.casting.speed,
+                "step": march.steps,
+            }
+        )
+
+    def save(self, march: March) -> None:
+        """Save a checkpoint of the committed state now (collective)."""
+        state = self._gathered(march)
+        on_root(self.comm, lambda: self._save(march, state))
+
+    def close(self) -> None:
+        """Close the files; what was written is complete without it."""
+        for thing in (self._history, self._fields):
+            if thing is not None:
+                thing.close()
+        log.logger.debug("files closed after %.1f s", clock.perf_counter() - self._marked)
+
+
+def columns(probes: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Names and units of the history's columns."""
+    found = [("time", "s"), ("position", "m"), ("step", "s"), ("newton", "-")]
+    for name in probes:
+        found += [
+            (f"surface_temperature_{name}", "degC"),
+            (f"shell_{name}", "mm"),
+            (f"liquidus_depth_{name}", "mm"),
+            (f"heat_flux_{name}", "kW/m^2"),
+        ]
+    return [
+        *found,
+        ("heat_removed", "J/m"),
+        ("cooling_power", "kW"),
+        ("temperature_core", "degC"),
+        ("temperature_min", "degC"),
+        ("temperature_max", "degC"),
+        ("energy_error", "-"),
+    ]
+
+
+def row(march: March, reading: Reading) -> dict[str, float]:
+    """One row of the history in its units."""
+    speed = march.scene.case.casting.speed
+    cells = {
+        "time": reading.time,
+        "position": reading.position,
+        "step": reading.step,
+        "newton": float(reading.newton),
+    }
+    for name, profile in reading.profiles.items():
+        cells[f"surface_temperature_{name}"] = float(profile.temperature[0]) - CELSIUS
+        cells[f"shell_{name}"] = 1e3 * reading.shell[name]
+        cells[f"liquidus_depth_{name}"] = 1e3 * reading.liquidus[name]
+        cells[f"heat_flux_{name}"] = 1e-3 * reading.flux[name]
+    core = next((float(p.temperature[-1]) for p in reading.profiles.values()), np.nan)
+    low, high = reading.temperature_range
+    return {
+        **cells,
+        "heat_removed": reading.removed,
+        "cooling_power": 1e-3 * reading.removed * speed,
+        "temperature_core": core - CELSIUS,
+        "temperature_min": low - CELSIUS,
+        "temperature_max": high - CELSIUS,
+        "energy_error": reading.balance,
+    }

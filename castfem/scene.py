@@ -1,0 +1,160 @@
+"""Everything a case needs for its march, built once; a scene carries what its case asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.materials.curve import ThermalCurve
+from castfem.parallel import on_root
+from castfem.probes import LineProbes
+from castfem.section import Section
+from castfem.stopwatch import Stopwatch
+from castfem.thermal.problem import ThermalProblem
+from castfem.thermal.stepper import ThermalStepper
+from castfem.thermal.surface import Surface
+from castfem.thermal.zones import Zones
+from castfem.timestep import Adaptive, StepControl
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.materials import Steel
+    from castfem.meshes import SectionMesh
+
+# T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
+ROOM, MARGIN = 280.0, 2.0  # K
+
+
+@dataclass(slots=True)
+class Scene:
+    """The objects of one run.
+
+    Attributes:
+        case: The case. steel: Its steel. section: The distributed mesh.
+        stepper: Thermal time stepping (with the problem and its curve).
+        zones: The machine's cooling. probes: Lines at which results are read.
+        control: Choice of the step. start_temperature: At the meniscus, K.
+        watch: Where the time goes.
+    """
+
+    case: Case
+    steel: Steel
+    section: Section
+    stepper: ThermalStepper
+    zones: Zones
+    probes: LineProbes
+    control: StepControl
+    start_temperature: float
+    watch: Stopwatch
+
+    @property
+    def stations(self) -> list[float]:
+        """Positions short of the end for which the case has reference numbers, m."""
+        return stations(self.case)
+
+    @property
+    def problem(self) -> ThermalProblem:
+        """The thermal problem."""
+        return self.stepper.problem
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; many scenes may be made in one process."""
+        self.problem.destroy()
+        self.probes.destroy()
+
+
+def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Scene:
+    """Build the scene of `case` on the ranks of `comm` (collective).
+
+    Raises:
+        InputError: If the steel, the mesh or the solver options cannot be had.
+    """
+    watch = watch if watch is not None else Stopwatch()
+    with watch.section("setup: steel"):
+        steel = case_steel(case)
+        start = starting_temperature(case, steel)
+    with watch.section("setup: mesh"):
+        section = Section(comm, on_root(comm, lambda: build_mesh(case)))
+    with watch.section("setup: thermal"):
+        zones = Zones(case, steel, Surface(section))
+        curve = thermal_curve(steel, zones, start)
+        problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch)
+        probes = LineProbes(section)
+    stepping = case.thermal.time
+    control = step_control(case, zones)
+    stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
+    return Scene(case, steel, section, stepper, zones, probes, control, start, watch)
+
+
+def case_steel(case: Case) -> Steel:
+    """The steel of the case, with its composition and its changes."""
+    from castfem.materials import load_steel
+
+    given = case.steel
+    return load_steel(
+        given.name,
+        composition=given.composition or None,
+        overrides=given.overrides or None,
+        origin=f"{case.title}: steel",
+    )
+
+
+def thermal_curve(steel: Steel, zones: Zones, start: float) -> ThermalCurve:
+    """T(H) between the coldest surroundings and the start, zero at the start."""
+    coldest, hottest = zones.ambient_range()
+    lower = max(min(coldest, start), ROOM) - MARGIN
+    upper = (max(hottest, start) if hottest < np.inf else start) + MARGIN
+    upper = max(upper, steel.liquidus + MARGIN)
+    capacity = steel.enthalpy_knots(lower, upper)
+    return ThermalCurve(capacity, steel.conductivity_knots(lower, upper), start)
+
+
+def starting_temperature(case: Case, steel: Steel) -> float:
+    """Temperature of the steel at the meniscus, K."""
+    if case.casting.temperature is not None:
+        return case.casting.temperature
+    return steel.liquidus + (case.casting.superheat or 0.0)
+
+
+def stations(case: Case) -> list[float]:
+    """Positions short of the end for which the case has reference numbers, m."""
+    length = case.casting.length
+    return sorted({r.at for r in case.reference if r.at is not None and r.at < length})
+
+
+def step_control(case: Case, zones: Zones) -> StepControl:
+    """Step control of the case; it hits the changes of cooling and the output times exactly."""
+    duration, stepping = case.casting.duration, case.thermal.time
+    milestones = list(zones.changes)
+    milestones += [position / case.casting.speed for position in stations(case)]
+    if case.output.fields:
+        milestones += [
+            i * case.output.every for i in range(1, int(duration / case.output.every) + 1)
+        ]
+    if stepping.step is not None:
+        return StepControl(duration, milestones, fixed=stepping.step)
+    given = stepping.adaptive
+    if given is None:
+        raise ValueError("a case has a fixed step or an adaptive one")
+    adaptive = Adaptive(given.tolerance, given.first, given.smallest, given.largest)
+    order = 3 if stepping.scheme == "sdirk2" else 2
+    return StepControl(duration, milestones, adaptive=adaptive, order=order)
+
+
+def build_mesh(case: Case) -> SectionMesh:
+    """The section's mesh, from the user's cache if it is there."""
+    from castfem import meshes
+
+    return meshes.cached(meshes.build, cache_folder() / "meshes", **case.mesh_parameters())
+
+
+def cache_folder() -> Path:
+    """The user's cache folder for castfem."""
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("castfem", appauthor=False))

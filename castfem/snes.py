@@ -1,0 +1,176 @@
+"""A small nonlinear problem on PETSc SNES: options that arrive, convergence judged per field.
+
+The problem owns its vectors; SNES works on vectors of its own (the line search needs that).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from castfem.errors import InputError
+from castfem.stopwatch import Stopwatch
+
+Options = Mapping[str, Any]
+
+
+class NonlinearProblem(Protocol):
+    """What `SnesSolver` needs to know of a problem."""
+
+    def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        """Put F(x) into `out`."""
+        ...
+
+    def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        """Put dF/dx at `x` into `out`; called right after `residual` at the same x."""
+        ...
+
+    def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
+        """Size of the residual of each field over that field's tolerance; all <= 1 is done."""
+        ...
+
+
+@dataclass(slots=True)
+class Outcome:
+    """How one solve ended.
+
+    Attributes:
+        converged: Whether every field met its tolerance.
+        iterations: Newton iterations.
+        reason: SNES' or castfem's word for why it stopped.
+        norms: Residual of each field over its tolerance, for each iteration.
+    """
+
+    converged: bool
+    iterations: int
+    reason: str
+    norms: list[dict[str, float]] = field(default_factory=list)
+
+    def describe(self) -> str:
+        """One line for the log."""
+        last = ", ".join(f"{k} {v:.3g} x tolerance" for k, v in (self.norms or [{}])[-1].items())
+        return f"{self.reason} after {self.iterations} iterations ({last})"
+
+
+def _reason_names() -> dict[int, str]:
+    reasons = PETSc.SNES.ConvergedReason
+    return {getattr(reasons, k): k for k in dir(reasons) if k.isupper()}
+
+
+class SnesSolver:
+    """SNES around a `NonlinearProblem`.
+
+    Args:
+        problem: Residual, Jacobian and norms.
+        vector: A vector of the unknowns' layout. matrix: The Jacobian's storage.
+        prefix: Unique option prefix that ends in an underscore.
+        options: PETSc options without prefix, without a leading dash.
+        watch: Charged with "petsc" for what SNES does itself; the problem charges its own part.
+
+    Raises:
+        InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
+    """
+
+    def __init__(
+        self,
+        problem: NonlinearProblem,
+        vector: PETSc.Vec,
+        matrix: PETSc.Mat,
+        prefix: str,
+        options: Options,
+        watch: Stopwatch | None = None,
+    ) -> None:
+        self.problem = problem
+        self.watch = watch if watch is not None else Stopwatch()
+        self.x, self._f, self._matrix = vector.duplicate(), vector.duplicate(), matrix
+        self.snes = PETSc.SNES().create(vector.comm)
+        self.snes.setOptionsPrefix(prefix)
+        self.snes.setFunction(self._residual, self._f)
+        self.snes.setJacobian(self._jacobian, matrix)
+        self.snes.setConvergenceTest(self._converged)
+        ksp = self.snes.getKSP()
+        apply_options(prefix, options, self.snes, ksp, ksp.getPC())
+        self._names = _reason_names()
+        self._history: list[dict[str, float]] = []
+
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        with self.watch.section("python"):
+            self.problem.residual(x, f)
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
+        with self.watch.section("python"):
+            self.problem.jacobian(x, p)
+
+    def _converged(
+        self, snes: PETSc.SNES, its: int, norms: tuple[float, float, float]
+    ) -> int | None:
+        reasons = PETSc.SNES.ConvergedReason
+        with self.watch.section("python"):
+            sizes = self.problem.norms(snes.getSolution(), snes.getFunction()[0])
+        self._history.append(sizes)
+        worst = max(sizes.values())
+        if not np.isfinite(worst):
+            return int(reasons.DIVERGED_FNORM_NAN)
+        if worst <= 1.0:
+            return int(reasons.CONVERGED_FNORM_ABS)
+        if its >= snes.getTolerances()[3]:
+            return int(reasons.DIVERGED_MAX_IT)
+        return int(reasons.ITERATING)
+
+    def solve(self) -> Outcome:
+        """Solve from the values in `x`, in place; never raises for a lack of convergence."""
+        self._history = []
+        with self.watch.section("petsc"):
+            self.snes.solve(None, self.x)
+        reason = self.snes.getConvergedReason()
+        name = self._names.get(reason, str(reason))
+        return Outcome(reason > 0, self.snes.getIterationNumber(), name, self._history)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; safe to call twice."""
+        for thing in (self.snes, self.x, self._f, self._matrix):
+            thing.destroy()
+
+
+FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "fieldsplit_")
+
+
+def apply_options(prefix: str, options: Options, *objects: PETSc.Object) -> None:
+    """Hand `options` to PETSc objects (SNES, KSP, PC) and leave the options database as it was.
+
+    Raises:
+        InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
+    """
+    strangers = [k for k in options if not k.startswith(FAMILIES)]
+    if strangers:
+        raise InputError(
+            [
+                f"solver option '{k}': PETSc has no such family of options; write it without a "
+                f"dash, beginning with one of {', '.join(FAMILIES)}"
+                for k in strangers
+            ]
+        )
+    database = PETSc.Options()
+    given = {prefix + k: v for k, v in options.items()}
+    # What came from the command line (PETSC_OPTIONS) is the user's last word.
+    mine = [k for k in given if not database.hasName(k)]
+    for key in mine:
+        database.setValue(key, given[key])
+    try:
+        for thing in objects:
+            thing.setFromOptions()
+    except PETSc.Error as error:
+        raise InputError(
+            f"solver options {dict(options)}: PETSc refuses them (error {error.ierr}); "
+            "see its manual for names and values"
+        ) from error
+    finally:
+        # A factorisation reads its mat_ options only when it is first set up.
+        for key in mine:
+            if not key.removeprefix(prefix).startswith("mat_"):
+                database.delValue(key)

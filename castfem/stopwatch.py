@@ -1,0 +1,72 @@
+"""Where the wall time goes: named sections, each charged only for what no inner section takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from time import perf_counter
+
+
+class Stopwatch:
+    """Exclusive wall time of nested sections.
+
+    A section entered inside another stops the clock of the outer one, so the times of all sections
+    add up to the whole.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self.calls: dict[str, int] = {}
+        self._stack: list[str] = []
+        self._since = perf_counter()
+
+    def _charge(self) -> None:
+        now = perf_counter()
+        if self._stack:
+            name = self._stack[-1]
+            self.seconds[name] = self.seconds.get(name, 0.0) + now - self._since
+        self._since = now
+
+    def start(self, name: str) -> None:
+        """Enter section `name`."""
+        self._charge()
+        self._stack.append(name)
+        self.calls[name] = self.calls.get(name, 0) + 1
+
+    def stop(self) -> None:
+        """Leave the section entered last."""
+        self._charge()
+        self._stack.pop()
+
+    @contextmanager
+    def section(self, name: str) -> Iterator[None]:
+        """Charge the block to `name`."""
+        self.start(name)
+        try:
+            yield
+        finally:
+            self.stop()
+
+    def share(self, names: tuple[str, ...], of: tuple[str, ...] | None = None) -> float:
+        """Time of the sections `names` over that of `of` (all when None)."""
+        whole = sum(t for n, t in self.seconds.items() if of is None or n in of)
+        return sum(self.seconds.get(n, 0.0) for n in names) / whole if whole else 0.0
+
+
+def profile_table(watch: Stopwatch) -> str:
+    """Table of the sections, longest first, with their share of the whole."""
+    whole = sum(watch.seconds.values())
+    lines = [f"{'section':<24}{'seconds':>10}{'share':>8}{'calls':>9}"]
+    for name, seconds in sorted(watch.seconds.items(), key=lambda item: -item[1]):
+        share = seconds / whole if whole else 0.0
+        lines.append(f"{name:<24}{seconds:>10.3f}{share:>8.1%}{watch.calls.get(name, 0):>9}")
+    return "\n".join(lines)
+
+
+def peak_memory() -> float:
+    """Largest resident memory this process has had, bytes."""
+    import resource
+    import sys
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return float(peak if sys.platform == "darwin" else 1024 * peak)

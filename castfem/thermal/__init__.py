@@ -1,0 +1,1 @@
+"""The thermal problem: laws of surface cooling, the enthalpy solver, time stepping."""

@@ -1,0 +1,276 @@
+"""One implicit stage of the heat balance, solved for the enthalpy at the vertices by SNES.
+
+With the vertex rule of `forms.heat` the stage reads, for the enthalpies H (J/m3) of the vertices,
+
+    M (H - H_base) + tau [ L theta(H) + w q(T(H)) ] = 0,
+
+M the vertices' areas, L the constant Laplacian of the section, w their shares of the perimeter.  L
+is assembled once; a Newton step only scales its columns by dtheta/dH.  The Jacobian is an M-matrix
+with dominant columns for every step and every freezing range, so the stage is always solvable, and
+Newton's method on H (not on T) has no difficulty with isothermal freezing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from castfem import reductions
+from castfem.compat import assemble_matrix, assemble_owned, without_zeros
+from castfem.forms.heat import conduction, slice_measure, storage
+from castfem.materials.curve import CurvePoint, ThermalCurve
+from castfem.section import Section
+from castfem.snes import Options, Outcome, SnesSolver
+from castfem.stopwatch import Stopwatch
+from castfem.thermal.surface import Cooling
+
+Array = npt.NDArray[np.float64]
+
+# Newton's full step on the enthalpy needs no line search; on one rank PETSc's own LU is the fastest
+# for a plane problem, on several MUMPS.
+DEFAULT_OPTIONS = {
+    "snes_linesearch_type": "basic",
+    "snes_max_it": 100,
+    "ksp_type": "preonly",
+    "pc_type": "lu",
+}
+SERIAL_LU = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
+PARALLEL_LU = {"pc_factor_mat_solver_type": "mumps"}
+
+BALANCE = 1e-7  # of the heat stored in a stage: what Newton's method may leave open of the whole
+SPREAD = 10 * BALANCE  # largest relative correction that closes the heat balance
+ROUNDING = 64 * np.finfo(float).eps
+
+
+@dataclass(slots=True)
+class Stage:
+    """Result of one implicit stage.
+
+    Attributes:
+        enthalpy: H at the owned vertices (owned,), J/m3. rate: dH/dt (owned,), W/m3.
+        point: Temperature and slopes that belong to the solution.
+        out: Heat that leaves through this rank's part of the surface, W/m.
+        outcome: How the solver ended.
+    """
+
+    enthalpy: Array
+    rate: Array
+    point: CurvePoint
+    out: float
+    outcome: Outcome
+
+
+@dataclass(slots=True)
+class _State:
+    """What `ThermalProblem` knows at one enthalpy.
+
+    Attributes:
+        flow: Heat that leaves each vertex (owned,), W/m; slope: its part by the surface, d/dT.
+        out: Heat that leaves this rank's surface, W/m; gross: the same without regard to sign.
+    """
+
+    enthalpy: Array
+    point: CurvePoint
+    flow: Array
+    slope: Array
+    out: float
+    gross: float
+
+
+class ThermalProblem:
+    """Heat balance of the section, one stage at a time.
+
+    Args:
+        section: The distributed section.
+        curve: T(H) and theta(H) of the steel.
+        options: PETSc options that win over the defaults.
+        tolerance: Largest imbalance left at a vertex, as a change of its temperature, K.
+        watch: Charged with the time spent here.
+
+    Attributes:
+        area: Area that belongs to each owned vertex (owned,), m2.
+        iterations: Newton iterations since the start. stages: Stages solved since the start.
+    """
+
+    def __init__(
+        self,
+        section: Section,
+        curve: ThermalCurve,
+        options: Options | None = None,
+        tolerance: float = 1e-7,
+        watch: Stopwatch | None = None,
+    ) -> None:
+        self.section, self.curve, self.tolerance = section, curve, tolerance
+        self.watch = watch if watch is not None else Stopwatch()
+        self._assemble_operators()
+        self._work = self._laplacian.createVecLeft()
+        self._theta = self._laplacian.createVecRight()
+        lu = SERIAL_LU if section.comm.size == 1 else PARALLEL_LU
+        chosen = {**DEFAULT_OPTIONS, **lu, **(options or {})}
+        matrix = self._laplacian.copy()
+        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        self.solver = SnesSolver(self, self._theta, matrix, "thermal_", chosen, self.watch)
+        self.iterations = self.stages = 0
+        self._base, self._tau, self._time = np.zeros_like(self.area), 1.0, 0.0
+        self.set_cooling(Cooling([], []))
+        self._state = self._evaluate(np.zeros_like(self.area))
+
+    def _assemble_operators(self) -> None:
+        """Vertex areas and the constant Laplacian, from the forms."""
+        section, space, mesh = self.section, self.section.vertex_space, self.section.mesh
+        u, v, dx = ufl.TrialFunction(space), ufl.TestFunction(space), slice_measure(mesh)
+        form = section.compile("heat.conduction", conduction(u, v, dx))
+        self._laplacian = without_zeros(assemble_matrix(form))
+        self._laplacian_diagonal = self._laplacian.getDiagonal().getArray().copy()
+        self._stiffness = self._laplacian_diagonal * self.curve.reference_diffusivity
+        one = fem.Constant(mesh, np.float64(1.0))
+        self.area = assemble_owned(
+            section.compile("heat.storage", storage(one, v, dx)), section.owned
+        )
+
+    def set_cooling(self, cooling: Cooling) -> None:
+        """Cool the surface as `cooling` says from now on."""
+        self.cooling = cooling
+        dofs = [patch.dofs for patch, _ in cooling.prescribed]
+        values = [np.full(len(patch.dofs), law.value) for patch, law in cooling.prescribed]
+        self._fixed = np.concatenate(dofs) if dofs else np.zeros(0, np.int64)
+        self._fixed_value = self.curve.enthalpy(np.concatenate(values)) if values else np.zeros(0)
+        first = self._laplacian.getOwnershipRange()[0]
+        self._fixed_rows = (self._fixed + first).astype(np.int32)
+
+    def solve_stage(self, base: Array, guess: Array, tau: float, time: float) -> Stage:
+        """Solve M (H - base) + tau (heat that leaves) = 0.
+
+        What the stage stores and what leaves through the surface agree to rounding.
+
+        Args:
+            base: H_base (owned,), J/m3.
+            guess: Where Newton starts (owned,), J/m3.
+            tau: Coefficient of the stage, s.
+            time: Time of the stage since the meniscus, s.
+
+        Returns:
+            The stage; look at `outcome.converged` first.
+        """
+        self._base, self._tau, self._time = base, tau, time
+        start = guess.copy()
+        start[self._fixed] = self._fixed_value
+        self.solver.x.setArray(start)
+        outcome = self.solver.solve()
+        self.iterations += outcome.iterations
+        self.stages += 1
+        solution = self.solver.x.getArray(readonly=True)
+        if not np.array_equal(solution, self._state.enthalpy):
+            self._state = self._evaluate(solution)
+        return self._close(solution, outcome)
+
+    def _close(self, solution: Array, outcome: Outcome) -> Stage:
+        """Close the heat balance of the whole section over the solved stage, to rounding.
+
+        What Newton's method left open is spread over the vertices in proportion to their change.
+        Near a steady state, where next to nothing changes while much heat flows through, there is
+        nothing to spread it over, and it is left.
+        """
+        state, base, tau = self._state, self._base, self._tau
+        change = solution - base
+        out = state.out
+        if len(self._fixed):
+            # A prescribed temperature removes whatever the balance of its vertices leaves over.
+            reaction = -(self.area * change / tau + state.flow)[self._fixed]
+            out += float(reaction.sum())
+        free = np.abs(change)
+        free[self._fixed] = 0.0
+        open_, size = self.area @ change + tau * out, self.area @ free
+        if self.section.comm.size > 1:
+            open_, size = reductions.totals(self.section.comm, [open_, size])
+        if abs(open_) < SPREAD * size:
+            change -= open_ / size * free
+        return Stage(base + change, np.asarray(change / tau), state.point, out, outcome)
+
+    def _evaluate(self, enthalpy: Array) -> _State:
+        """Temperatures and heat flows at `enthalpy`."""
+        point = self.curve.at(enthalpy)
+        with self.watch.section("petsc"):
+            self._theta.setArray(point.conduction)
+            self._laplacian.mult(self._theta, self._work)
+        flow = self._work.getArray().copy()
+        slope = np.zeros_like(flow)
+        out = gross = 0.0
+        for patch, law in self.cooling.laws:
+            q, dq = law.flux(point.temperature[patch.dofs], self._time)
+            heat = patch.weights * q
+            flow[patch.dofs] += heat
+            slope[patch.dofs] += patch.weights * dq
+            out += float(heat.sum())
+            gross += float(np.abs(heat).sum())
+        return _State(enthalpy.copy(), point, flow, slope, out, gross)
+
+    def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        """Heat balance of each vertex over the stage, J/m (see the module)."""
+        self._state = state = self._evaluate(x.getArray(readonly=True))
+        balance = self.area * (state.enthalpy - self._base) + self._tau * state.flow
+        balance[self._fixed] = 0.0
+        out.setArray(balance)
+
+    def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        """D residual / dH: columns of the Laplacian scaled, two diagonals added."""
+        point, scale = self._state.point, self._theta
+        with self.watch.section("petsc"):
+            self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+            scale.setArray(self._tau * point.conduction_slope)
+            out.diagonalScale(None, scale)
+            scale.setArray(self.area + self._tau * self._state.slope * point.temperature_slope)
+            out.setDiagonal(scale, addv=PETSc.InsertMode.ADD_VALUES)
+            if self.cooling.prescribed:
+                out.zeroRows(self._fixed_rows, diag=1.0)
+
+    def surface_flow(self, point: CurvePoint, rate: Array, time: float) -> Array:
+        """Heat that leaves the strand at each vertex (owned,), W/m; zero inside.
+
+        Where the temperature is prescribed it is what the heat balance leaves over.
+        """
+        flow = np.zeros_like(self.area)
+        for patch, law in self.cooling.laws:
+            flow[patch.dofs] += patch.weights * law.flux(point.temperature[patch.dofs], time)[0]
+        if self.cooling.prescribed:
+            self._theta.setArray(point.conduction)
+            self._laplacian.mult(self._theta, self._work)
+            whole = -(self.area * rate + self._work.getArray(readonly=True))
+            flow[self._fixed] = whole[self._fixed]
+        return flow
+
+    def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
+        """What is left open, over what may be left open.
+
+        "heat" is the largest imbalance of a vertex, as the change of its temperature that would
+        mend it.  "balance" is that of the whole section against the heat it stores in the stage:
+        where conduction is much faster than the step, the first alone would let the mean drift.
+        """
+        state, comm = self._state, self.section.comm
+        residual = f.getArray(readonly=True)
+        scale = self.area + self._tau * self._stiffness
+        worst = reductions.largest(comm, np.abs(residual) / scale)
+        sizes = {"heat": worst / self.curve.reference_capacity / self.tolerance}
+        if sizes["heat"] <= 1.0:
+            # What rounding leaves of sums of this size cannot be mended.
+            rounding = self._tau * (
+                self._laplacian_diagonal @ np.abs(state.point.conduction) + state.gross
+            )
+            stored = float(self.area @ np.abs(state.enthalpy - self._base))
+            sums = [float(residual.sum()), stored, stored + rounding]
+            if comm.size > 1:
+                sums = list(reductions.totals(comm, sums))
+            sizes["balance"] = abs(sums[0]) / (BALANCE * sums[1] + ROUNDING * sums[2] + 1e-300)
+        return sizes
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.solver.destroy()
+        for thing in (self._laplacian, self._work, self._theta):
+            thing.destroy()

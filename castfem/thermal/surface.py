@@ -1,0 +1,83 @@
+"""The strand's surface: which vertices cool by which laws, with which share of the perimeter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from castfem.compat import assemble_owned
+from castfem.forms.heat import surface_heat, surface_measure
+from castfem.section import Section
+from castfem.thermal.laws import PrescribedTemperature, SurfaceLaw
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """The owned surface vertices of some boundary groups.
+
+    Attributes:
+        dofs: Their degrees of freedom (n,). weights: Share of the perimeter of each (n,), m.
+    """
+
+    dofs: npt.NDArray[np.int64]
+    weights: Array
+
+
+class Surface:
+    """Perimeter shares of the boundary groups, assembled once with the vertex rule."""
+
+    def __init__(self, section: Section) -> None:
+        self.section = section
+        self._patches: dict[tuple[int, ...], Patch] = {}
+        self._shares: dict[int, Array] = {}
+
+    def _share(self, tag: int) -> Array:
+        """Share of the perimeter of group `tag` that belongs to each owned vertex (owned,), m."""
+        if not self._shares:
+            section = self.section
+            ds = surface_measure(section.mesh, section.facet_tags)
+            v = ufl.TestFunction(section.vertex_space)
+            one = fem.Constant(section.mesh, np.float64(1.0))
+            for i, name in enumerate(section.groups):
+                if name in section.outer_groups:
+                    form = section.compile(f"heat.surface.{name}", surface_heat(one, v, ds(i)))
+                    self._shares[i] = assemble_owned(form, section.owned)
+        return self._shares[tag]
+
+    def patch(self, tags: list[int]) -> Patch:
+        """Vertices and perimeter shares of the union of the groups with `tags`."""
+        key = tuple(sorted(set(tags)))
+        if key not in self._patches:
+            weights = np.sum([self._share(t) for t in key], axis=0)
+            dofs = np.flatnonzero(weights > 0)
+            self._patches[key] = Patch(dofs, weights[dofs])
+        return self._patches[key]
+
+
+@dataclass(slots=True)
+class Cooling:
+    """What cools the surface in one zone.
+
+    Attributes:
+        laws: Pairs of a patch and the law that holds there; laws on one patch add up (36).
+        prescribed: Pairs of a patch and its given temperature.
+    """
+
+    laws: list[tuple[Patch, SurfaceLaw]]
+    prescribed: list[tuple[Patch, PrescribedTemperature]]
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """Lowest and highest temperature this zone can drive the strand to; +-inf with a flux."""
+        low, high = np.inf, -np.inf
+        for _, law in self.laws:
+            coldest, hottest = law.ambient_range(time)
+            low, high = min(low, coldest), max(high, hottest)
+        for _, given in self.prescribed:
+            low, high = min(low, given.value), max(high, given.value)
+        return low, high

@@ -1,0 +1,151 @@
+"""From the cooling zones of a case to what cools the surface at a time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.case import cooling as given
+from castfem.case.table import Table
+from castfem.errors import InputError
+from castfem.thermal import laws
+from castfem.thermal.sprays import CORRELATIONS
+from castfem.thermal.surface import Cooling, Surface
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.materials import Steel
+
+Array = npt.NDArray[np.float64]
+
+
+class Zones:
+    """The machine seen from the slice: which cooling holds at which time.
+
+    Args:
+        case: Its cooling zones and casting speed.
+        steel: Gives the emissivity where a law has none.
+        surface: Perimeter shares of the section's boundary groups.
+
+    Raises:
+        InputError: If a law names a boundary group the section does not have, or radiation needs an
+            emissivity the steel does not give.
+    """
+
+    def __init__(self, case: Case, steel: Steel, surface: Surface) -> None:
+        self._speed = speed = case.casting.speed
+        self.spans = case.zones()
+        self.starts = [span.start / speed for span in self.spans]
+        self._steel, self._surface = steel, surface
+        self._coolings = [self._make(i) for i in range(len(self.spans))]
+
+    @property
+    def changes(self) -> list[float]:
+        """Instants at which the cooling changes, s: the zone boundaries and the kinks of tables."""
+        times = list(self.starts[1:])
+        for span in self.spans:
+            for _, law in span.laws:
+                for table in (getattr(law, "value", None), getattr(law, "wall", None)):
+                    if isinstance(table, Table) and table.over == "time":
+                        times += [t for t in table.arguments]
+        return times
+
+    def index(self, time: float) -> int:
+        """Zone of a step that begins at `time` (s)."""
+        tiny = 1e-9 * max(time, 1e-3)
+        return max(bisect_right(self.starts, time + tiny) - 1, 0)
+
+    def cooling(self, index: int) -> Cooling:
+        """The cooling of one zone."""
+        return self._coolings[index]
+
+    def ambient_range(self) -> tuple[float, float]:
+        """Lowest and highest temperature the machine can drive the strand to, K."""
+        times = [*self.starts, *self.changes, self.spans[-1].end / self._speed]
+        ranges = [c.ambient_range(t) for c in self._coolings for t in times]
+        return min(low for low, _ in ranges), max(high for _, high in ranges)
+
+    def perimeter_share(self) -> Array:
+        """Share of the cooled perimeter that belongs to each owned vertex (owned,), m."""
+        share = np.zeros(self._surface.section.owned)
+        tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
+        if tags:
+            patch = self._surface.patch(tags)
+            share[patch.dofs] = patch.weights
+        return share
+
+    def _tags(self, names: tuple[str, ...]) -> list[int]:
+        """Tags of the surface groups that `names` stand for."""
+        section = self._surface.section
+        return [t for t in section.matching(names) if section.groups[t] in section.outer_groups]
+
+    def _make(self, index: int) -> Cooling:
+        span = self.spans[index]
+        cooling = Cooling([], [])
+        section = self._surface.section
+        for names, law in span.laws:
+            tags = self._tags(names)
+            if not tags:
+                raise InputError(
+                    f"cooling zone '{span.name}': no boundary group is named {', '.join(names)}; "
+                    f"this section has {', '.join(section.outer_groups)}"
+                )
+            patch = self._surface.patch(tags)
+            made = surface_law(law, self._steel)
+            if isinstance(made, laws.PrescribedTemperature):
+                cooling.prescribed.append((patch, made))
+            else:
+                cooling.laws.append((patch, made))
+        return cooling
+
+
+def _of_temperature(value: float | Table) -> float | Callable[[Array], Array]:
+    """A number, or a vectorised function of the temperatures (n,)."""
+    if isinstance(value, Table):
+        return partial(_interpolate, np.array(value.arguments), np.array(value.values))
+    return value
+
+
+def _interpolate(arguments: Array, values: Array, at: Array) -> Array:
+    return np.interp(at, arguments, values)
+
+
+def surface_law(law: given.HeatLaw, steel: Steel) -> laws.SurfaceLaw | laws.PrescribedTemperature:
+    """The law of the case as arrays in, flux out."""
+    if isinstance(law, given.Contact):
+        # Without a gap its conductivity is of no account.
+        conductivity = law.gap_conductivity if law.gap_conductivity is not None else 1.0
+        return laws.Contact(law.coefficient, law.wall, conductivity, law.gap)
+    if isinstance(law, given.Convection):
+        return laws.Convection(_of_temperature(law.coefficient), law.ambient)
+    if isinstance(law, given.Radiation):
+        if law.emissivity is None and not steel.has("emissivity"):
+            raise InputError(
+                f"radiation: steel {steel.name} has no emissivity; give one, emissivity = 0.8"
+            )
+        strand = steel.emissivity if law.emissivity is None else _of_temperature(law.emissivity)
+        return laws.Radiation(
+            strand,
+            law.ambient,
+            _of_temperature(law.wall_emissivity),
+            law.refractive_index,
+            law.absorption,
+            law.gap,
+        )
+    if isinstance(law, given.Flux):
+        return laws.PrescribedFlux(law.value)
+    if isinstance(law, given.Spray):
+        formula = partial(CORRELATIONS[law.correlation], law.water, law.water_temperature)
+        return laws.Convection(
+            partial(_divided, formula, law.machine_factor), law.water_temperature
+        )
+    return laws.PrescribedTemperature(law.value)
+
+
+def _divided(formula: Callable[[Array], Array], factor: float, at: Array) -> Array:
+    return np.asarray(formula(at) / factor)

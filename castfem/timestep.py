@@ -1,0 +1,130 @@
+"""Choice of the time step: fixed or by error control; milestones hit exactly, cut-back."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from castfem.errors import RunFailure
+
+SAFETY = 0.9
+GROWTH = 2.0
+SHRINK = 0.2
+FAILED = 0.25  # what is left of the step when the solver fails
+_SAME = 1e-12  # of the whole time: two instants closer than this are one
+
+
+def same_instant(one: float, other: float, whole: float) -> bool:
+    """Whether two instants of a run of length `whole` are one but for rounding."""
+    return abs(one - other) <= _SAME * whole
+
+
+@dataclass(frozen=True, slots=True)
+class Adaptive:
+    """Error-controlled stepping.
+
+    Attributes:
+        tolerance: Temperature error allowed in a step, K.
+        first: Step after the meniscus and after each change of cooling, s.
+        smallest: The run stops when a smaller one would be needed, s. largest: Upper limit, s.
+    """
+
+    tolerance: float
+    first: float
+    smallest: float
+    largest: float
+
+
+class StepControl:
+    """Proposes the end of the next step and learns from how it went.
+
+    Args:
+        end: Where the run ends, s.
+        milestones: Instants that must be hit exactly (zone changes, output), s.
+        fixed: Step, s, or None for `adaptive`.
+        adaptive: Error control, or None for `fixed`.
+        order: Power of the step that the error estimate follows.
+    """
+
+    def __init__(
+        self,
+        end: float,
+        milestones: Iterable[float] = (),
+        *,
+        fixed: float | None = None,
+        adaptive: Adaptive | None = None,
+        order: int = 3,
+    ) -> None:
+        if (fixed is None) == (adaptive is None):
+            raise ValueError("give a fixed step or an adaptive one")
+        self.end, self._tiny = end, _SAME * end
+        inner = sorted({m for m in milestones if self._tiny < m < end - self._tiny})
+        self._stops = [
+            m for i, m in enumerate(inner) if i == 0 or m - inner[i - 1] > self._tiny
+        ] + [end]
+        self._fixed, self._adaptive, self._exponent = fixed, adaptive, 1.0 / order
+        self.step = fixed if fixed is not None else adaptive.first  # type: ignore[union-attr]
+        self.smallest = adaptive.smallest if adaptive is not None else 1e-6 * self.step
+        self._clipped = False
+
+    def next_stop(self, time: float) -> float:
+        """The first milestone after `time`, or the end."""
+        return self._stops[min(bisect_right(self._stops, time + self._tiny), len(self._stops) - 1)]
+
+    def propose(self, time: float) -> float:
+        """End of the step to try from `time`, never past the next milestone, s."""
+        stop = self.next_stop(time)
+        left = stop - time
+        self._clipped = left <= self.step * (1 + 1e-9)
+        if self._clipped:
+            return stop
+        if self._adaptive is not None and left < 2 * self.step:
+            return time + 0.5 * left  # two even steps rather than a crumb at the end
+        return time + self.step
+
+    def accepts(self, error: float) -> bool:
+        """Whether a step with this estimated error (K) may be kept."""
+        return self._adaptive is None or error <= self._adaptive.tolerance
+
+    def learn(self, taken: float, error: float) -> None:
+        """Adapt the step to the error of the step `taken` (s), kept or not.
+
+        Raises:
+            RunFailure: If the error asks for less than the smallest step.
+        """
+        control = self._adaptive
+        if control is None:
+            self.step = min(self._fixed or self.step, self.step * GROWTH)
+            return
+        ratio = control.tolerance / max(error, 1e-300)
+        # Growth is damped: vertices that pass the liquidus make the estimate jump from step to
+        # step, and a step that grows on a quiet one is rejected at the next.
+        factor = SAFETY * ratio ** (self._exponent if ratio < 1.0 else 0.5 * self._exponent)
+        factor = min(max(factor, SHRINK), GROWTH)
+        proposed = taken * factor
+        if error <= control.tolerance and self._clipped:
+            proposed = max(
+                proposed, self.step
+            )  # a step cut short by a milestone teaches no smaller one
+        self.step = min(proposed, control.largest)
+        if self.step < control.smallest:
+            raise RunFailure(
+                f"the error control asks for a step below {control.smallest:g} s; allow a "
+                "smaller one (thermal.time.adaptive.smallest) or a larger tolerance"
+            )
+
+    def failed(self, taken: float, reason: str) -> None:
+        """Cut the step back after the solver failed on the step `taken` (s).
+
+        Raises:
+            RunFailure: If the step is already the smallest.
+        """
+        self.step = taken * FAILED
+        if self.step < self.smallest:
+            raise RunFailure(f"the solver fails at the smallest step ({taken:g} s): {reason}")
+
+    def restart(self) -> None:
+        """Forget the step learnt: the cooling has just changed."""
+        if self._adaptive is not None:
+            self.step = min(self.step, self._adaptive.first)

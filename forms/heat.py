@@ -1,0 +1,121 @@
+"""Weak forms of heat conduction with solidification (thesis chapter II).
+
+The heat balance (23) reads dH/dt = div(k grad T) in the slice, with the enthalpy per volume H of
+(24), and k dT/dn = -q on its surface, q being the heat flux that leaves the strand (30)-(36).  With
+the conduction integral theta(T) = int k dT (Kirchhoff) the flux is grad theta exactly.
+
+All integrals of the enthalpy form use the vertex rule: storage becomes one number per vertex, on
+rectangles (any aspect ratio) and on Delaunay triangles conduction becomes an M-matrix, and with
+both the discrete temperature obeys the maximum principle whatever the step: a sudden cooling cannot
+make it oscillate (the numerical thermal shock of VI.3.2).
+"""
+
+from __future__ import annotations
+
+import ufl
+
+VERTEX_RULE = {"quadrature_rule": "vertex", "quadrature_degree": 1}
+
+
+def slice_measure(mesh: ufl.Mesh) -> ufl.Measure:
+    """Area measure of the slice with the vertex rule."""
+    return ufl.Measure("dx", domain=mesh, metadata=VERTEX_RULE)
+
+
+def surface_measure(mesh: ufl.Mesh, facet_tags: object) -> ufl.Measure:
+    """Perimeter measure with the vertex rule, split by the tags of the boundary groups."""
+    return ufl.Measure("ds", domain=mesh, subdomain_data=facet_tags, metadata=VERTEX_RULE)
+
+
+def storage(amount: ufl.core.expr.Expr, v: ufl.Argument, dx: ufl.Measure) -> ufl.Form:
+    """Int amount v dx: what is stored per volume, tested (left of (23))."""
+    return amount * v * dx
+
+
+def conduction(
+    theta: ufl.core.expr.Expr,
+    v: ufl.Argument,
+    dx: ufl.Measure,
+    gradient: ufl.core.expr.Expr | None = None,
+) -> ufl.Form:
+    """Int grad theta . grad v dx: conduction (right of (23)) by the conduction integral theta, W/m.
+
+    Args:
+        theta: Conduction integral, W/m (or the trial function of the constant operator).
+        v: Test function.
+        dx: Area measure of the undeformed slice.
+        gradient: In-plane deformation gradient (2, 2) when the slice has moved: the integral is
+            then that over the deformed section, pulled back.
+    """
+    if gradient is None:
+        return ufl.inner(ufl.grad(theta), ufl.grad(v)) * dx
+    pull = ufl.inv(gradient)
+    return ufl.det(gradient) * ufl.inner(pull.T * ufl.grad(theta), pull.T * ufl.grad(v)) * dx
+
+
+def surface_heat(flux: ufl.core.expr.Expr, v: ufl.Argument, ds: ufl.Measure) -> ufl.Form:
+    """Int q v ds: heat flux q (W/m2) that leaves the strand through the surface (30)-(36)."""
+    return flux * v * ds
+
+
+def residual_enthalpy(
+    enthalpy: ufl.core.expr.Expr,
+    enthalpy_base: ufl.core.expr.Expr,
+    theta: ufl.core.expr.Expr,
+    flux: ufl.core.expr.Expr,
+    step: ufl.core.expr.Expr,
+    v: ufl.Argument,
+    dx: ufl.Measure,
+    ds: ufl.Measure,
+) -> ufl.Form:
+    """Enthalpy form (23) of one implicit stage: H - H_base = step div grad theta, with the flux q.
+
+    H, theta and q are functions of one nodal unknown; differencing H over the step (never c times
+    dT) is what makes the heat exact for any step.
+    """
+    return storage(enthalpy - enthalpy_base, v, dx) + step * (
+        conduction(theta, v, dx) + surface_heat(flux, v, ds)
+    )
+
+
+def residual_effective_heat(
+    temperature: ufl.core.expr.Expr,
+    temperature_old: ufl.core.expr.Expr,
+    capacity: ufl.core.expr.Expr,
+    theta: ufl.core.expr.Expr,
+    flux: ufl.core.expr.Expr,
+    step: ufl.core.expr.Expr,
+    v: ufl.Argument,
+    dx: ufl.Measure,
+    ds: ufl.Measure,
+) -> ufl.Form:
+    """Effective specific heat form (26)-(28): rho c_eff (T - T_old); loses heat at large steps.
+
+    `capacity` is rho c_eff (J/m3K) at the new temperature: a step that jumps over the freezing
+    range never sees the latent heat.  Kept for comparison.
+    """
+    return storage(capacity * (temperature - temperature_old), v, dx) + step * (
+        conduction(theta, v, dx) + surface_heat(flux, v, ds)
+    )
+
+
+def residual_source(
+    temperature: ufl.core.expr.Expr,
+    temperature_old: ufl.core.expr.Expr,
+    capacity: ufl.core.expr.Expr,
+    latent_released: ufl.core.expr.Expr,
+    theta: ufl.core.expr.Expr,
+    flux: ufl.core.expr.Expr,
+    step: ufl.core.expr.Expr,
+    v: ufl.Argument,
+    dx: ufl.Measure,
+    ds: ufl.Measure,
+) -> ufl.Form:
+    """Source form (29): rho c (T - T_old) = latent heat released over the step + conduction.
+
+    `latent_released` (J/m3) is rho L (fs - fs_old) as known from the iterate before.  Kept for
+    comparison.
+    """
+    return storage(capacity * (temperature - temperature_old) - latent_released, v, dx) + step * (
+        conduction(theta, v, dx) + surface_heat(flux, v, ds)
+    )

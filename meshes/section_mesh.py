@@ -1,0 +1,113 @@
+"""The mesh of a cross-section as plain arrays: what every builder returns and the engine takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.meshes import quality as _quality
+from castfem.meshes.quality import Quality
+
+# Local number of the node in the middle of each side, sides in the order of `edges_of`.
+_MIDDLES = {"quadrilateral": (4, 6, 7, 5), "triangle": (5, 3, 4)}
+
+_INNER = ("symmetry_", "side_", "core_end")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SectionMesh:
+    """Mesh of a section, or of the half or quarter of it that symmetry leaves to be modelled.
+
+    x runs along the width, y along the thickness, the origin is the centre of the section.
+
+    Attributes:
+        points: Nodes (n, 2), m.
+        cells: Nodes of each cell (m, k) in DOLFINx order: triangles as gmsh at first order,
+            quadrilaterals in tensor order; then the nodes of the sides and of the inside.
+        cell: "triangle" or "quadrilateral".
+        order: 1 or 2; at second order the nodes of curved sides lie on the true arc.
+        facets: Vertices (f, 2) of the boundary facets, the section on their left.
+        facet_group: Index (f,) into `groups` for each facet.
+        groups: Names of the boundary groups.
+        probes: Inward lines from the surface, name -> (start (2,), end (2,)), m.
+        multiplicity: How many times the modelled part makes up the whole section.
+        exact_area: Area of the modelled part of the true section, arcs included, m2.
+    """
+
+    points: np.ndarray
+    cells: np.ndarray
+    cell: str
+    order: int
+    facets: np.ndarray
+    facet_group: np.ndarray
+    groups: tuple[str, ...]
+    probes: dict[str, tuple[np.ndarray, np.ndarray]]
+    multiplicity: int
+    exact_area: float
+
+    @property
+    def outer_groups(self) -> tuple[str, ...]:
+        """Groups that are true surface: neither lines of symmetry nor the far ends of a strip."""
+        return tuple(name for name in self.groups if not name.startswith(_INNER))
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Vertices of the cells, (m, 3) or (m, 4)."""
+        return self.cells[:, : _quality.vertex_count(self.cell)]
+
+    def quality(self) -> Quality:
+        """Counts, sizes, Jacobians, angles, growth and area; see `Quality`."""
+        return _quality.measure(self.points, self.cells, self.cell, self.exact_area)
+
+    def outline(self) -> list[tuple[str, np.ndarray]]:
+        """Boundary as polylines for drawing.
+
+        Returns:
+            For each run of facets in one group its name and its points (k, 2) in order, the
+            section on the left; at second order the nodes in the middle of the sides are included.
+        """
+        _, boundary, sides = _quality.pair_up(self.vertices, self.cell)
+        n = _quality.vertex_count(self.cell)
+        middle = {}
+        if self.order == 2:
+            local = np.array(_MIDDLES[self.cell])[boundary % n]
+            nodes = self.cells[boundary // n, local]
+            middle = {
+                tuple(s): int(m) for s, m in zip(sides[boundary].tolist(), nodes, strict=True)
+            }
+        follows = {a: i for i, (a, _) in enumerate(self.facets.tolist())}
+        left = set(range(len(self.facets)))
+        runs: list[tuple[str, np.ndarray]] = []
+        while left:
+            loop = _loop(self.facets, follows, self.facet_group, min(left))
+            left.difference_update(loop)
+            runs += self._runs(loop, middle)
+        return runs
+
+    def _runs(
+        self, loop: list[int], middle: dict[tuple[int, int], int]
+    ) -> list[tuple[str, np.ndarray]]:
+        """Cut one closed loop of facet numbers where the group changes."""
+        runs: list[tuple[str, list[int]]] = []
+        for i in loop:
+            a, b = (int(v) for v in self.facets[i])
+            name = self.groups[self.facet_group[i]]
+            nodes = [middle[a, b], b] if middle else [b]
+            if runs and runs[-1][0] == name:
+                runs[-1][1].extend(nodes)
+            else:
+                runs.append((name, [a, *nodes]))
+        return [(name, self.points[nodes]) for name, nodes in runs]
+
+
+def _loop(facets: np.ndarray, follows: dict[int, int], group: np.ndarray, first: int) -> list[int]:
+    """Facet numbers of the closed loop through `first`, started where its group begins."""
+    loop, i = [first], follows[int(facets[first, 1])]
+    while i != first:
+        loop.append(i)
+        i = follows[int(facets[i, 1])]
+    for shift in range(len(loop)):
+        if group[loop[shift]] != group[loop[shift - 1]]:
+            return loop[shift:] + loop[:shift]
+    return loop

@@ -1,0 +1,230 @@
+"""Loading: `extends`, overrides, the resolved case, the hash of the physics."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from castfem.case import Adaptive, Contact, from_document, load_case
+from castfem.errors import InputError
+
+
+def test_values_are_si(write):
+    case = load_case(write())
+    assert case.casting.speed == 0.06
+    assert case.casting.duration == pytest.approx(10.0)
+    assert case.section.corner_radius == 0.005
+    law = case.cooling[0].surface[0]
+    assert isinstance(law, Contact)
+    assert (law.coefficient, law.wall, law.gap) == (1600.0, 433.15, 0.0)
+    assert case.thermal.time.adaptive == Adaptive.model_validate({})
+
+
+def test_zones_are_cut_at_the_followed_length(write, sound):
+    spans = load_case(write()).zones()
+    assert [(s.name, s.start, s.end) for s in spans] == [("mould", 0.0, 0.6)]
+    spans = load_case(write(), ["casting.length=20 m"]).zones()
+    assert [(s.name, s.start, s.end) for s in spans] == [("mould", 0.0, 0.6), ("air", 0.6, 20.0)]
+    assert spans[1].laws[0][0] == ("wide_face", "narrow_face", "corner")
+
+
+def test_sharp_corners_have_no_corner_group(write, sound):
+    case = load_case(write(sound.replace('corner_radius = "5 mm"\n', "")))
+    assert case.zones()[0].laws[0][0] == ("wide_face", "narrow_face")
+
+
+def test_a_strip_is_cooled_at_its_surface(write, sound):
+    text = sound.replace('shape = "rectangle"', 'shape = "strip"\nlength = "50 mm"').replace(
+        'width = "125 mm"\nheight = "125 mm"\ncorner_radius = "5 mm"', 'width = "1 mm"'
+    )
+    assert load_case(write(text)).zones()[0].laws[0][0] == ("surface",)
+
+
+def test_extends_merges_tables_and_replaces_arrays(write, sound):
+    write(sound, "base/base.toml")
+    write('extends = "base.toml"\n[casting]\nspeed = "1 m/min"\n', "base/middle.toml")
+    path = write(
+        'extends = "base/middle.toml"\ntitle = "top"\n[[cooling]]\nname = "all"\n', "top.toml"
+    )
+    case = load_case(path)
+    assert case.title == "top"
+    assert case.casting.speed == pytest.approx(1 / 60)
+    assert case.casting.length == 0.6
+    assert [zone.name for zone in case.cooling] == ["all"]
+    assert case.zones()[0].laws == ()
+
+
+def test_later_of_two_exclusive_keys_wins(write, sound):
+    write(sound + '[thermal.time.adaptive]\ntolerance = "1 K"\n', "base.toml")
+    path = write(
+        'extends = "base.toml"\n[casting]\ntemperature = "1550 degC"\n'
+        '[thermal.time]\nstep = "50 ms"\n'
+    )
+    case = load_case(path)
+    assert (case.casting.superheat, case.casting.temperature) == (None, 1823.15)
+    assert (case.thermal.time.step, case.thermal.time.adaptive) == (0.05, None)
+    again = load_case(path, ["casting.superheat=10 K"])
+    assert (again.casting.superheat, again.casting.temperature) == (10.0, None)
+
+
+def test_another_shape_replaces_the_section(write, sound):
+    write(sound, "base.toml")
+    path = write('extends = "base.toml"\n[section]\nshape = "round"\ndiameter = "200 mm"\n')
+    assert load_case(path).section.diameter == 0.2
+
+
+def test_problems_name_the_file_of_the_chain(write, sound):
+    base = write(sound.replace('"5 mm"', '"5 kg"'), "base.toml")
+    top = write('extends = "base.toml"\n[casting]\nsped = "1 m/s"\n', "top.toml")
+    with pytest.raises(InputError) as caught:
+        load_case(top, ["mesh.order=7"])
+    assert [line.partition(": ")[0] for line in sorted(caught.value.problems)] == [
+        "--set",
+        str(base),
+        str(top),
+    ]
+
+
+def test_extends_in_a_circle(write):
+    write('extends = "b.toml"\n', "a.toml")
+    path = write('extends = "a.toml"\n', "b.toml")
+    with pytest.raises(InputError, match=r"goes in a circle: b\.toml -> a\.toml -> b\.toml"):
+        load_case(path)
+
+
+def test_extended_file_not_found(write, sound):
+    write(sound, "base.toml")
+    path = write('extends = "bsae.toml"\n')
+    with pytest.raises(InputError) as caught:
+        load_case(path)
+    assert f'{path}: extends ("bsae.toml"): file not found' in str(caught.value)
+    assert "did you mean base.toml?" in str(caught.value)
+
+
+def test_syntax_error_in_the_extended_file(write):
+    base = write("[casting\n", "base.toml")
+    with pytest.raises(InputError, match="line 1"):
+        load_case(write('extends = "base.toml"\n'))
+    with pytest.raises(InputError) as caught:
+        load_case(write('extends = "base.toml"\n'))
+    assert str(caught.value).startswith(str(base))
+
+
+@pytest.mark.parametrize(
+    ("assignment", "attribute", "value"),
+    [
+        ("casting.length=20 m", lambda c: c.casting.length, 20.0),
+        ('casting.length="20 m"', lambda c: c.casting.length, 20.0),
+        ("mesh.order=2", lambda c: c.mesh.order, 2),
+        ("output.figures=false", lambda c: c.output.figures, False),
+        ('output.fields=["temperature"]', lambda c: c.output.fields, ("temperature",)),
+        ("output.fields=[]", lambda c: c.output.fields, ()),
+        ("cooling.0.surface.0.wall=200 degC", lambda c: c.cooling[0].surface[0].wall, 473.15),
+        ("cooling.mould.surface.0.wall=200 degC", lambda c: c.cooling[0].surface[0].wall, 473.15),
+        ("thermal.solver.snes_rtol=1e-9", lambda c: c.thermal.solver, {"snes_rtol": 1e-9}),
+        ("steel.composition.C=0.2", lambda c: c.steel.composition, {"C": 0.2}),
+        ("thermal.time.step=50 ms", lambda c: c.thermal.time.step, 0.05),
+    ],
+)
+def test_override(write, assignment, attribute, value):
+    assert attribute(load_case(write(), [assignment])) == value
+
+
+@pytest.mark.parametrize(
+    ("assignment", "said"),
+    [
+        ("casting.length", "write it as key=value"),
+        ("casting.lenght=1 m", "casting.lenght: unknown key"),
+        ("casting.speed.x=1", "casting.speed is a single value"),
+        ("cooling.7.to=1 m", "'7' is no entry of cooling; give an index from 0 to 1"),
+        ("cooling.moult.to=1 m", "did you mean mould?"),
+        ("casting.length=3", "needs its unit"),
+    ],
+)
+def test_bad_override(write, assignment, said):
+    with pytest.raises(InputError) as caught:
+        load_case(write(), [assignment])
+    assert all(line.startswith("--set: ") for line in caught.value.problems)
+    assert said in str(caught.value)
+
+
+def test_resolved_case_reads_back_equal(write, sound, tmp_path):
+    text = sound + (
+        '[cooling.surface.emissivity]\ntemperature = ["20 degC", "333 K"]\nvalue = [0.1, 0.3]\n'
+        '[[reference]]\nquantity = "shell"\nvalue = "4.75 mm"\nsource = "x"\n'
+        '[thermal]\nsolver = { snes_rtol = 1e-9, ksp_type = "preonly" }\n'
+    )
+    case = load_case(write(text), ["casting.length=1.7 m", "casting.speed=1.1 m/min"])
+    resolved = case.resolved_toml()
+    again = load_case(write(resolved, "elsewhere/case.toml"))
+    assert again == case
+    assert again.resolved_toml() == resolved
+    assert "extends" not in tomllib.loads(resolved)
+
+
+def test_resolved_case_finds_its_steel_file(write, sound):
+    path = write(sound.replace('"carbon_042"', '"../steels/mine.toml"'), "cases/case.toml")
+    case = load_case(path)
+    assert case.steel.name == str(path.parent.parent / "steels" / "mine.toml")
+    assert load_case(write(case.resolved_toml(), "out/case.toml")) == case
+
+
+def test_hash_follows_the_physics_alone(write, sound, tmp_path):
+    case = load_case(write())
+    same = case.with_(
+        {"title": "x", "output.every": "1 s", "output.fields": [], "casting.length": "2 m"}
+    )
+    assert same.physics_hash() == case.physics_hash()
+    for key, value in {
+        "casting.speed": "3.5 m/min",
+        "mesh.surface_size": "0.4 mm",
+        "cooling.mould.surface.0.wall": "150 degC",
+        "steel.composition": {"C": 0.2},
+        "thermal.time.step": "50 ms",
+        "section.symmetry": "half",
+    }.items():
+        assert case.with_({key: value}).physics_hash() != case.physics_hash(), key
+
+
+def test_hash_follows_the_content_of_the_steel_file(write, sound):
+    steel = write("a = 1\n", "steel.toml")
+    case = load_case(write(sound.replace('"carbon_042"', '"./steel.toml"')))
+    before = case.physics_hash()
+    assert case.physics_hash() == before
+    steel.write_text("a = 2\n")
+    assert case.physics_hash() != before
+
+
+def test_with_changes_a_copy(write):
+    case = load_case(write())
+    changed = case.with_({"casting.speed": "1.2 m/min"}, title="slow")
+    assert (changed.casting.speed, changed.title) == (0.02, "slow")
+    assert case.casting.speed == 0.06
+    with pytest.raises(InputError, match=r"with_: casting\.speed: .* a speed is needed"):
+        case.with_({"casting.speed": "1.2 m"})
+
+
+def test_from_document(write, sound):
+    assert from_document(tomllib.loads(sound)) == load_case(write())
+    with pytest.raises(InputError, match=r"table \[casting\] is missing"):
+        from_document({"title": "x"})
+
+
+def test_references_hold_where_the_run_ends(write, sound):
+    text = sound + '[[reference]]\nquantity = "q"\nvalue = "1 mm"\nsource = "s"\nat = "600 mm"\n'
+    path = write(text)
+    assert [r.si for r in load_case(path).expected()] == [0.001]
+    assert load_case(path, ["casting.length=1 m"]).expected() == ()
+
+
+def test_cases_are_loaded_without_heavy_modules(write):
+    """Neither DOLFINx nor MPI nor gmsh nor plotting comes along."""
+    code = (
+        "import sys; from castfem.case import load_case; load_case(sys.argv[1]); "
+        "bad = {'dolfinx', 'gmsh', 'mpi4py', 'petsc4py', 'ufl', 'matplotlib', 'scipy', 'pandas', "
+        "'typer', 'rich'} & set(sys.modules); assert not bad, bad"
+    )
+    subprocess.run([sys.executable, "-c", code, str(write())], check=True)

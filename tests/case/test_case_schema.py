@@ -1,0 +1,107 @@
+"""The JSON schema and the reference page agree with the models and with the shipped cases."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from castfem.case import load_case
+from castfem.case.reference import markdown_page
+from castfem.case.schema import case_schema
+from castfem.cli.catalogue import shipped
+from castfem.cli.starter import starter
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((ROOT / "cases").glob("*/*.toml"))
+
+
+def _references(node):
+    if isinstance(node, dict):
+        if "$ref" in node:
+            yield node["$ref"]
+        for inner in node.values():
+            yield from _references(inner)
+    elif isinstance(node, list):
+        for inner in node:
+            yield from _references(inner)
+
+
+def test_references_lead_somewhere():
+    schema = case_schema()
+    found = set(_references(schema))
+    assert found
+    assert all(ref.removeprefix("#/$defs/") in schema["$defs"] for ref in found)
+
+
+def test_schema_knows_the_keys_and_their_units():
+    schema = case_schema()
+    assert set(schema["properties"]) >= {"extends", "title", "casting", "section", "cooling"}
+    speed = schema["$defs"]["Casting"]["properties"]["speed"]
+    assert speed["type"] == "string"
+    assert speed["examples"] == ["3.6 m/min"]
+    assert "null" not in str(schema)
+
+
+def test_schema_is_valid():
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.Draft202012Validator.check_schema(case_schema())
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_schema_accepts_the_shipped_cases(path):
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.validate(tomllib.loads(path.read_text()), case_schema())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"titel": "x"},
+        {"casting": {"speed": 3.6}},
+        {"casting": {"sped": "3.6 m/min"}},
+        {"mesh": {"cell": "triangel"}},
+        {"section": {"shape": "square"}},
+        {"cooling": [{"name": "x", "surface": [{"law": "contact"}]}]},
+        {"cooling": []},
+        {"output": {"fields": ["temprature"]}},
+    ],
+)
+def test_schema_refuses(change):
+    jsonschema = pytest.importorskip("jsonschema")
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({"extends": "base.toml", **change}, case_schema())
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_shipped_cases_are_sound_and_survive_resolving(path, tmp_path):
+    case = load_case(path)
+    copy = tmp_path / "case.toml"
+    copy.write_text(case.resolved_toml())
+    assert load_case(copy) == case
+
+
+def test_one_key_makes_the_billet_a_whole_caster():
+    case = load_case(shipped()["billet125/idealised"], ["casting.length=20 m"])
+    spans = case.zones()
+    assert [span.name for span in spans] == ["mould", "foot spray", "spray 1", "spray 2", "air"]
+    assert spans[-1].end == 20.0
+    assert [r.si for r in load_case(shipped()["billet125/idealised"]).expected()] == [
+        0.00475,
+        0.0099,
+        1515.15,
+        1328.15,
+        142700.0,
+    ]
+
+
+def test_starter_is_a_sound_case_with_every_key_known(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(starter("mine.toml", "mine"))
+    assert load_case(path).title == "mine"
+
+
+def test_reference_page_is_up_to_date():
+    page = (ROOT / "docs" / "case_files.md").read_text(encoding="utf-8")
+    assert page == markdown_page(), "write it anew: castfem schema --markdown > docs/case_files.md"

@@ -1,0 +1,164 @@
+"""Quantities: values, dimensions, temperatures against differences, and the way back to text."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+
+from castfem import quantities, units
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("3.6 m/min", "m/s", 0.06),
+        ("125 mm", "m", 0.125),
+        ("0.3 mm", "m", 0.0003),
+        ("4.92 inch", "m", 0.124968),
+        ("160 degC", "K", 433.15),
+        ("1242 °C", "K", 1515.15),
+        ("433 K", "K", 433.0),
+        ("32 degF", "K", 273.15),
+        ("1600 W/(m^2 K)", "W/(m^2 K)", 1600.0),
+        ("1.6 kW/m2/K", "W/(m^2 K)", 1600.0),
+        ("1600 W·m⁻²·K⁻¹", "W/(m^2 K)", 1600.0),
+        ("0.15 W/(m degC)", "W/(m K)", 0.15),
+        ("2 MW/m^2", "W/m^2", 2e6),
+        ("270 kJ/kg", "J/kg", 270e3),
+        ("7.4 g/cm^3", "kg/m^3", 7400.0),
+        ("13.5e-6/K", "1/K", 13.5e-6),
+        ("1 percent/m", "1/m", 0.01),
+        ("-3 %/m", "1/m", -0.03),
+        ("45 deg", "rad", math.pi / 4),
+        ("50 ms", "s", 0.05),
+        (".5s", "s", 0.5),
+        (0.8, "1", 0.8),
+        ("80 %", "1", 0.8),
+        ("0.8", "1", 0.8),
+        (3, "1", 3.0),
+    ],
+)
+def test_value(text, unit, value):
+    assert units.parse(text, unit) == pytest.approx(value, rel=1e-15)
+
+
+def test_decimal_texts_give_the_nearest_float():
+    for millimetres in range(1, 2000):
+        assert units.parse(f"{millimetres / 10} mm", "m") == float(f"{millimetres}e-4")
+
+
+def test_difference_of_temperatures_is_written_in_kelvin():
+    assert units.parse("40 K", "K", difference=True) == 40.0
+    with pytest.raises(ValueError, match="written in kelvin"):
+        units.parse("40 degC", "K", difference=True)
+    with pytest.raises(ValueError, match="is a difference"):
+        units.parse("40 delta_degC", "K")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "said"),
+    [
+        (160, "K", 'needs its unit, such as "160 degC"'),
+        ("3.6", "m/s", "needs its unit"),
+        ("3.6 m", "m/s", "'m' is the unit of a length, a speed is needed"),
+        ("3.6 m/mn", "m/s", "did you mean m/min?"),
+        ("160 degc", "K", "did you mean degC?"),
+        ("1600 W/m2K", "W/(m^2 K)", r"did you mean W/\(m\^2 K\)\?"),
+        ("1600 W/m^2 K", "W/(m^2 K)", "in brackets"),
+        ("3,6 m/min", "m/s", "decimal point"),
+        ("five mm", "m", "does not begin with a number"),
+        ("nan mm", "m", "does not begin with a number"),
+        (math.nan, "1", "finite"),
+        (math.inf, "1", "finite"),
+        ("1e400 m", "m", "too large"),
+        ("1e999 m", "m", "too large"),
+        (True, "1", "is needed"),
+        (None, "m", "a length is needed"),
+        ([1], "m", "a length is needed"),
+        ("-300 degC", "K", "absolute zero"),
+        ("5 m^", "m", "not known"),
+        ("5 ((m", "m", "not known"),
+        ("5 m", "1", "number without unit is needed"),
+        ("5 " + "m" * 100, "m", "too long"),
+    ],
+)
+def test_refused(text, unit, said):
+    with pytest.raises(ValueError, match=said):
+        units.parse(text, unit)
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_read_or_refused(text):
+    """Nothing but ValueError comes out of a text, whatever it is."""
+    for candidate in (text, f"3 {text}"):
+        try:
+            assert math.isfinite(units.parse(candidate, "m"))
+        except ValueError as error:
+            assert str(error)
+
+
+_SHOWN = [
+    ("m", "mm", False),
+    ("K", "degC", False),
+    ("K", "degF", False),
+    ("K", "K", True),
+    ("m/s", "m/min", False),
+    ("W/m^2", "MW/m^2", False),
+    ("1/m", "percent/m", False),
+    ("s", "ms", False),
+]
+
+
+@pytest.mark.parametrize(("unit", "shown", "difference"), _SHOWN)
+@given(value=st.floats(min_value=0.0, max_value=1e12))
+def test_format_reads_back_to_the_same_float(unit, shown, difference, value):
+    text = units.format(value, unit, shown, difference=difference)
+    assert units.parse(text, unit, difference=difference) == value
+
+
+def test_format_prefers_the_users_unit():
+    assert units.format(433.15, "K", "degC") == "160 degC"
+    assert units.format(0.06, "m/s", "m/min") == "3.6 m/min"
+    assert units.format(0.8, "1") == "0.8"
+
+
+def test_parse_any_tells_the_si_unit():
+    assert units.parse_any("4.75 mm") == (0.00475, "m")
+    assert units.parse_any("1242 degC") == (1515.15, "K")
+    assert units.parse_any("142.7 kJ") == (142700.0, "J")
+    assert units.parse_any("99 percent") == (0.99, "1")
+    assert units.parse_any(3) == (3.0, "1")
+    value, unit = units.parse_any("3 N s/m^2")
+    assert units.parse("3 Pa s", unit) == value
+
+
+def test_convert_is_the_inverse_of_parse():
+    assert units.convert(433.15, "K", "degC") == pytest.approx(160.0, abs=1e-12)
+    assert units.convert(0.06, "m/s", "m/min") == pytest.approx(3.6, rel=1e-15)
+    assert units.convert(0.5, "1", "percent") == 50.0
+
+
+def test_types_check_bounds_and_write_themselves_back():
+    length = TypeAdapter(quantities.Length)
+    assert length.validate_python("125 mm") == 0.125
+    assert length.dump_python(0.125, mode="json") == "125 mm"
+    assert length.dump_python(0.125) == 0.125
+    with pytest.raises(ValidationError, match="must be above 0 m"):
+        length.validate_python("-1 mm")
+    with pytest.raises(ValueError, match="must not be above 1"):
+        quantities.Kind("1", most=1.0).read("120 percent")
+    with pytest.raises(ValidationError, match="must be above 0"):
+        TypeAdapter(quantities.Conductivity).validate_python("-30 W/(m K)")
+
+
+def test_water_is_given_as_volume_or_mass():
+    water = TypeAdapter(quantities.WaterFlow)
+    assert water.validate_python("5 L/(m^2 s)") == 5.0
+    assert water.validate_python("300 kg/(m^2 min)") == 5.0
+    assert water.dump_python(5.0, mode="json") == "5 L/(m^2 s)"
+    with pytest.raises(ValidationError, match="water flow per area"):
+        water.validate_python("5 L/min")

@@ -1,0 +1,78 @@
+"""The command line in this process, and an engine that writes down what it is asked."""
+
+from __future__ import annotations
+
+import sys
+import types
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from castfem.cli import execute
+
+SOUND = (Path(__file__).parents[2] / "cases" / "billet125" / "base.toml").read_text()
+
+
+@dataclass
+class Outcome:
+    """Exit status and what was printed."""
+
+    status: int
+    out: str
+    err: str
+
+
+@pytest.fixture
+def castfem(capsys, monkeypatch, tmp_path):
+    """Run the command line in an empty folder; not as a rank of whatever started the tests."""
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def _run(*words: str) -> Outcome:
+        capsys.readouterr()
+        status = execute([str(word) for word in words])
+        printed = capsys.readouterr()
+        return Outcome(status, printed.out, printed.err)
+
+    return _run
+
+
+@pytest.fixture
+def case_file(tmp_path):
+    path = tmp_path / "mine" / "billet.toml"
+    path.parent.mkdir()
+    path.write_text(SOUND)
+    return path
+
+
+@pytest.fixture
+def engine(monkeypatch):
+    """Stand in for march and show; `engine.calls` holds the calls, `engine.raises` an error."""
+    stand_in = types.SimpleNamespace(calls=[], raises=None)
+
+    def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):
+        stand_in.calls.append(
+            types.SimpleNamespace(
+                case=case,
+                folder=folder,
+                comm=comm,
+                resume=resume,
+                profile=profile,
+                progress=progress,
+            )
+        )
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "case.toml").write_text(case.resolved_toml())
+        if stand_in.raises is not None:
+            raise stand_in.raises
+
+    def show(folder, console, *, figures=True):
+        console.print(f"table of {folder}, figures {figures}")
+
+    for name, function in (("march", run), ("output.show", show)):
+        module = types.ModuleType(f"castfem.{name}")
+        setattr(module, function.__name__, function)
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+    return stand_in

@@ -1,0 +1,210 @@
+"""The commands that do not run: check, cases, init, schema, show, mesh, material, and mistakes."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import castfem as package
+from castfem.case import load_case
+from castfem.case.reference import markdown_page
+
+
+def test_version(castfem):
+    outcome = castfem("--version")
+    assert (outcome.status, outcome.out) == (0, f"castfem {package.__version__}\n")
+
+
+def test_check_of_a_shipped_case(castfem):
+    outcome = castfem("check", "billet125/idealised", "--set", "casting.length=20 m")
+    assert outcome.status == 0
+    assert "carbon_042: solidus 1452 degC, liquidus 1502.5 degC" in outcome.out
+    assert "20 m at 3.6 m/min" in outcome.out
+    assert re.search(r"mesh of \d{3,4} cells", outcome.out)
+    assert "foot spray: spray, radiation" in outcome.out
+    assert castfem("check", "billet125/idealised", "-q").out == ""
+
+
+def test_check_tells_all_problems_the_steels_too(castfem, case_file):
+    case_file.write_text(case_file.read_text().replace("carbon_042", "carbon_42") + "colour = 1\n")
+    outcome = castfem("check", case_file, "--set", "casting.speed=3 m")
+    assert outcome.status == 1
+    assert outcome.out == ""
+    lines = outcome.err.splitlines()
+    assert lines[0] == "castfem: 3 problems"
+    assert any("did you mean carbon_042?" in line for line in lines)
+    assert any(line.startswith("  --set: casting.speed") for line in lines)
+    assert any("output.colour: unknown key (1)" in line for line in lines)
+
+
+def test_path_with_and_without_suffix(castfem, case_file):
+    assert castfem("check", case_file).status == 0
+    assert castfem("check", case_file.with_suffix("")).status == 0
+
+
+def test_unknown_case_names_the_nearest(castfem):
+    outcome = castfem("check", "billet125/idealized")
+    assert outcome.status == 1
+    assert "did you mean billet125/idealised?" in outcome.err
+
+
+def test_cases_lists_what_can_be_run(castfem):
+    outcome = castfem("cases")
+    assert outcome.status == 0
+    assert re.search(r"billet125/idealised +125 mm billet, idealised mould", outcome.out)
+    assert "base" not in outcome.out
+
+
+def test_init_writes_a_case_that_is_sound(castfem):
+    outcome = castfem("init", "bloom_small")
+    assert outcome.status == 0
+    assert "castfem run bloom_small.toml" in outcome.out
+    assert castfem("check", "bloom_small").status == 0
+    again = castfem("init", "bloom_small")
+    assert again.status == 1
+    assert "exists already" in again.err
+
+
+def test_init_into_a_missing_folder(castfem):
+    outcome = castfem("init", "nowhere/x")
+    assert outcome.status == 1
+    assert "cannot be written" in outcome.err
+
+
+def test_schema(castfem):
+    assert json.loads(castfem("schema").out)["title"] == "castfem case"
+    assert castfem("schema", "--markdown").out == markdown_page()
+
+
+def test_show_needs_a_folder(castfem):
+    outcome = castfem("show", "nowhere")
+    assert outcome.status == 1
+    assert "nowhere: no such folder" in outcome.err
+
+
+def test_composition_of_material(castfem):
+    outcome = castfem("material", "carbon_042", "-c", "C:0.2")
+    assert outcome.status == 1
+    assert "C=0.42" in outcome.err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("chek", "x"),
+        ("check",),
+        ("check", "x", "--colour"),
+        ("run", "billet125/idealised", "--resume", "--overwrite"),
+    ],
+)
+def test_usage_errors_end_with_one(castfem, words):
+    outcome = castfem(*words)
+    assert outcome.status == 1
+    assert outcome.err
+
+
+def test_help_tells_the_commands(castfem):
+    outcome = castfem("--help")
+    assert outcome.status == 0
+    for name in ("run", "check", "cases", "init", "show", "mesh", "material", "schema"):
+        assert name in outcome.out
+
+
+def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):
+    from castfem.cli import catalogue
+
+    def broken():
+        raise ZeroDivisionError("oh")
+
+    monkeypatch.setattr(catalogue, "shipped", broken)
+    outcome = castfem("cases")
+    assert outcome.status == 2
+    assert "unexpected ZeroDivisionError: oh" in outcome.err
+    assert "please report it" in outcome.err
+    assert "Traceback" not in outcome.err
+
+
+def test_missing_dolfinx_names_the_mend(castfem, monkeypatch, case_file):
+    monkeypatch.setitem(sys.modules, "castfem.march", None)
+    monkeypatch.setitem(sys.modules, "dolfinx", None)
+    from castfem.cli import report
+
+    try:
+        import dolfinx  # noqa: F401
+    except ImportError as error:
+        assert report(error) == 2
+
+
+def test_as_a_process(tmp_path):
+    """The same statuses and streams through the real entry."""
+    command = [sys.executable, "-m", "castfem.cli"]
+    good = subprocess.run(
+        [*command, "check", "billet125/idealised"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (good.returncode, good.stderr) == (0, "")
+    bad = subprocess.run(
+        [*command, "check", "no/such"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert (bad.returncode, bad.stdout) == (1, "")
+    assert bad.stderr.startswith("castfem: no/such: no such case file")
+
+
+def test_light_commands_load_no_heavy_modules(tmp_path):
+    code = (
+        "import sys; from castfem.cli import execute; "
+        "assert execute(['check', 'billet125/idealised', '-q']) == 0; "
+        "bad = {'dolfinx', 'gmsh', 'mpi4py', 'petsc4py', 'ufl', 'matplotlib'} & set(sys.modules); "
+        "assert not bad, bad"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path)
+
+
+def test_mesh_prints_and_draws(castfem, case_file):
+    outcome = castfem("mesh", case_file, "-o", "m.png", "--set", "mesh.surface_size=2 mm")
+    assert outcome.status == 0, outcome.err
+    assert "of shape quadrilateral, order 1" in outcome.out
+    assert "wide_face" in outcome.out
+    assert Path("m.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_mesh_that_cannot_be_built(castfem, case_file):
+    for command in ("mesh", "check"):
+        wrong = castfem(command, case_file, "--set", "mesh.surface_depth=300 mm")
+        assert wrong.status == 1
+        assert "mesh: surface_depth = 300 mm is larger than core_depth" in wrong.err
+
+
+@pytest.mark.parametrize("picture", ["m.xyz", "m", "nowhere/m.png"])
+def test_picture_that_cannot_be_written(castfem, case_file, picture):
+    outcome = castfem("mesh", case_file, "-o", picture)
+    assert outcome.status == 1
+    assert outcome.err.startswith(f"castfem: {picture}: ")
+
+
+def test_material_describes_and_plots(castfem):
+    outcome = castfem("material", "plain_carbon", "-c", "C=0.1", "-o", "steel.png")
+    assert outcome.status == 0, outcome.err
+    assert "0.1 %C" in outcome.out
+    assert Path("steel.png").stat().st_size > 10_000
+
+
+def test_mesh_parameters_are_si(case_file):
+    assert load_case(case_file).mesh_parameters() == {
+        "shape": "rectangle",
+        "width": 0.125,
+        "height": 0.125,
+        "corner_radius": 0.005,
+        "symmetry": "quarter",
+        "cell": "quadrilateral",
+        "order": 1,
+        "surface_size": 0.0005,
+        "corner_size": 0.0005,
+        "face_size": 0.005,
+        "core_size": 0.008,
+        "surface_depth": 0.0,
+    }

@@ -1,0 +1,88 @@
+"""Under mpirun: one voice, one exit status, and no rank left behind."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(shutil.which("mpirun") is None, reason="no mpirun")
+
+ENGINE = """
+import sys, types
+from castfem.errors import InputError, RunFailure
+def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):
+    {body}
+module = types.ModuleType("castfem.march")
+module.run = run
+sys.modules["castfem.march"] = module
+shown = types.ModuleType("castfem.output.show")
+shown.show = lambda folder, console, figures: console.print("the table")
+sys.modules["castfem.output.show"] = shown
+from castfem.cli import main
+main(sys.argv[1:])
+"""
+
+
+def _mpirun(tmp_path: Path, body: str, *words: str, ranks: int = 2):
+    script = tmp_path / "castfem_script.py"
+    script.write_text(ENGINE.format(body=body))
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_"))}
+    clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    command = ["mpirun", "--oversubscribe", "-n", str(ranks), sys.executable, str(script), *words]
+    begun = time.monotonic()
+    done = subprocess.run(
+        command, cwd=tmp_path, env=clean, capture_output=True, text=True, timeout=60
+    )
+    return done, time.monotonic() - begun
+
+
+RUN = ("run", "billet125/idealised", "-o", "out")
+
+
+def test_one_voice(tmp_path):
+    body = "print('rank', comm.rank, progress is not None); return None"
+    done, _ = _mpirun(tmp_path, body, *RUN)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("the table") == 1
+    assert "rank 0 True" in done.stdout
+    assert "rank 1 False" in done.stdout
+
+
+def test_input_error_is_told_once(tmp_path):
+    done, _ = _mpirun(tmp_path, "return ''", *RUN, "--set", "casting.speed=3")
+    assert done.returncode == 1
+    assert done.stderr.count("casting.speed: a speed needs its unit") == 1
+
+
+def test_usage_error_is_told_once(tmp_path):
+    done, _ = _mpirun(tmp_path, "return ''", "run", "--colour")
+    assert done.returncode == 1
+    assert done.stderr.count("No such option") == 1
+
+
+def test_failure_on_all_ranks_is_told_once(tmp_path):
+    done, took = _mpirun(tmp_path, "raise RunFailure('step too small')", *RUN)
+    assert done.returncode == 2
+    assert done.stderr.count("castfem: step too small") == 1
+    assert took < 9.0
+
+
+def test_rank_that_fails_alone_ends_all(tmp_path):
+    """The other rank waits for ever in a collective call; nobody hangs, the status is right."""
+    body = "comm.rank == 0 and comm.Barrier(); raise RunFailure('lost the mesh')"
+    done, took = _mpirun(tmp_path, body, *RUN)
+    assert done.returncode == 2
+    assert "castfem: on rank 1: lost the mesh" in done.stderr
+    assert took < 30.0
+
+
+def test_check_runs_on_one_rank(tmp_path):
+    done, _ = _mpirun(tmp_path, "return ''", "check", "billet125/idealised")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("billet125/idealised: sound") == 1

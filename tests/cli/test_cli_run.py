@@ -1,0 +1,121 @@
+"""`castfem run` with an engine that only writes down what it is asked."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from castfem.errors import InputError, RunFailure
+
+
+def test_run_hands_over_the_case(castfem, engine, case_file):
+    outcome = castfem("run", case_file, "--set", "casting.speed=3 m/min", "-o", "out", "--profile")
+    assert outcome.status == 0, outcome.err
+    (call,) = engine.calls
+    assert call.case.casting.speed == pytest.approx(0.05)
+    assert (call.folder, call.comm, call.resume, call.profile) == (Path("out"), None, False, True)
+    assert call.progress is not None
+    assert outcome.out == "table of out, figures True\nresults in out\n"
+
+
+def test_figures_are_left_out_if_the_case_says_so(castfem, engine, case_file):
+    outcome = castfem("run", case_file, "-o", "out", "--set", "output.figures=false")
+    assert "table of out, figures False" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("name", "folder"),
+    [
+        ("billet125/idealised", "results/billet125/idealised"),
+        ("mine/billet.toml", "results/mine/billet"),
+        ("mine/billet", "results/mine/billet"),
+        ("here.toml", "results/here"),
+    ],
+)
+def test_default_folder(castfem, engine, case_file, name, folder):
+    Path("here.toml").write_text(case_file.read_text())
+    assert castfem("run", name).status == 0
+    assert engine.calls[0].folder == Path(folder)
+
+
+def test_quiet_prints_nothing(castfem, engine, case_file):
+    outcome = castfem("run", case_file, "-q")
+    assert (outcome.status, outcome.out, outcome.err) == (0, "", "")
+
+
+def test_bad_case_never_reaches_the_engine(castfem, engine, case_file):
+    outcome = castfem("run", case_file, "--set", "casting.speed=3", "--set", "steel.name=nosuch")
+    assert outcome.status == 1
+    assert engine.calls == []
+    assert outcome.err.startswith("castfem: 2 problems\n")
+
+
+def test_same_physics_may_run_again(castfem, engine, case_file):
+    assert castfem("run", case_file, "-o", "out").status == 0
+    words = ("run", case_file, "-o", "out", "--set", "output.every=1 s")
+    assert castfem(*words).status == 0
+    assert len(engine.calls) == 2
+
+
+def test_other_physics_is_refused(castfem, engine, case_file):
+    assert castfem("run", case_file, "-o", "out").status == 0
+    other = ("run", case_file, "-o", "out", "--set", "casting.speed=3 m/min")
+    outcome = castfem(*other)
+    assert outcome.status == 1
+    assert "casting.speed: 3.6 m/min there, 3 m/min here" in outcome.err
+    assert "--overwrite" in outcome.err
+    assert castfem(*other, "--overwrite").status == 0
+
+
+def test_resume(castfem, engine, case_file):
+    missing = castfem("run", case_file, "-o", "out", "--resume")
+    assert missing.status == 1
+    assert "no run to resume" in missing.err
+    assert castfem("run", case_file, "-o", "out").status == 0
+    further = castfem("run", case_file, "-o", "out", "--resume", "--set", "casting.length=2 m")
+    assert further.status == 0, further.err
+    assert engine.calls[-1].resume
+    other = castfem("run", case_file, "-o", "out", "--resume", "--set", "mesh.order=2")
+    assert other.status == 1
+    assert "mesh.order: 1 there, 2 here" in other.err
+
+
+def test_a_file_in_the_way(castfem, engine, case_file):
+    Path("out").write_text("mine")
+    outcome = castfem("run", case_file, "-o", "out")
+    assert outcome.status == 1
+    assert "is a file" in outcome.err
+
+
+def test_case_of_another_version(castfem, engine, case_file):
+    Path("out").mkdir()
+    Path("out/case.toml").write_text("title = 1\n")
+    outcome = castfem("run", case_file, "-o", "out")
+    assert outcome.status == 1
+    assert "not a case of this version" in outcome.err
+    assert Path("out/case.toml").read_text() == "title = 1\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "status", "said"),
+    [
+        (InputError("mesh: inverted"), 1, "castfem: mesh: inverted\n"),
+        (RunFailure("t = 1 s: step too small"), 2, "castfem: t = 1 s: step too small\n"),
+        (ZeroDivisionError("oh"), 2, "unexpected ZeroDivisionError: oh"),
+        (KeyboardInterrupt(), 130, "--resume"),
+    ],
+)
+def test_exit_status(castfem, engine, case_file, error, status, said):
+    engine.raises = error
+    outcome = castfem("run", case_file)
+    assert outcome.status == status
+    assert said in outcome.err
+    assert "Traceback" not in outcome.err
+
+
+def test_verbose_shows_the_traceback_of_a_fault(castfem, engine, case_file):
+    engine.raises = ZeroDivisionError("oh")
+    assert "Traceback" in castfem("run", case_file, "-v").err
+    engine.raises = RunFailure("step too small")
+    assert "Traceback" not in castfem("run", case_file, "-v").err

@@ -1,0 +1,170 @@
+"""Progress and log: lines when piped, a bar on a terminal, silence when quiet, nothing per step."""
+
+from __future__ import annotations
+
+import io
+import logging
+import time
+
+import pytest
+
+from castfem import log
+from castfem import progress as module
+from castfem.progress import Progress
+
+
+@pytest.fixture(autouse=True)
+def _clean():
+    yield
+    log.close()
+    log.logger.setLevel(logging.INFO)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that the test moves."""
+
+    class Clock:
+        now = 100.0
+
+    monkeypatch.setattr(module.time, "perf_counter", lambda: Clock.now)
+    return Clock
+
+
+def _march(progress: Progress, clock, steps: int, seconds: float) -> None:
+    progress.start(0.6)
+    for step in range(1, steps + 1):
+        clock.now += seconds / steps
+        progress.update(0.6 * step / steps, 10.0 * step / steps, 3, 10.0 / steps, "mould")
+    progress.stop()
+
+
+def test_plain_lines_every_five_percent(capsys, clock):
+    log.setup()
+    _march(Progress(terminal=False), clock, 1000, 100.0)
+    lines = capsys.readouterr().err.splitlines()
+    assert 20 <= len(lines) <= 21
+    assert lines[0].startswith("  5 %  0.030 of 0.600 m  t = 0.500 s  step 10 ms")
+    assert "Newton 3.0 a step" in lines[0]
+    assert "elapsed 0:05  left 1:35  mould" in lines[0]
+    assert lines[-1].startswith("100 %  0.600 of 0.600 m")
+
+
+def test_short_run_says_little(capsys, clock):
+    log.setup()
+    _march(Progress(terminal=False), clock, 1000, 2.5)
+    assert len(capsys.readouterr().err.splitlines()) <= 4
+
+
+def test_slow_run_speaks_every_ten_seconds(capsys, clock):
+    log.setup()
+    _march(Progress(terminal=False), clock, 100_000, 10_000.0)
+    assert 900 < len(capsys.readouterr().err.splitlines()) < 1100
+
+
+def test_resumed_run_estimates_from_where_it_began(capsys, clock):
+    log.setup()
+    progress = Progress(terminal=False)
+    progress.start(0.6, position=0.3)
+    clock.now += 10.0
+    progress.update(0.4, 6.0, 2, 0.05)
+    assert "left 0:20" in capsys.readouterr().err
+
+
+def test_quiet(capsys, clock, tmp_path):
+    log.setup(-1)
+    log.to_file(tmp_path / "run.log")
+    _march(Progress(-1, terminal=False), clock, 100, 100.0)
+    log.logger.warning("mind the gap")
+    log.close()
+    assert capsys.readouterr().err == "castfem: warning: mind the gap\n"
+    assert "100 %" in (tmp_path / "run.log").read_text()
+
+
+def test_bar_on_a_terminal(monkeypatch, clock, tmp_path):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    screen = Terminal()
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    log.setup()
+    log.to_file(tmp_path / "run.log")
+    _march(Progress(), clock, 50, 10.0)
+    log.close()
+    shown = screen.getvalue()
+    assert "0.300 of 0.600 m" in shown
+    assert "Newton 3, step 200 ms" in shown
+    assert "elapsed" not in shown
+    assert "elapsed" in (tmp_path / "run.log").read_text()
+
+
+def test_a_step_costs_nothing():
+    """Less than 20 us a step on whatever machine; typically below 1 us."""
+    log.setup(-1)
+    progress = Progress(-1)
+    progress.start(1.0)
+    steps = 20_000
+    begun = time.perf_counter()
+    for step in range(steps):
+        progress.update(step / steps, 1.0, 3, 0.05)
+    assert (time.perf_counter() - begun) / steps < 20e-6
+
+
+def test_update_without_start_and_two_stops():
+    progress = Progress(terminal=False)
+    progress.update(0.1, 1.0, 1, 0.1)
+    progress.stop()
+    progress.start(1.0)
+    progress.stop()
+    progress.stop()
+
+
+def test_log_leaves_the_root_logger_alone(capsys):
+    before = list(logging.getLogger().handlers), logging.getLogger().level
+    log.setup(1)
+    logging.getLogger("castfem.thermal").debug("a step")
+    logging.getLogger("other").info("unheard")
+    assert (list(logging.getLogger().handlers), logging.getLogger().level) == before
+    assert capsys.readouterr().err == "a step\n"
+
+
+def test_level_follows_verbosity(capsys):
+    for verbosity, expected in ((-1, ""), (0, "stage\n"), (1, "stage\nstep\n")):
+        log.setup(verbosity)
+        log.logger.info("stage")
+        log.logger.debug("step")
+        assert capsys.readouterr().err == expected
+
+
+def test_other_ranks_are_silent(capsys, tmp_path):
+    log.setup(1, rank=1)
+    log.to_file(tmp_path / "run.log")
+    log.logger.error("on rank 1")
+    assert capsys.readouterr().err == ""
+    assert not (tmp_path / "run.log").exists()
+
+
+def test_next_run_has_a_file_of_its_own(tmp_path):
+    """A script runs many cases in one process, without `setup`."""
+    for name in ("a.log", "b.log"):
+        log.to_file(tmp_path / name)
+        log.logger.info("in %s", name)
+    log.close()
+    assert (tmp_path / "a.log").read_text().endswith("in a.log\n")
+    assert (tmp_path / "b.log").read_text().endswith("in b.log\n")
+    assert len((tmp_path / "a.log").read_text().splitlines()) == 1
+
+
+def test_file_is_continued(tmp_path):
+    path = tmp_path / "run.log"
+    for words in ("first", "second"):
+        log.setup(-1)
+        log.to_file(path, append=words == "second")
+        log.logger.info(words)
+        log.close()
+    lines = path.read_text().splitlines()
+    assert [line.rpartition(" ")[2] for line in lines] == ["first", "second"]
+    assert lines[0][:2] == "20"

@@ -1,0 +1,51 @@
+"""Shared by all tests: what several ranks need, and a place for scenes made without files."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+sys.path.insert(0, str(Path(__file__).parent))
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# The same examples every time, and no clock: a slow machine is no failure.
+settings.register_profile("castfem", deadline=None, derandomize=True, database=None)
+settings.register_profile("search", deadline=None, max_examples=3000, database=None)
+settings.load_profile("castfem")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Let rank 0 alone report."""
+    from mpi4py import MPI
+
+    if MPI.COMM_WORLD.size > 1 and MPI.COMM_WORLD.rank > 0:
+        reporter = config.pluginmanager.getplugin("terminalreporter")
+        if reporter is not None:
+            reporter._tw._file = open(os.devnull, "w")  # noqa: SIM115
+
+
+@pytest.fixture(autouse=True)
+def collect_together() -> Iterator[None]:
+    """Free PETSc objects on all ranks at the same moment: their destructors are collective."""
+    yield
+    if "mpi4py.MPI" in sys.modules:
+        from mpi4py import MPI
+
+        if MPI.COMM_WORLD.size > 1:
+            gc.collect()
+            MPI.COMM_WORLD.Barrier()
+
+
+@pytest.fixture
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A temporary folder that is the same on all ranks."""
+    from mpi4py import MPI
+
+    folder = str(tmp_path_factory.mktemp("shared")) if MPI.COMM_WORLD.rank == 0 else None
+    return Path(MPI.COMM_WORLD.bcast(folder))

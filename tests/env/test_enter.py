@@ -1,0 +1,77 @@
+"""The wrapper hands everything through: status, streams, signals, folder, variables, arguments."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """An environment's folder with a blank in its name, of the kind that uses the host's Python."""
+    folder = tmp_path / "with blank" / ".castfem"
+    (folder / "venv/bin").mkdir(parents=True)
+    tool = folder / "venv/bin/tool"
+    tool.write_text("#!/bin/sh\necho own tool\n")
+    tool.chmod(0o755)
+    (folder / "env.conf").write_text(f"kind=host\npython={sys.executable}\nuserland=''\n")
+    return folder
+
+
+def enter(home: Path, *command: str, **options: object) -> subprocess.CompletedProcess[str]:
+    line = [str(ROOT / "tools/enter.sh"), str(home), *command]
+    return subprocess.run(line, capture_output=True, text=True, **options)  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize("status", [0, 1, 2, 77])
+def test_exit_status(home: Path, status: int) -> None:
+    assert enter(home, "sh", "-c", f"exit {status}").returncode == status
+
+
+def test_streams_arguments_and_folder(home: Path, tmp_path: Path) -> None:
+    script = 'cat; pwd; printf "<%s>" "$@"; echo oops >&2'
+    done = enter(home, "sh", "-c", script, "sh", "a b", "*", "", input="typed\n", cwd=tmp_path)
+    assert done.stdout == f"typed\n{tmp_path}\n<a b><*><>"
+    assert done.stderr == "oops\n"
+
+
+def test_own_programs_come_first(home: Path) -> None:
+    assert enter(home, "tool").stdout == "own tool\n"
+
+
+def test_defaults_give_way_to_the_user(home: Path) -> None:
+    bare = {key: value for key, value in os.environ.items() if key != "OMP_NUM_THREADS"}
+    show = ("sh", "-c", "echo $OMP_NUM_THREADS $PETSC_OPTIONS")
+    assert enter(home, *show, env=bare | {"PETSC_OPTIONS": "-log"}).stdout == "1 -log\n"
+    assert enter(home, *show, env=bare | {"OMP_NUM_THREADS": "3"}).stdout.startswith("3")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_reaches_the_program(home: Path, number: signal.Signals) -> None:
+    script = f'trap "exit 9" {number.name[3:]}; echo up; while :; do sleep 0.02; done'
+    line = [str(ROOT / "tools/enter.sh"), str(home), "sh", "-c", script]
+    with subprocess.Popen(line, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None and process.stdout.readline() == "up\n"
+        process.send_signal(number)
+        assert process.wait(timeout=10) == 9
+
+
+def test_missing_environment_names_the_mend(tmp_path: Path) -> None:
+    done = enter(tmp_path, "true")
+    assert done.returncode == 125
+    assert "make env" in done.stderr.splitlines()[-1]
+
+
+def test_missing_userland_names_the_mend(home: Path, tmp_path: Path) -> None:
+    gone = tmp_path / "gone"
+    (home / "env.conf").write_text(f"kind=userland\npython=/usr/bin/python3\nuserland={gone}\n")
+    done = enter(home, "true")
+    assert done.returncode == 125
+    assert "make env" in done.stderr

@@ -1,0 +1,87 @@
+"""The environment's lists name the same things, and no file of the environment names a host."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPTS = sorted((ROOT / "tools").glob("*.sh"))
+FILES = [
+    *SCRIPTS,
+    *(ROOT / name for name in ("tools/packages.txt", "tools/probe.py", "Makefile", "Dockerfile")),
+    *(ROOT / name for name in ("environment.yml", ".ci/run")),
+]
+
+# conda-forge's names where they are not Debian's without "python3-"; None: part of another package.
+CONDA = {
+    "python3-dolfinx-real": "fenics-dolfinx",
+    "python3-petsc4py-real": "petsc4py",
+    "python3-gmsh": "python-gmsh",
+    "openmpi-bin": "openmpi",
+    "g++": "cxx-compiler",
+    "python3-h5py-mpi": "h5py",
+    "python3-venv": None,
+    "xvfb": None,
+    "xauth": None,
+}
+ONLY_CONDA = {"python", "petsc"}  # Debian's petsc4py-real brings both
+
+
+def debian_names() -> list[str]:
+    lines = (ROOT / "tools/packages.txt").read_text().splitlines()
+    return [name for line in lines if (name := line.split("#")[0].strip())]
+
+
+def conda_names() -> list[str]:
+    text = (ROOT / "environment.yml").read_text().split("dependencies:")[1]
+    return re.findall(r"^  - ([\w-]+)", text, re.MULTILINE)
+
+
+def test_conda_and_debian_name_the_same_things() -> None:
+    translated = {CONDA.get(name, name.removeprefix("python3-")) for name in debian_names()} - {
+        None
+    }
+    assert translated == set(conda_names()) - ONLY_CONDA
+
+
+def test_no_name_stands_twice() -> None:
+    for names in (debian_names(), conda_names()):
+        assert len(names) == len(set(names))
+
+
+def test_list_covers_the_projects_requirements() -> None:
+    tomllib = pytest.importorskip("tomllib")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    names = {re.match(r"[\w-]+", item)[0] for item in wanted}  # type: ignore[index]
+    listed = {name.removeprefix("python3-") for name in debian_names()}
+    assert names - listed == {"numpy", "ruff"}  # numpy comes with scipy, ruff from PyPI
+
+
+def test_dockerfile_and_userland_read_the_list() -> None:
+    assert "tools/packages.txt" in (ROOT / "Dockerfile").read_text()
+    printed = subprocess.run([ROOT / "tools/env.sh", "packages"], capture_output=True, text=True)
+    assert printed.stdout.split() == debian_names()
+
+
+def test_ruff_is_pinned() -> None:
+    assert re.search(r'"ruff==\d+\.\d+\.\d+"', (ROOT / "pyproject.toml").read_text())
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_no_host_is_named(path: Path) -> None:
+    assert not re.search(r"://|\b[\w-]+\.(org|com|net|io)\b", path.read_text())
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.name)
+def test_script_parses(path: Path) -> None:
+    assert subprocess.run(["bash", "-n", path]).returncode == 0
+
+
+def test_ci_runs_the_readmes_test_command() -> None:
+    assert (ROOT / ".ci/run").read_text().rstrip().endswith("exec make test")
+    assert (ROOT / ".ci/run").stat().st_mode & 0o111

@@ -1,0 +1,354 @@
+"""Material files: the shipped sets, changes for a case, and what is told when one is wrong."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from castfem.errors import InputError
+from castfem.materials import available_steels, load_steel
+from castfem.materials.library import FOLDER
+from castfem.materials.schema import KINDS
+
+SOUND = """
+description = "a steel"
+[composition]
+C = 0.2
+[solidus]
+value = "1460 degC"
+[liquidus]
+value = "1510 degC"
+[latent_heat]
+value = "270 kJ/kg"
+[density]
+value = "7200 kg/m^3"
+[specific_heat]
+temperature = [20, 1000, 1500]
+temperature_unit = "degC"
+value = [500, 650, 750]
+unit = "J/(kg K)"
+[conductivity]
+temperature = ["20 degC", "1500 degC"]
+value = ["50 W/(m K)", "30 W/(m K)"]
+"""
+
+
+def problems(*arguments, **named) -> tuple[str, ...]:
+    with pytest.raises(InputError) as caught:
+        load_steel(*arguments, **named)
+    assert all("\n" not in line for line in caught.value.problems)
+    return caught.value.problems
+
+
+def only(*arguments, **named) -> str:
+    found = problems(*arguments, **named)
+    assert len(found) == 1, found
+    return found[0]
+
+
+@pytest.fixture
+def write(tmp_path):
+    def written(text: str) -> tuple[str, Path]:
+        (tmp_path / "own.toml").write_text(text)
+        return "own.toml", tmp_path
+
+    return written
+
+
+def changed(old: str, new: str) -> str:
+    assert old in SOUND
+    return SOUND.replace(old, new)
+
+
+# -- shipped sets --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.toml")), ids=lambda p: p.stem)
+def test_every_shipped_number_has_source_and_status(path):
+    data = tomllib.loads(path.read_text("utf-8"))
+    assert data["description"]
+    for key in KINDS:
+        if key in data:
+            assert data[key]["source"], key
+            assert data[key]["status"] in ("F", "M", "C"), key
+
+
+@pytest.mark.parametrize("name", sorted(available_steels()))
+def test_every_shipped_set_loads_and_makes_a_curve(name):
+    composition = {"C": 0.2, "Mn": 0.8} if name.startswith("plain") else None
+    steel = load_steel(name, composition=composition)
+    assert steel.solidus <= steel.liquidus
+    curve = steel.thermal_curve(200.0, 2300.0)
+    assert curve.knots[0] == 200.0 and curve.knots[-1] == 2300.0
+
+
+def test_carbon_042():
+    steel = load_steel("carbon_042")
+    assert (steel.solidus, steel.liquidus) == (1725.15, 1775.65)
+    assert steel.latent_heat == 270e3
+    for name, value in {"density": 7400, "specific_heat": 700, "conductivity": 30}.items():
+        assert float(getattr(steel, name)(1500.0)) == value
+    assert float(steel.thermal_expansion(1300.0)) == pytest.approx(13.5e-6, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "values"),
+    [
+        ("alloy_similarity", (1723.15, 1773.15), (7200, 700, 30)),
+        ("neumann_steel", (1767.55, 1767.55), (7500, 661, 33)),
+        ("weiner_boley", (1767.5, 1767.6), (7500, 661, 33)),
+        ("weiner_boley_5k", (1765.05, 1770.05), (7500, 661, 33)),
+    ],
+)
+def test_verification_sets(name, limits, values):
+    steel = load_steel(name)
+    assert (steel.solidus, steel.liquidus) == limits
+    assert steel.latent_heat == 272e3
+    got = tuple(
+        float(law(1500.0)) for law in (steel.density, steel.specific_heat, steel.conductivity)
+    )
+    assert got == values
+
+
+def test_plain_carbon_takes_alloying_elements():
+    plain = load_steel("plain_carbon", composition={"C": 0.2})
+    steel = load_steel("plain_carbon", composition={"C": 0.2, "Si": 0.3, "Mn": 1.0})
+    assert plain.liquidus - steel.liquidus == pytest.approx(0.3 * 7.5 + 4.9)
+    assert steel.composition == {"C": 0.2, "Si": 0.3, "Mn": 1.0}
+
+
+def test_plain_carbon_linear_has_the_limits_of_the_diagram():
+    lever = load_steel("plain_carbon", composition={"C": 0.15, "Mn": 0.8})
+    steel = load_steel("plain_carbon_linear", composition={"C": 0.15, "Mn": 0.8})
+    assert (steel.solidus, steel.liquidus) == (lever.solidus, lever.liquidus)
+    middle = 0.5 * (steel.solidus + steel.liquidus)
+    assert float(steel.solid_fraction(middle)) == pytest.approx(0.5)
+    assert steel.latent_heat == 272e3
+
+
+def test_regressions_for_solidus_and_liquidus():
+    limits = {"solidus": {"formula": "regression"}, "liquidus": {"formula": "regression"}}
+    steel = load_steel("plain_carbon_linear", composition={"C": 0.1, "S": 0.01}, overrides=limits)
+    assert steel.liquidus - 273.15 == pytest.approx(1536 - 7.8 - 0.38)
+    assert steel.solidus - 273.15 == pytest.approx(1536 - 20 - 11)
+
+
+# -- own files and overrides ---------------------------------------------------------------
+
+
+def test_own_file_with_tables(write):
+    steel = load_steel(*write(SOUND))
+    assert steel.name == "own"
+    assert float(steel.specific_heat(1250 + 273.15)) == pytest.approx(700.0)
+    assert float(steel.conductivity(2000.0)) == 30.0
+    assert steel.origins["density"].status == "U"
+
+
+def test_own_file_with_a_csv(write, tmp_path):
+    (tmp_path / "k.csv").write_text("temperature [degC], value [W/(m K)]\n20, 50\n1520, 20\n")
+    text = SOUND[: SOUND.index("[conductivity]")] + '[conductivity]\nfile = "k.csv"\n'
+    steel = load_steel(*write(text))
+    assert float(steel.conductivity(770 + 273.15)) == pytest.approx(35.0)
+
+
+def test_solid_fraction_table_brings_solidus_and_liquidus(write):
+    table = '[solid_fraction]\ntemperature = ["1440 degC", "1500 degC"]\nvalue = [1, 0]\n'
+    start, end = SOUND.index("[solidus]"), SOUND.index("[latent_heat]")
+    steel = load_steel(*write(SOUND[:start] + SOUND[end:] + table))
+    assert (steel.solidus - 273.15, steel.liquidus - 273.15) == pytest.approx((1440, 1500))
+
+
+def test_expansion_tables(write):
+    columns = 'temperature = ["20 degC", "1400 degC"]\nvalue = ["12e-6 1/K", "18e-6 1/K"]\n'
+    mean = f'[thermal_expansion]\ncoefficient = "mean"\norigin = "20 degC"\n{columns}'
+    steel = load_steel(*write(SOUND + mean))
+    assert float(steel.thermal_strain(293.15)) == pytest.approx(1 / (1 + 18e-6 * 1440) - 1)
+    slope = f'[thermal_expansion]\ncoefficient = "differential"\n{columns}'
+    steel = load_steel(*write(SOUND + slope))
+    assert float(steel.thermal_strain(293.15)) == pytest.approx(-15e-6 * 1380 - 18e-6 * 60)
+    assert "origin: is missing" in only(*write(SOUND + f"[thermal_expansion]\n{columns}"))
+
+
+def test_override_of_a_value_and_of_a_parameter():
+    steel = load_steel("carbon_042", overrides={"conductivity": "33 W/(m K)"})
+    assert float(steel.conductivity(1500.0)) == 33.0
+    assert steel.origins["conductivity"].source == "set in the case"
+    stirred = {"conductivity": {"parameters": {"liquid_factor": 4.0}}}
+    steel = load_steel("plain_carbon", composition={"C": 0.1}, overrides=stirred)
+    assert float(steel.conductivity(1900.0)) == 156.0
+    renamed = {"conductivity": {"source": "ours", "status": "U"}}
+    steel = load_steel("plain_carbon", composition={"C": 0.1}, overrides=renamed)
+    origin = steel.origins["conductivity"]
+    assert (origin.law, origin.source) == ("formula harste_conductivity", "ours")
+
+
+def test_override_of_the_freezing_range():
+    limits = {"solidus": "1494.395 degC", "liquidus": "1494.405 degC"}
+    steel = load_steel("weiner_boley", overrides=limits)
+    assert steel.liquidus - steel.solidus == pytest.approx(0.01, abs=1e-9)
+
+
+def test_override_that_replaces_what_excludes_it():
+    fraction = {"temperature": ["1440 degC", "1500 degC"], "value": [1, 0]}
+    steel = load_steel("carbon_042", overrides={"solid_fraction": fraction})
+    assert steel.solidus - 273.15 == pytest.approx(1440)
+    changes = {"latent_heat": "260 kJ/kg"}
+    steel = load_steel("plain_carbon", composition={"C": 0.2}, overrides=changes)
+    assert steel.latent_heat == 260e3 and not steel.has("enthalpy")
+
+
+def test_overrides_are_left_as_they_were():
+    changes = {"conductivity": {"parameters": {"liquid_factor": 4.0}}}
+    load_steel("plain_carbon", composition={"C": 0.1}, overrides=changes)
+    assert changes == {"conductivity": {"parameters": {"liquid_factor": 4.0}}}
+
+
+# -- what goes wrong -----------------------------------------------------------------------
+
+
+def test_unknown_name_is_answered_with_the_nearest():
+    line = only("carbon_42", origin="billet.toml: steel")
+    assert line.startswith('billet.toml: steel.name ("carbon_42"): no such steel; one of')
+    assert line.endswith("did you mean carbon_042?")
+
+
+def test_own_file_without_its_path(tmp_path):
+    (tmp_path / "mine.toml").write_text(SOUND)
+    assert 'written "./mine.toml"' in only("mine", tmp_path)
+
+
+def test_missing_file(tmp_path):
+    (tmp_path / "mine.toml").write_text(SOUND)
+    line = only("./mime.toml", tmp_path)
+    assert "file not found" in line and line.endswith("did you mean mine.toml?")
+
+
+def test_syntax_error_names_the_line(write):
+    line = only(*write('description = "x"\n[density\nvalue = 3\n'))
+    assert "own.toml: line 2" in line
+
+
+def test_not_utf8(tmp_path):
+    (tmp_path / "own.toml").write_bytes(b'description = "a"\n# \xff\n')
+    assert "own.toml: line 2: not a text in UTF-8" in only("own.toml", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ('"7200 kg/m^3"', '"7200 kg/m^2"', "density:"),
+        ('"7200 kg/m^3"', '"-7200 kg/m^3"', "density: must be above 0 kg/m^3"),
+        ('"7200 kg/m^3"', "nan", "density: a finite density is needed (nan)"),
+        ('"7200 kg/m^3"', "7200", 'density: a density needs its unit, such as "7400 kg/m^3"'),
+        ('"7200 kg/m^3"', '"7200 kgm3"', "density: unit 'kgm3' is not known"),
+        ('"1460 degC"', '"1520 degC"', "solidus: (1520 degC) lies above the liquidus (1510 degC)"),
+        ('"1460 degC"', '"-300 degC"', "solidus:"),
+        ("[500, 650, 750]", "[500, -650, 750]", "specific_heat: 'value' row 2 (-650)"),
+        ("[500, 650, 750]", "[500, nan, 750]", "specific_heat: 'value' row 2 (nan)"),
+        ("[500, 650, 750]", "[500, 650]", "3 rows of temperature, but 2 of value"),
+        ("[20, 1000, 1500]", "[20, 1500, 1000]", "row 3 does not exceed row 2"),
+        ("[20, 1000, 1500]", "[]", "'temperature' is empty"),
+        ('unit = "J/(kg K)"', 'unit = "W/(kg K)"', "specific_heat: 'value' row 1"),
+        ("[latent_heat]", "[latentheat]", "did you mean latent_heat?"),
+        ('[density]\nvalue = "7200 kg/m^3"', "", "density: is missing"),
+        ('[latent_heat]\nvalue = "270 kJ/kg"', "", "latent_heat: is missing"),
+        ("C = 0.2", "C = 2.5", "composition.C: (2.5) is out of range; 0 to 2.11"),
+        ("C = 0.2", 'C = "0.2 %"', 'composition.C: ("0.2 %") must be a plain number'),
+        ("C = 0.2", "Cc = 0.2", "composition.Cc: no data for this element"),
+        ('description = "a steel"', "description = 3", "description: must be a text (3)"),
+    ],
+)
+def test_problems_of_a_file(write, old, new, told):
+    found = problems(*write(changed(old, new)))
+    assert any("own.toml" in line and told in line for line in found), found
+
+
+def test_entry_must_be_one_thing(write):
+    both = changed(
+        'value = "7200 kg/m^3"', 'value = "7200 kg/m^3"\nformula = "jimbo_cramb_density"'
+    )
+    assert "density: value and formula exclude each other" in only(*write(both))
+    assert "density: is empty" in only(*write(changed('value = "7200 kg/m^3"', 'note = "x"')))
+    strange = changed('value = "7200 kg/m^3"', 'value = "7200 kg/m^3"\nparameters = { a = 1 }')
+    assert "density.parameters: only a formula has parameters" in only(*write(strange))
+
+
+def test_all_problems_at_once(write):
+    text = changed('"7200 kg/m^3"', '"7200 m"').replace('"270 kJ/kg"', '"270 kJ"')
+    text = text.replace('"1460 degC"', '"1560 degC"').replace("[500, 650", "[-5, 650")
+    found = problems(*write(text + '[conductivty]\nvalue = "1 W/(m K)"\n[emissivity]\nvalue = 3\n'))
+    keys = ("density", "latent_heat", "solidus", "specific_heat", "conductivty", "emissivity")
+    assert len(found) == len(keys)
+    assert all(any(f": {key}: " in line for line in found) for key in keys)
+
+
+def test_problems_of_the_case_are_told_at_the_case():
+    changes = {"conductivty": "3 W/(m K)", "density": {"vlaue": "7000 kg/m^3"}}
+    found = problems("carbon_042", overrides=changes, origin="a.toml: steel")
+    assert any(
+        line.startswith("a.toml: steel.overrides.conductivty: unknown key")
+        and line.endswith("did you mean conductivity?")
+        for line in found
+    )
+    assert any("steel.overrides.density.vlaue: unknown key" in line for line in found)
+
+
+def test_formula_name_and_parameter():
+    change = {"conductivity": {"formula": "harste_conductivty"}}
+    assert only("plain_carbon", composition={"C": 0.1}, overrides=change).endswith(
+        "did you mean harste_conductivity?"
+    )
+    change = {"conductivity": {"parameters": {"liquid_facter": 2}}}
+    assert only("plain_carbon", composition={"C": 0.1}, overrides=change).endswith(
+        "unknown parameter; allowed: liquid_factor, liquid_conductivity; "
+        "did you mean liquid_factor?"
+    )
+    change = {"conductivity": {"parameters": {"liquid_factor": -2}}}
+    assert "must not be below 0.1 (-2)" in only(
+        "plain_carbon", composition={"C": 0.1}, overrides=change
+    )
+
+
+def test_formula_that_turns_negative_in_its_range_is_refused(monkeypatch):
+    from castfem.materials import build
+    from castfem.materials.formulas import Formula
+
+    falling = Formula("falling", "density", lambda t: 5.0 * (1773.15 - t), "test", "C")
+    monkeypatch.setattr(build, "FORMULAS", {**build.FORMULAS, "falling": falling})
+    line = only("carbon_042", overrides={"density": {"formula": "falling"}})
+    assert line.startswith("steel.overrides.density: ")
+    assert "kg/m^3 at 1500 degC: must be above 0" in line
+
+
+def test_composition_of_a_case():
+    assert only("plain_carbon", origin="a.toml: steel").startswith(
+        "a.toml: steel.composition.C: is needed by plain_carbon"
+    )
+    found = problems("plain_carbon", composition={"C": 0.2, "Mo": 0.1, "mn": 1.0, "Si": -1.0})
+    assert [line.split(":")[0] for line in found] == [
+        "steel.composition.Mo",
+        "steel.composition.mn",
+        "steel.composition.Si",
+    ]
+    assert found[1].endswith("did you mean Mn?")
+    assert "is not computed from a composition" in only("carbon_042", composition={"C": 0.3})
+
+
+def test_formula_without_carbon(write):
+    text = changed("C = 0.2", "Mn = 0.5")
+    line = only(*write(text + '[thermal_expansion]\nformula = "chandra"\n'))
+    assert "thermal_expansion: chandra needs the carbon content, composition.C" in line
+
+
+def test_enthalpy_excludes_what_it_replaces(write):
+    text = SOUND + '[enthalpy]\nformula = "harste_enthalpy"\n'
+    assert "latent_heat: is in the enthalpy already" in only(*write(text))
+    start, end = text.index("[latent_heat]"), text.index("[density]")
+    assert "enthalpy: freezes by the lever rule" in only(*write(text[:start] + text[end:]))
+
+
+def test_lever_rule_excludes_a_solidus(write):
+    line = only(*write(SOUND + '[solid_fraction]\nformula = "lever_rule"\n'))
+    assert "solidus: follows from solid_fraction" in line

@@ -1,0 +1,163 @@
+"""The cache of meshes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from castfem import meshes
+from castfem.meshes import SectionMesh, build, cache, cached, read_mesh, write_mesh
+
+from .sections import ROUNDED, STRIP
+
+
+class Counting:
+    """A builder that counts its calls."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, **parameters: Any) -> SectionMesh:
+        """Build as `build`."""
+        self.calls += 1
+        return build(**parameters)
+
+
+def same(a: SectionMesh, b: SectionMesh) -> None:
+    for name in ("points", "cells", "facets", "facet_group"):
+        x, y = getattr(a, name), getattr(b, name)
+        assert x.dtype == y.dtype
+        np.testing.assert_array_equal(x, y)
+    for name in ("cell", "order", "groups", "multiplicity", "exact_area"):
+        assert getattr(a, name) == getattr(b, name)
+    assert list(a.probes) == list(b.probes)
+    for name in a.probes:
+        np.testing.assert_array_equal(a.probes[name], b.probes[name])
+
+
+def test_second_call_reads_what_the_first_one_kept(tmp_path: Path) -> None:
+    builder = Counting()
+    first = cached(builder, tmp_path / "new" / "folder", **ROUNDED, order=2, symmetry="half")
+    again = cached(builder, tmp_path / "new" / "folder", **ROUNDED, order=2, symmetry="half")
+    assert builder.calls == 1
+    same(first, again)
+    (file,) = (tmp_path / "new" / "folder").iterdir()  # nothing else is left behind
+    assert file.name.startswith("rectangle-") and file.suffix == ".npz"
+
+
+def test_parameters_and_version_make_the_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    builder = Counting()
+    cached(builder, tmp_path, **STRIP)
+    cached(builder, tmp_path, **dict(reversed(STRIP.items())))  # the order does not matter
+    cached(builder, tmp_path, **STRIP | {"length": np.float64(0.1)})
+    assert builder.calls == 1
+    cached(builder, tmp_path, **STRIP | {"length": 0.1000001})
+    assert builder.calls == 2
+    monkeypatch.setattr(cache, "MESH_VERSION", cache.MESH_VERSION + 1)
+    cached(builder, tmp_path, **STRIP)
+    assert builder.calls == 3
+
+
+@pytest.mark.parametrize("damage", ["empty", "cut", "text", "flipped", "other arrays", "misfit"])
+def test_broken_file_is_built_again(tmp_path: Path, damage: str) -> None:
+    builder = Counting()
+    first = cached(builder, tmp_path, **STRIP)
+    (file,) = tmp_path.iterdir()
+    content = file.read_bytes()
+    if damage == "other arrays":
+        np.savez(file, a=np.zeros(3))
+    elif damage == "misfit":
+        with np.load(file) as kept:
+            arrays = dict(kept)
+        arrays["cells"] = arrays["cells"] + 1000
+        np.savez(file, **arrays)
+    else:
+        half = len(content) // 2
+        broken = {
+            "empty": b"",
+            "cut": content[:half],
+            "text": b"no mesh",
+            "flipped": content[:600] + bytes(255 - c for c in content[600:700]) + content[700:],
+        }
+        file.write_bytes(broken[damage])
+    with pytest.raises(ValueError, match=r"holds no mesh|zip|pickle|No data"):
+        read_mesh(file)
+    same(first, cached(builder, tmp_path, **STRIP))
+    assert builder.calls == 2
+    same(first, read_mesh(file))
+
+
+def test_folder_that_cannot_be_written_only_costs_time(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("in the way")
+    assert len(cached(build, blocked, **STRIP).cells) > 0
+
+
+def test_refused_parameters_leave_nothing(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="is impossible"):
+        cached(build, tmp_path, **STRIP | {"length": -1.0})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_failed_write_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = build(**STRIP)
+
+    def fail(*_: Any, **__: Any) -> None:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(np, "savez", fail)
+    with pytest.raises(OSError, match="disk full"):
+        write_mesh(mesh, tmp_path / "mesh.npz")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_reading_is_quick(tmp_path: Path) -> None:
+    fine = ROUNDED | {"surface_size": 0.25e-3, "corner_size": 0.25e-3}
+    cached(build, tmp_path, **fine)
+    times = []
+    for _ in range(5):
+        start = time.perf_counter()
+        cached(build, tmp_path, **fine)
+        times.append(time.perf_counter() - start)
+    assert min(times) < 0.02
+
+
+def test_reading_imports_neither_gmsh_nor_a_builder(tmp_path: Path) -> None:
+    cached(build, tmp_path, **STRIP)
+    script = (
+        "import sys\n"
+        "from castfem.meshes import build, cached\n"
+        f"mesh = cached(build, {str(tmp_path)!r}, **{STRIP!r})\n"
+        "assert len(mesh.cells) > 0\n"
+        "bad = {'gmsh', 'dolfinx', 'mpi4py', 'matplotlib', 'castfem.meshes.rectangle'}\n"
+        "print(sorted(bad & set(sys.modules)))\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
+
+
+def test_structured_meshes_do_without_gmsh() -> None:
+    script = (
+        "import sys\n"
+        "from castfem.meshes import build\n"
+        f"build(**{ROUNDED!r})\n"
+        "print('gmsh' in sys.modules)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "False"
+
+
+def test_public_names() -> None:
+    assert all(hasattr(meshes, name) for name in meshes.__all__)

@@ -1,0 +1,172 @@
+"""checkpoint.h5: comes back bit by bit, survives a kill, and says what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from castfem.errors import InputError, RunFailure
+from castfem.output import checkpoint
+from castfem.output.checkpoint import load_checkpoint, save_checkpoint
+
+META = {"time": 1 / 3, "steps": 41, "zone": "mould", "nested": {"rates": [0.1, -1e-300]}}
+
+
+def arrays() -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(3)
+    return {
+        "temperature": rng.random(1000),
+        "thermal/old": rng.random((10, 3)),
+        "flags": rng.random(7) > 0.5,
+        "index": np.arange(5, dtype=np.int32),
+        "empty": np.zeros((0, 3)),
+        "scalar": np.array(math.pi),
+        "odd": np.array([np.nan, np.inf, -0.0, 5e-324]),
+        "strided": np.arange(12.0).reshape(3, 4).T,
+    }
+
+
+def test_meta_and_arrays_come_back_bit_by_bit(tmp_path):
+    save_checkpoint(tmp_path / "c.h5", META, arrays(), physics="abc")
+    meta, found = load_checkpoint(tmp_path / "c.h5", physics="abc")
+    assert meta == META
+    assert set(found) == set(arrays())
+    for name, values in arrays().items():
+        assert found[name].dtype == values.dtype
+        assert found[name].shape == values.shape
+        assert found[name].tobytes() == values.tobytes()
+    assert [p.name for p in tmp_path.iterdir()] == ["c.h5"]
+
+
+@given(
+    hnp.arrays(
+        st.sampled_from([np.float64, np.float32, np.int64, np.bool_]),
+        hnp.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=4),
+    )
+)
+def test_any_array_comes_back(tmp_path_factory, values):
+    path = tmp_path_factory.mktemp("c") / "c.h5"
+    save_checkpoint(path, {}, {"a": values})
+    found = load_checkpoint(path)[1]["a"]
+    assert (found.dtype, found.shape) == (values.dtype, values.shape)
+    assert found.tobytes() == values.tobytes()
+
+
+def test_numpy_numbers_in_meta_become_plain_and_not_a_number_survives(tmp_path):
+    save_checkpoint(tmp_path / "c.h5", {"a": np.float64(0.1), "b": np.arange(2), "c": np.nan}, {})
+    meta, _ = load_checkpoint(tmp_path / "c.h5")
+    assert meta["a"] == 0.1
+    assert meta["b"] == [0, 1]
+    assert math.isnan(meta["c"])
+    with pytest.raises(TypeError, match="Path cannot be kept"):
+        save_checkpoint(tmp_path / "c.h5", {"p": tmp_path}, {})
+
+
+def test_another_case_is_refused_with_the_mend(tmp_path):
+    save_checkpoint(tmp_path / "c.h5", {}, {}, physics="0123456789abcdef")
+    load_checkpoint(tmp_path / "c.h5")
+    with pytest.raises(InputError) as error:
+        load_checkpoint(tmp_path / "c.h5", physics="fedcba9876543210")
+    (line,) = error.value.problems
+    assert str(tmp_path / "c.h5") in line
+    assert "another case (physics 0123456789ab, now fedcba987654)" in line
+    assert "undo the change of the case, or run again without --resume" in line
+
+
+def test_another_version_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr(checkpoint, "VERSION", 99)
+    save_checkpoint(tmp_path / "c.h5", {}, {})
+    monkeypatch.undo()
+    with pytest.raises(InputError, match="format version 99, this castfem reads 1"):
+        load_checkpoint(tmp_path / "c.h5")
+
+
+def test_missing_and_foreign_files_are_refused(tmp_path):
+    with pytest.raises(InputError, match="no such file, nothing to resume from"):
+        load_checkpoint(tmp_path / "c.h5")
+    (tmp_path / "c.h5").write_text("time = 3\n")
+    with pytest.raises(InputError, match="is not a checkpoint of castfem, or cut off"):
+        load_checkpoint(tmp_path / "c.h5")
+    h5py.File(tmp_path / "d.h5", "w").close()
+    with pytest.raises(InputError, match="is not a checkpoint of castfem"):
+        load_checkpoint(tmp_path / "d.h5")
+
+
+def test_no_damaged_byte_goes_unnoticed(tmp_path):
+    path, hurt = tmp_path / "c.h5", tmp_path / "hurt.h5"
+    save_checkpoint(path, META, {"temperature": np.linspace(1000.0, 1800.0, 50)})
+    image = path.read_bytes()
+    for place in [*random.Random(5).sample(range(len(image)), 200), *range(-8, 0)]:
+        changed = bytearray(image)
+        changed[place] ^= 0x10
+        hurt.write_bytes(changed)
+        with pytest.raises(InputError, match=r"hurt\.h5: is (damaged|not a checkpoint)"):
+            load_checkpoint(hurt)
+
+
+def test_other_programs_read_the_file(tmp_path):
+    save_checkpoint(tmp_path / "c.h5", META, arrays())
+    with h5py.File(tmp_path / "c.h5") as file:
+        assert np.array_equal(file["arrays/temperature"][()], arrays()["temperature"])
+
+
+def test_a_cut_file_is_refused(tmp_path):
+    save_checkpoint(tmp_path / "c.h5", META, arrays())
+    image = (tmp_path / "c.h5").read_bytes()
+    for size in (10, len(image) // 2, len(image) - 1):
+        (tmp_path / "cut.h5").write_bytes(image[:size])
+        with pytest.raises(
+            InputError, match=r"cut\.h5: is not a checkpoint of castfem, or cut off"
+        ):
+            load_checkpoint(tmp_path / "cut.h5")
+
+
+SAVER = """
+import sys, numpy as np
+from castfem.output.checkpoint import save_checkpoint
+for k in range(10**6):
+    save_checkpoint(sys.argv[1], {"k": k}, {"a": np.full(20_000, float(k))})
+    if k == 0:
+        print("ready", flush=True)
+"""
+
+
+def test_a_kill_at_any_moment_leaves_a_whole_checkpoint(tmp_path):
+    generator = random.Random(1)
+    for trial in range(6):
+        path = tmp_path / f"{trial}.h5"
+        command = [sys.executable, "-c", SAVER, str(path)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+            assert process.stdout is not None
+            process.stdout.readline()
+            time.sleep(0.1 * generator.random())
+            process.send_signal(signal.SIGKILL)
+        meta, found = load_checkpoint(path)
+        assert (found["a"] == meta["k"]).all()
+
+
+def test_a_full_disk_is_a_run_failure_and_the_old_checkpoint_stays(tmp_path):
+    path = tmp_path / "c.h5"
+    save_checkpoint(path, {"k": 1}, arrays())
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+    try:
+        with pytest.raises(RunFailure, match=r"c\.h5: cannot be written \(.*free some space"):
+            save_checkpoint(path, {"k": 2}, {"a": np.zeros(100_000)})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert load_checkpoint(path)[0] == {"k": 1}
+    assert [p.name for p in Path(tmp_path).iterdir()] == ["c.h5"]

@@ -1,0 +1,270 @@
+"""The folder of a run: whose files are touched, who may write, what run.json says."""
+
+from __future__ import annotations
+
+import dataclasses
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from castfem.errors import InputError, RunFailure
+from castfem.output import files
+from castfem.output import folder as folder_module
+from castfem.output.checkpoint import save_checkpoint
+from castfem.output.folder import OutputFolder, RunRecord, versions
+
+from .imagined import summary, write_run
+
+CASE = 'title = "a case"\n'
+
+
+def begun(path: Path, **options: object) -> OutputFolder:
+    folder = OutputFolder(path)
+    folder.begin(CASE, **options)
+    return folder
+
+
+def test_a_new_folder_holds_the_case_and_a_running_record(tmp_path):
+    folder = begun(tmp_path / "deep" / "run", ranks=3)
+    assert (folder / "case.toml").read_text() == CASE
+    record = RunRecord.load(folder.path)
+    assert (record.status, record.ranks, record.resumed) == ("running", 3, 0)
+    assert record.versions["numpy"] == np.__version__
+    assert record.started.endswith("+00:00")
+    folder.close()
+
+
+def test_run_json_is_plain_json_without_host_or_path(tmp_path):
+    folder = begun(tmp_path / "run")
+    folder.finish(wall_time={"march": np.float64(1.5), "mesh": np.nan}, memory_mb=float("inf"))
+    folder.close()
+    text = (tmp_path / "run" / "run.json").read_text()
+    content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    assert content["wall_time"] == {"march": 1.5, "mesh": None}
+    assert content["memory_mb"] is None
+    assert content["status"] == "finished"
+    assert os.uname().nodename not in text
+    assert str(tmp_path) not in text
+
+
+def test_beginning_anew_removes_the_former_run_and_nothing_else(tmp_path):
+    run = write_run(tmp_path / "run", steps=8)
+    (run / "figures").mkdir()
+    for name in ("shell.png", "mine.png"):
+        (run / "figures" / name).write_text("png")
+    (run / "notes.txt").write_text("keep")
+    (run / "fields.csv").write_text("keep")
+    (run / ".fields.xdmf.tmp").write_text("of a killed run")
+    begun(run).close()
+    found = sorted(str(p.relative_to(run)) for p in run.rglob("*"))
+    kept = ["figures", "figures/mine.png", "fields.csv", "notes.txt"]
+    assert found == sorted([".castfem.lock", "case.toml", "run.json", *kept])
+
+
+@pytest.mark.parametrize("name", ["case.toml", "fields.h5", "summary.json", "figures/heat.png"])
+def test_files_castfem_did_not_write_are_never_touched(tmp_path, name):
+    file = tmp_path / name
+    file.parent.mkdir(exist_ok=True)
+    file.write_text("of the user")
+    with pytest.raises(InputError, match=f"holds {name}, not of a run of castfem; choose another"):
+        begun(tmp_path)
+    assert file.read_text() == "of the user"
+    assert not (tmp_path / "run.json").exists()
+
+
+def test_a_run_json_of_another_program_is_respected(tmp_path):
+    (tmp_path / "run.json").write_text('{"status": "running"}')
+    with pytest.raises(InputError, match=r"run\.json: not written by castfem"):
+        begun(tmp_path)
+    assert (tmp_path / "run.json").read_text() == '{"status": "running"}'
+
+
+def test_two_runs_at_once_are_refused_and_the_lock_ends_with_the_run(tmp_path):
+    first = begun(tmp_path)
+    with pytest.raises(InputError, match="another run is writing here"):
+        begun(tmp_path)
+    assert OutputFolder(tmp_path).is_running()
+    first.close()
+    assert not OutputFolder(tmp_path).is_running()
+    begun(tmp_path).close()
+
+
+HOLDER = """
+import sys, time
+from castfem.output.folder import OutputFolder
+folder = OutputFolder(sys.argv[1])
+folder.begin("title = 'x'")
+print("ready", flush=True)
+time.sleep(20)
+"""
+
+
+def test_a_killed_run_gives_the_folder_back_and_is_seen_as_interrupted(tmp_path):
+    command = [sys.executable, "-c", HOLDER, str(tmp_path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        try:
+            assert OutputFolder(tmp_path).is_running()
+            with pytest.raises(InputError, match="another run"):
+                begun(tmp_path)
+        finally:
+            process.send_signal(signal.SIGKILL)
+    assert RunRecord.load(tmp_path).status == "running"
+    assert not OutputFolder(tmp_path).is_running()
+    begun(tmp_path).close()
+
+
+def test_resume_keeps_everything_and_adds_up_the_wall_time(tmp_path):
+    with OutputFolder(tmp_path) as folder:
+        folder.begin(CASE)
+        save_checkpoint(folder / "checkpoint.h5", {}, {})
+        (folder / "history.csv").write_text("time [s]\n")
+        folder.update(wall_time={"march": 2.0, "mesh": 1.0})
+        started = folder.record.started
+    with OutputFolder(tmp_path) as folder:
+        folder.begin(CASE, resume=True)
+        assert (folder / "history.csv").exists()
+        folder.update(wall_time={"march": 0.5})
+        folder.finish(wall_time={"march": 3.0, "output": 0.25})
+    record = RunRecord.load(tmp_path)
+    assert record.wall_time == {"march": 5.0, "mesh": 1.0, "output": 0.25}
+    assert (record.status, record.resumed, record.started) == ("finished", 1, started)
+
+
+def test_nothing_to_resume_is_an_input_error(tmp_path):
+    with pytest.raises(InputError, match="no run to resume; run again without --resume"):
+        begun(tmp_path / "new", resume=True)
+    begun(tmp_path / "old").close()
+    with pytest.raises(InputError, match=r"checkpoint\.h5: no such file, nothing to resume"):
+        begun(tmp_path / "old", resume=True)
+    begun(tmp_path / "old").close()  # the lock has been given back
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (RunFailure("no convergence at t = 3 s\nsecond line"), "no convergence at t = 3 s"),
+        (KeyboardInterrupt(), "stopped by the user"),
+        (ZeroDivisionError(), "ZeroDivisionError"),
+    ],
+)
+def test_an_error_in_the_block_is_noted_as_the_reason(tmp_path, error, reason):
+    with pytest.raises(type(error)), OutputFolder(tmp_path) as folder:
+        folder.begin(CASE)
+        raise error
+    record = RunRecord.load(tmp_path)
+    assert (record.status, record.reason) == ("failed", reason)
+    assert record.ended
+
+
+def test_the_reason_does_not_tell_where_the_folder_is(tmp_path):
+    folder = begun(tmp_path)
+    folder.fail(f"{tmp_path}/fields.h5: cannot be written")
+    folder.close()
+    assert RunRecord.load(tmp_path).reason == "fields.h5: cannot be written"
+
+
+def test_a_refused_folder_is_not_marked_as_failed(tmp_path):
+    run = write_run(tmp_path, steps=2)
+    holder = begun(run)
+    with pytest.raises(InputError), OutputFolder(run) as folder:
+        folder.begin(CASE)
+    assert RunRecord.load(run).status == "running"
+    holder.close()
+
+
+def test_a_folder_that_cannot_be_made_is_an_input_error_with_the_mend(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError) as error:
+        begun(tmp_path / "file" / "run")
+    (line,) = error.value.problems
+    assert line.endswith(
+        "cannot be used as output folder (Not a directory); choose another with -o"
+    )
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.EACCES, errno.ENOSPC])
+def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path, monkeypatch, number):
+    def refuse(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(files.os, "replace", refuse)
+    with pytest.raises(InputError, match=rf"\({os.strerror(number)}\); choose another with -o"):
+        begun(tmp_path)
+    monkeypatch.undo()
+    begun(tmp_path).close()
+
+
+def test_a_disk_that_fills_during_the_run_is_a_run_failure(tmp_path, monkeypatch):
+    folder = begun(tmp_path)
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(files.os, "fsync", full)
+    with pytest.raises(
+        RunFailure, match=r"No space left on device\); free some space and continue"
+    ):
+        folder.update(memory_mb=1.0)
+    assert RunRecord.load(tmp_path).status == "running"
+    folder.close()
+
+
+def test_unknown_entries_of_run_json_are_refused_by_update_and_skipped_by_load(tmp_path):
+    folder = begun(tmp_path)
+    with pytest.raises(TypeError):
+        folder.update(walltime={})
+    folder.close()
+    content = json.loads((tmp_path / "run.json").read_text()) | {"of a later castfem": 1}
+    (tmp_path / "run.json").write_text(json.dumps(content))
+    assert RunRecord.load(tmp_path).status == "running"
+
+
+def test_summary_is_written_into_the_folder(tmp_path):
+    folder = begun(tmp_path)
+    folder.write_summary(summary())
+    folder.close()
+    content = json.loads((tmp_path / "summary.json").read_text())
+    assert content["quantities"]["liquidus"]["value"] == 1502.5
+
+
+def test_versions_import_nothing():
+    code = """
+import sys
+from castfem.output.folder import versions
+found = versions()
+assert "dolfinx" not in found and "castfem" in found
+assert "dolfinx" not in sys.modules and "petsc4py" not in sys.modules
+"""
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert versions()["python"] == ".".join(map(str, sys.version_info[:3]))
+
+
+def test_the_package_is_light_to_import():
+    code = """
+import importlib, pkgutil, sys
+import castfem.output
+for module in pkgutil.iter_modules(castfem.output.__path__):
+    importlib.import_module(f"castfem.output.{module.name}")
+heavy = {"h5py", "matplotlib", "pandas", "meshio", "rich", "pint", "mpi4py", "dolfinx", "vtk"}
+print(*(heavy & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
+def test_the_documentation_names_every_file_and_every_entry():
+    text = (Path(__file__).parents[2] / "docs" / "output.md").read_text()
+    names = [*folder_module.ARTEFACTS, *(f"{name}.png" for name in folder_module.FIGURES)]
+    entries = [field.name for field in dataclasses.fields(RunRecord)]
+    keys = [*summary().to_json(), *summary().to_json()["references"][0]]
+    for name in [*entries, *keys, *(name.removeprefix("figures/") for name in names)]:
+        assert f"`{name}`" in text, name

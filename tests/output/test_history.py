@@ -1,0 +1,145 @@
+"""history.csv: whole rows, units in the header, resumed as if never stopped."""
+
+from __future__ import annotations
+
+import math
+import resource
+from pathlib import Path
+
+import pytest
+
+from castfem.errors import InputError, RunFailure
+from castfem.output.history import History, read_history
+
+COLUMNS = [("time", "s"), ("position", "m"), ("shell_mid_face", "mm"), ("newton", "-")]
+
+
+def rows(count: int) -> list[dict[str, float]]:
+    return [
+        {"time": 0.1 * k, "position": 0.006 * k, "shell_mid_face": math.sqrt(k), "newton": 3}
+        for k in range(count)
+    ]
+
+
+def write(path: Path, count: int) -> None:
+    with History(path, COLUMNS) as history:
+        for row in rows(count):
+            history.append(row)
+
+
+def test_reads_back_names_units_and_twelve_digits(tmp_path):
+    write(tmp_path / "h.csv", 5)
+    first = (tmp_path / "h.csv").read_text().splitlines()[0]
+    assert first == "time [s],position [m],shell_mid_face [mm],newton [-]"
+    table = read_history(tmp_path / "h.csv")
+    assert list(table.columns) == [name for name, _ in COLUMNS]
+    assert table.attrs["units"] == dict(COLUMNS)
+    assert {str(kind) for kind in table.dtypes} == {"float64"}
+    for row, found in zip(rows(5), table.to_dict("records"), strict=True):
+        assert found == pytest.approx(row, rel=1e-11)
+
+
+def test_missing_and_not_finite_values_are_empty_cells(tmp_path):
+    with History(tmp_path / "h.csv", COLUMNS) as history:
+        history.append({"time": 0.0, "shell_mid_face": math.inf, "newton": math.nan})
+    assert (tmp_path / "h.csv").read_text().splitlines()[1] == "0,,,"
+    table = read_history(tmp_path / "h.csv")
+    assert table["time"][0] == 0.0
+    assert table.iloc[0].isna().sum() == 3
+
+
+def test_rows_are_on_disk_as_soon_as_they_are_appended(tmp_path):
+    history = History(tmp_path / "h.csv", COLUMNS)
+    for count, row in enumerate(rows(4), start=1):
+        history.append(row)
+        assert len(read_history(tmp_path / "h.csv")) == count
+    history.close()
+
+
+def test_unknown_columns_are_refused(tmp_path):
+    with History(tmp_path / "h.csv", COLUMNS) as history, pytest.raises(ValueError, match="shel"):
+        history.append({"time": 0.0, "shel": 1.0})
+    assert len(read_history(tmp_path / "h.csv")) == 0
+
+
+@pytest.mark.parametrize(
+    "columns",
+    [
+        [],
+        [("position", "m")],
+        [("time", "s"), ("time", "s")],
+        [("time", "s"), ("a,b", "m")],
+        [("time", "s"), ("a", "")],
+    ],
+)
+def test_headers_that_would_not_come_back_are_refused(tmp_path, columns):
+    with pytest.raises(ValueError, match="column"):
+        History(tmp_path / "h.csv", columns)
+
+
+def test_resumed_history_equals_the_continuous_one_byte_by_byte(tmp_path):
+    whole, cut = tmp_path / "whole.csv", tmp_path / "cut.csv"
+    write(whole, 8)
+    write(cut, 6)
+    with cut.open("a") as file:
+        file.write("0.6,0.03")  # a run killed in the middle of a row, by whatever wrote it
+    with History.resume(cut, 0.1 * 3, COLUMNS) as history:
+        assert len(read_history(cut)) == 4
+        for row in rows(8)[4:]:
+            history.append(row)
+    assert cut.read_bytes() == whole.read_bytes()
+
+
+def test_a_row_without_its_end_is_not_read(tmp_path):
+    write(tmp_path / "h.csv", 3)
+    text = (tmp_path / "h.csv").read_text()
+    (tmp_path / "h.csv").write_text(text[:-3])
+    assert len(read_history(tmp_path / "h.csv")) == 2
+
+
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [
+        (None, "no such file"),
+        ("", "is empty"),
+        ("a,b\n1,2\n", "line 1 is not"),
+        ("time [s],a [m]\n1,2\nx,3\n", "'x' is not a number"),
+        ("time [s],a [m]\n1,2\n3\n", "has not the 2 cells"),
+        (b"\xff\xfe\x00\n", "cannot be read"),
+    ],
+)
+def test_what_is_no_history_is_an_input_error_naming_the_file(tmp_path, content, what):
+    path = tmp_path / "h.csv"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=what) as error:
+        read_history(path)
+    assert str(path) in error.value.problems[0]
+
+
+def test_resuming_with_other_columns_or_a_row_without_time_is_an_input_error(tmp_path):
+    write(tmp_path / "h.csv", 3)
+    with pytest.raises(InputError, match="other columns"):
+        History.resume(tmp_path / "h.csv", 1.0, COLUMNS[:-1])
+    with (tmp_path / "h.csv").open("a") as file:
+        file.write("none,1,2,3\n")
+    with pytest.raises(InputError, match="line 5 has no time"):
+        History.resume(tmp_path / "h.csv", 1.0)
+
+
+def test_a_full_disk_is_a_run_failure_and_leaves_whole_rows(tmp_path):
+    history = History(tmp_path / "h.csv", COLUMNS)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, before[1]))
+    try:
+        with pytest.raises(RunFailure, match=r"h\.csv: cannot be written \(.*free some space"):
+            for row in rows(100):
+                history.append(row)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    history.close()
+    content = (tmp_path / "h.csv").read_text()
+    assert content.endswith("\n")
+    assert len(read_history(tmp_path / "h.csv")) == content.count("\n") - 1 > 0

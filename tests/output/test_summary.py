@@ -1,0 +1,111 @@
+"""summary.json: units, references, and back."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from castfem.errors import InputError
+from castfem.output.files import plain, write_json
+from castfem.output.summary import Quantity, Reference, Summary, compare, from_si, to_si
+
+from .imagined import summary
+
+
+def test_values_are_in_the_unit_beside_them():
+    content = summary().to_json()
+    assert content["quantities"]["solidus"] == {
+        "value": 1452.0,
+        "unit": "degC",
+        "label": "solidus",
+    }
+    assert content["quantities"]["heat_removed_slice"]["value"] == 139.2
+    assert content["balances"]["energy"]["removed"]["value"] == 2.38
+    assert content["zones"] == [{"name": "mould", "start": 0.0, "end": 0.6}]
+
+
+def test_references_stand_beside_ours_with_the_difference():
+    quantities = {
+        "shell": Quantity(4.9875e-3, "mm", "shell"),
+        "surface": Quantity(1525.15, "degC", "surface"),
+    }
+    shell, surface = compare(
+        [Reference("shell", 4.75e-3, "mm", "A"), Reference("surface", 1515.15, "degC", "B", 0.3)],
+        quantities,
+    )
+    assert shell.difference == pytest.approx(0.2375, rel=1e-12)
+    assert shell.relative == pytest.approx(0.05, rel=1e-12)
+    assert surface.difference == pytest.approx(10.0, rel=1e-12)
+    assert math.isnan(surface.relative)
+    content = plain(Summary("t", "finished", quantities, (shell, surface)).to_json())
+    row = content["references"][1]
+    assert (row["value"], row["ours"], row["unit"]) == (1242.0, 1252.0, "degC")
+    assert (row["relative"], row["source"], row["at"]) == (None, "B", 0.3)
+
+
+def test_a_reference_in_another_unit_of_the_same_kind_is_compared():
+    (found,) = compare(
+        [Reference("surface", 1515.15, "K", "A")], {"surface": Quantity(1525.15, "degC", "s")}
+    )
+    assert found.difference == pytest.approx(10.0)
+    assert found.note == ""
+
+
+def test_references_that_do_not_fit_get_a_note_and_spoil_nothing():
+    references = [Reference("shel", 1.0, "mm", "A"), Reference("shell", 1.0, "s", "B")]
+    quantities = {"shell": Quantity(1e-3, "mm", "shell")}
+    misspelt, wrong = compare(references, quantities)
+    assert misspelt.note == "no such quantity; did you mean shell?"
+    assert wrong.note == "s is not a unit of it; it is in mm"
+    content = plain(Summary("t", "finished", quantities, (misspelt, wrong)).to_json())
+    assert [row["ours"] for row in content["references"]] == [None, None]
+
+
+def test_a_zero_reference_has_no_relative_difference():
+    (found,) = compare([Reference("a", 0.0, "-", "A")], {"a": Quantity(1.0, "-", "a")})
+    assert found.difference == 1.0
+    assert math.isnan(found.relative)
+
+
+def test_the_file_reads_back(tmp_path):
+    write_json(tmp_path / "summary.json", summary().to_json())
+    found = Summary.load(tmp_path)
+    assert found is not None
+    once, again = (
+        json.loads(json.dumps(plain(content)), parse_float=lambda text: f"{float(text):.12g}")
+        for content in (summary().to_json(), found.to_json())
+    )
+    assert once == again
+    assert math.isnan(found.quantities["metallurgical_length"].value)
+    assert found.zones == summary().zones
+
+
+@given(
+    st.floats(-1e12, 1e12),
+    st.sampled_from(["-", "mm", "degC", "K", "kJ", "MJ/m", "kW/m^2", "MPa", "percent", "min"]),
+)
+def test_units_go_out_and_come_back(value, unit):
+    back = to_si(from_si(value, unit), unit) if unit != "degC" else None
+    if back is None:
+        value = abs(value)
+        back = to_si(from_si(value, unit), unit)
+    assert back == pytest.approx(value, rel=1e-14, abs=1e-10)
+
+
+def test_no_file_is_none_and_a_damaged_one_an_input_error(tmp_path):
+    assert Summary.load(tmp_path) is None
+    for content in ("{", "[]", '{"title": 1}', '{"title": "t", "status": "", "quantities": 3}'):
+        (tmp_path / "summary.json").write_text(content)
+        with pytest.raises(InputError, match=r"summary\.json: cannot be read"):
+            Summary.load(tmp_path)
+
+
+def test_json_never_holds_nan(tmp_path):
+    write_json(tmp_path / "a.json", {"a": [math.nan, {"b": -math.inf}], "c": (1, True, None)})
+    text = (tmp_path / "a.json").read_text()
+    assert json.loads(text) == {"a": [None, {"b": None}], "c": [1, True, None]}
+    assert "NaN" not in text

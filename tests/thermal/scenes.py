@@ -1,0 +1,137 @@
+"""Thermal scenes in memory for the tests: a steel, a mesh, a cooling, and a march."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem import meshes, reductions
+from castfem.materials.curve import ThermalCurve
+from castfem.section import Section
+from castfem.thermal.laws import PrescribedTemperature, SurfaceLaw
+from castfem.thermal.problem import ThermalProblem
+from castfem.thermal.stepper import StepResult, ThermalState, ThermalStepper
+from castfem.thermal.surface import Cooling, Surface
+
+Array = npt.NDArray[np.float64]
+
+LOWER, UPPER = 200.0, 2600.0
+
+
+def constant_steel(
+    solidus: float,
+    liquidus: float,
+    *,
+    latent: float = 272e3,
+    rho: float = 7200.0,
+    c: float = 700.0,
+    k: float | tuple[float, float] = 30.0,
+    datum: float | None = None,
+) -> ThermalCurve:
+    """T(H) of constants; k may differ below solidus and above liquidus; any range, also 0."""
+    ks, kl = (k, k) if isinstance(k, float) else k
+    if liquidus > solidus:
+        knots = np.array([LOWER, solidus, liquidus, UPPER])
+        release = np.array([0.0, rho * latent / (liquidus - solidus), 0.0])
+        jump = np.zeros(4)
+        conductivity = (knots, np.array([ks, ks, kl]), np.array([ks, kl, kl]))
+    else:
+        knots = np.array([LOWER, solidus, UPPER])
+        release = np.zeros(2)
+        jump = np.array([0.0, rho * latent, 0.0])
+        conductivity = (knots, np.array([ks, kl]), np.array([ks, kl]))
+    capacity = np.full(len(knots) - 1, rho * c)
+    return ThermalCurve((knots, capacity, capacity, release, jump), conductivity, datum)
+
+
+@dataclass
+class ThermalScene:
+    """A section, its heat balance and the state that has been reached."""
+
+    mesh: meshes.SectionMesh
+    curve: ThermalCurve
+    start: float
+    scheme: str = "sdirk2"
+    comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_SELF)
+    options: dict[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Build section, problem and stepper."""
+        self.section = Section(self.comm, self.mesh if self.comm.rank == 0 else None)
+        self.problem = ThermalProblem(self.section, self.curve, self.options)
+        self.surface = Surface(self.section)
+        self.stepper = ThermalStepper(self.problem, self.scheme, estimate=True)
+        self.state: ThermalState = self.stepper.initial(self.start)
+        self.results: list[StepResult] = []
+        self.low = self.high = self.start
+
+    def cool(self, *laws: tuple[str, SurfaceLaw | PrescribedTemperature]) -> ThermalScene:
+        """Cool the groups that begin with a name by a law; laws on one group add up."""
+        cooling = Cooling([], [])
+        for name, law in laws:
+            tags = [
+                t
+                for t in self.section.matching([name])
+                if self.section.groups[t] in self.section.outer_groups
+            ]
+            patch = self.surface.patch(tags)
+            if isinstance(law, PrescribedTemperature):
+                cooling.prescribed.append((patch, law))
+            else:
+                cooling.laws.append((patch, law))
+        self.problem.set_cooling(cooling)
+        return self
+
+    def march(
+        self, end: float, step: float, each: Callable[[], None] | None = None
+    ) -> ThermalScene:
+        """March to `end` with even steps not longer than `step`."""
+        begin = self.state.time
+        n = max(int(np.ceil((end - begin) / step - 1e-9)), 1)
+        for i in range(n):
+            result = self.stepper.step(self.state, begin + (end - begin) * (i + 1) / n)
+            assert result.converged, result.reason
+            self.state = result.state
+            self.results.append(result)
+            temperature = self.state.point.temperature
+            self.low = min(self.low, reductions.smallest(self.comm, temperature))
+            self.high = max(self.high, reductions.largest(self.comm, temperature))
+            if each is not None:
+                each()
+        return self
+
+    @property
+    def worst_balance(self) -> float:
+        """Largest relative heat balance error of a step so far."""
+        return max(abs(r.balance) for r in self.results)
+
+    @property
+    def nodes(self) -> Array:
+        """Positions of the owned vertices (owned, 2), m; for scenes on one rank."""
+        return np.asarray(self.mesh.points[self.section.node_of_owned])
+
+    def along_x(self) -> tuple[Array, Array]:
+        """Position and temperature of the vertices of a strip's lower side, by rising x."""
+        x, y = self.nodes.T
+        lower = np.flatnonzero(y < y.min() + 1e-9)
+        order = lower[np.argsort(x[lower])]
+        return x[order], self.state.point.temperature[order]
+
+
+def strip(length: float, cells: int) -> meshes.SectionMesh:
+    """A strip of even square-ish cells, one cell wide."""
+    size = length / cells
+    return meshes.build(
+        shape="strip",
+        length=length,
+        width=size,
+        surface_size=size,
+        core_size=size,
+        cell="quadrilateral",
+        order=1,
+    )

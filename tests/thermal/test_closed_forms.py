@@ -1,0 +1,191 @@
+"""Solidification, contact and radiation against closed forms, with the observed order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from exact import Neumann, ThreeZones
+from scipy.optimize import brentq
+
+from castfem.probes import Profile
+from castfem.thermal import laws
+from thermal.scenes import ThermalScene, constant_steel, strip
+
+ALLOY = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1000.0, 1450.0, 1500.0, 1540.0)
+
+
+def alloy_scene(cells: int, scheme: str = "sdirk2") -> ThermalScene:
+    curve = constant_steel(ALLOY.solidus, ALLOY.liquidus, datum=ALLOY.initial)
+    scene = ThermalScene(strip(0.12, cells), curve, ALLOY.initial, scheme)
+    return scene.cool(("surface", laws.PrescribedTemperature(ALLOY.surface)))
+
+
+def errors(scene: ThermalScene, time: float) -> tuple[float, float, float]:
+    """Largest temperature error, K, and the errors of both fronts, m."""
+    x, temperature = scene.along_x()
+    eta_s, eta_l = ALLOY.fronts()
+    profile = Profile(x, temperature)
+    return (
+        float(np.abs(temperature - ALLOY.temperature(x, time)).max()),
+        profile.isotherm_depth(ALLOY.solidus) - 2 * eta_s * np.sqrt(time),
+        profile.isotherm_depth(ALLOY.liquidus) - 2 * eta_l * np.sqrt(time),
+    )
+
+
+def test_reference_numbers_of_the_similarity_solution() -> None:
+    eta = ALLOY.fronts()
+    assert eta == pytest.approx((1.38273926e-3, 1.80380195e-3), rel=1e-8)
+    depths = np.array([5.0, 10.0, 20.0, 30.0, 40.0]) * 1e-3
+    published = [1275.4061, 1485.0392, 1530.9657, 1539.1929, 1539.9667]
+    assert ALLOY.temperature(depths, 10.0) == pytest.approx(published, abs=1e-4)
+
+
+@pytest.mark.parametrize("time", [10.0, 60.0])
+def test_alloy_freezes_as_the_similarity_solution(time: float) -> None:
+    scene = alloy_scene(400).march(time, 0.05)  # cells of 0.3 mm
+    temperature, solid, liquid = errors(scene, time)
+    assert temperature < 0.5
+    assert max(abs(solid), abs(liquid)) < 0.1e-3
+    assert scene.state.removed / 0.3e-3 == pytest.approx(ALLOY.heat(time), rel=1e-4)
+    assert scene.worst_balance < 1e-9
+
+
+def test_second_order_in_space() -> None:
+    cells = np.array([50, 100, 200, 400])
+    found = []
+    for n in cells:
+        scene = alloy_scene(int(n)).march(60.0, 0.1)
+        x, temperature = scene.along_x()
+        difference = temperature - ALLOY.temperature(x, 60.0)
+        found.append(np.sqrt(np.mean(difference**2)))
+    # Kinks of T(H) between two vertices make single meshes scatter about the slope.
+    order = -np.polyfit(np.log(cells), np.log(found), 1)[0]
+    assert order > 1.8, found
+
+
+@pytest.mark.parametrize(("scheme", "least"), [("backward_euler", 0.95), ("sdirk2", 1.9)])
+def test_order_in_time_away_from_freezing(scheme: str, least: float) -> None:
+    """Smooth cooling of a solid: the order of the scheme without the kinks of T(H)."""
+    curve = constant_steel(1450.0, 1500.0, k=30.0, datum=1400.0)
+
+    def final(step: float) -> np.ndarray:
+        scene = ThermalScene(strip(0.02, 20), curve, 1400.0, scheme)
+        cooling = laws.PrescribedFlux(lambda t: 4e5 * np.sin(0.3 * t) ** 2)
+        return scene.cool(("surface", cooling)).march(8.0, step).along_x()[1]
+
+    steps = np.array([1.0, 0.5, 0.25, 0.125])
+    exact = final(0.01 if scheme == "sdirk2" else 0.001)
+    found = [np.abs(final(s) - exact).max() for s in steps]
+    assert np.polyfit(np.log(steps), np.log(found), 1)[0] > least, found
+
+
+@pytest.mark.parametrize(
+    ("initial", "root"), [(1494.4, 0.665780), (1550.0, 0.616196)], ids=["one-phase", "two-phase"]
+)
+def test_stefan_problem(initial: float, root: float) -> None:
+    exact = Neumann((33.0, 661.0), (33.0, 661.0), 7500.0, 272e3, 1000.0, 1494.4, initial)
+    assert exact.root() == pytest.approx(root, abs=2e-6)
+    curve = constant_steel(1494.35, 1494.45, rho=7500.0, c=661.0, k=33.0, datum=initial)
+    start = max(initial, 1494.45)
+    scene = ThermalScene(strip(0.06, 200), curve, start)
+    scene.cool(("surface", laws.PrescribedTemperature(1000.0))).march(21.0, 0.05)
+    x, temperature = scene.along_x()
+    front = Profile(x, temperature).isotherm_depth(1494.35)
+    # The front rests at a vertex until its latent heat is gone: up to a cell of 0.3 mm.
+    assert front == pytest.approx(exact.front(21.0), abs=0.15e-3)
+    assert np.abs(temperature - exact.temperature(x, 21.0)).max() < 6.0
+    assert np.abs(temperature - exact.temperature(x, 21.0)).mean() < 1.0
+
+
+def test_stefan_front_converges() -> None:
+    exact = Neumann((33.0, 661.0), (33.0, 661.0), 7500.0, 272e3, 1000.0, 1494.4, 1550.0)
+    curve = constant_steel(1494.35, 1494.45, rho=7500.0, c=661.0, k=33.0, datum=1550.0)
+    found = []
+    for cells in (50, 100, 200):
+        scene = ThermalScene(strip(0.06, cells), curve, 1550.0)
+        heat = []
+        scene.cool(("surface", laws.PrescribedTemperature(1000.0)))
+        scene.march(21.0, 0.05, lambda h=heat, s=scene: h.append(s.state.removed))
+        times = np.array([0.05 * (i + 1) for i in range(len(heat))])
+        late = times > 5.0
+        width = 0.06 / cells
+        slope = 33.0 * 494.4 / np.sqrt(np.pi * 33.0 / (7500.0 * 661.0))
+        from scipy.special import erf
+
+        expected = 2 * np.sqrt(times) * slope / erf(exact.root())
+        found.append(np.abs(np.array(heat)[late] / width / expected[late] - 1).max())
+    assert found[2] < 2e-3
+    assert found[0] / found[2] > 3.0, found
+
+
+def test_steady_wall_between_two_fluids() -> None:
+    """Steady conduction with h on both sides; the step may be as long as one likes."""
+    curve = constant_steel(1800.0, 1850.0, k=25.0)
+    scene = ThermalScene(strip(0.05, 30), curve, 800.0)
+    scene.cool(
+        ("surface", laws.Convection(500.0, 300.0)), ("core_end", laws.Convection(900.0, 1400.0))
+    ).march(1e8, 1e7)
+    flux = (1400.0 - 300.0) / (1 / 500.0 + 0.05 / 25.0 + 1 / 900.0)
+    x, temperature = scene.along_x()
+    exact = 300.0 + flux / 500.0 + flux * x / 25.0
+    assert temperature == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.05e-3, 0.5e-3, 5e-3])
+def test_gap_in_series(gap: float) -> None:
+    """(301): contact and gap resistances in series with the wall of steel."""
+    curve = constant_steel(1800.0, 1850.0, k=25.0)
+    scene = ThermalScene(strip(0.05, 20), curve, 800.0)
+    scene.cool(
+        ("surface", laws.Contact(1600.0, 433.15, 0.15, gap)),
+        ("core_end", laws.PrescribedTemperature(1700.0)),
+    ).march(1e8, 1e7)
+    flux = (1700.0 - 433.15) / (0.05 / 25.0 + 1 / 1600.0 + gap / 0.15)
+    assert scene.along_x()[1][0] == pytest.approx(1700.0 - flux * 0.05 / 25.0, abs=1e-6)
+
+
+def test_radiation_balances_conduction() -> None:
+    curve = constant_steel(1800.0, 1850.0, k=25.0)
+    scene = ThermalScene(strip(0.05, 20), curve, 1500.0)
+    law = laws.Radiation(0.8, 293.15)
+    scene.cool(("surface", law), ("core_end", laws.PrescribedTemperature(1700.0))).march(1e8, 1e6)
+    sigma = laws.STEFAN_BOLTZMANN
+    exact = brentq(
+        lambda t: 0.8 * sigma * (t**4 - 293.15**4) - 25.0 / 0.05 * (1700.0 - t), 293.15, 1700.0
+    )
+    assert scene.along_x()[1][0] == pytest.approx(exact, abs=1e-6)
+
+
+def test_radiation_cools_a_lump() -> None:
+    """A body without inner resistance in cold surroundings: T^-3 = T0^-3 + 3 A t."""
+    curve = constant_steel(1800.0, 1850.0, k=1e7, datum=1500.0)
+    scene = ThermalScene(strip(0.01, 4), curve, 1500.0)
+    scene.cool(("surface", laws.Radiation(0.8, 1e-3))).march(100.0, 0.5)
+    rate = 0.8 * laws.STEFAN_BOLTZMANN / (7200.0 * 700.0 * 0.01)
+    exact = (1500.0**-3 + 3 * rate * 100.0) ** (-1 / 3)
+    assert scene.along_x()[1].mean() == pytest.approx(exact, abs=0.01)
+
+
+def test_gap_factor_of_radiation() -> None:
+    """(33) with numbers worked by hand: m = 1.5, a = 400 /m, d = 1 mm, eps 0.8 and 0.4."""
+    law = laws.Radiation(0.8, 433.15, 0.4, 1.5, 400.0, 1e-3)
+    resistance = 0.75 * 400.0 * 1e-3 + 1.25 + 2.5 - 1.0
+    assert law.factor(np.array([1500.0]))[0] == pytest.approx(
+        2.25 * 5.670374419e-8 / resistance, rel=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        laws.Convection(lambda t: 200.0 + 0.1 * t, 300.0),
+        laws.Contact(1600.0, 433.15, 0.15, 0.2e-3),
+        laws.Radiation(lambda t: 0.6 + 1e-4 * t, 300.0),
+        laws.Radiation(0.8, 300.0, 0.5, 1.2, 300.0, 1e-3),
+    ],
+)
+def test_slope_of_the_flux(law: laws.SurfaceLaw) -> None:
+    temperature = np.linspace(600.0, 1700.0, 12)
+    _, slope = law.flux(temperature, 1.0)
+    high, low = (law.flux(temperature + d, 1.0)[0] for d in (0.1, -0.1))
+    assert slope == pytest.approx((high - low) / 0.2, rel=1e-5)

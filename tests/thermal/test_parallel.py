@@ -1,0 +1,94 @@
+"""The same numbers on one rank and on several."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from castfem.probes import LineProbes
+from castfem.thermal import laws
+from thermal.scenes import ThermalScene, constant_steel
+from thermal.test_extremes import CAST, WALL, billet
+
+HERE = Path(__file__).parents[1]
+
+
+def marched(comm: MPI.Comm, cell: str = "quadrilateral", radius: float = 5e-3) -> ThermalScene:
+    curve = constant_steel(1725.15, 1775.65, datum=CAST)
+    scene = ThermalScene(billet(radius, cell), curve, CAST, comm=comm)
+    law = laws.Contact(1600.0, WALL, 0.15)
+    scene.cool(("wide", law), ("narrow", law), *([("corner", law)] if radius else []))
+    return scene.march(4.0, 0.1)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_many_ranks_give_what_one_gives(cell: str) -> None:
+    alone, together = marched(MPI.COMM_SELF, cell), marched(MPI.COMM_WORLD, cell)
+    one = alone.section.gather(alone.state.point.temperature)
+    many = together.section.gather(together.state.point.temperature)
+    if MPI.COMM_WORLD.rank == 0:
+        assert one is not None and many is not None
+        assert np.abs(many / one - 1).max() < 1e-8
+    assert together.state.removed == pytest.approx(alone.state.removed, rel=1e-8)
+    assert together.worst_balance < 1e-9
+    lines = {n: LineProbes(s.section).sample(s.state.point.temperature) for n, s in
+             (("one", alone), ("many", together))}  # fmt: skip
+    for name, profile in lines["one"].items():
+        other = lines["many"][name]
+        assert other.temperature == pytest.approx(profile.temperature, rel=1e-8)
+        assert other.isotherm_depth(1725.15) == pytest.approx(
+            profile.isotherm_depth(1725.15), rel=1e-8
+        )
+
+
+@pytest.mark.mpi
+def test_gather_and_scatter_are_inverse() -> None:
+    scene = ThermalScene(billet(0.0), constant_steel(1725.15, 1775.65), CAST, comm=MPI.COMM_WORLD)
+    section = scene.section
+    values = np.arange(section.owned) + 1000.0 * section.comm.rank
+    assert np.array_equal(section.scatter(section.gather(values)), values)
+
+
+SCRIPT = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+from mpi4py import MPI
+from thermal.test_parallel import marched
+scene = marched(MPI.COMM_WORLD)
+field = scene.section.gather(scene.state.point.temperature)
+if MPI.COMM_WORLD.rank == 0:
+    print("RESULT", json.dumps({"removed": scene.state.removed, "field": field.tolist()}))
+"""
+
+
+@pytest.mark.skipif(shutil.which("mpirun") is None, reason="mpirun is not on the path")
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks of its own")
+def test_three_ranks_give_what_one_gives() -> None:
+    clean = {
+        k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE_"))
+    }
+    done = subprocess.run(
+        ["mpirun", "--oversubscribe", "-n", "3", sys.executable, "-c", SCRIPT, str(HERE)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env=clean | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"},
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    line = next(x for x in done.stdout.splitlines() if x.startswith("RESULT"))
+    three = json.loads(line.removeprefix("RESULT"))
+    alone = marched(MPI.COMM_SELF)
+    field = alone.section.gather(alone.state.point.temperature)
+    assert np.abs(np.array(three["field"]) / field - 1).max() < 1e-8
+    assert three["removed"] == pytest.approx(alone.state.removed, rel=1e-8)

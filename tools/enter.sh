@@ -1,0 +1,147 @@
+#!/usr/bin/env bash
+# Runs a program inside castfem's environment, wherever that came from (tools/env.sh decides).
+#
+#   tools/enter.sh HOME PROGRAM [ARGUMENT ...]               HOME: the environment's folder, .castfem
+#   tools/enter.sh --userland DIR PROGRAM [ARGUMENT ...]     a bare userland, before HOME exists
+#
+# Paths inside equal paths outside: of the host only /usr (but not /usr/local and /usr/src), /etc and
+# /boot are hidden by the userland. Exit status, standard streams, signals and variables pass through.
+
+set -u
+
+die() {
+  printf 'castfem: error: %s\n' "$*" >&2
+  exit 125
+}
+
+# What the user set stays; the rest suits one machine with few cores.
+set_defaults() {
+  : "${OMP_NUM_THREADS:=1}"                                    # BLAS threads fight with MPI ranks
+  : "${PRTE_MCA_rmaps_default_mapping_policy:=:oversubscribe}" # Open MPI 5: more ranks than cores
+  : "${OMPI_MCA_rmaps_base_oversubscribe:=1}"                  # Open MPI 4: the same
+  export OMP_NUM_THREADS PRTE_MCA_rmaps_default_mapping_policy OMPI_MCA_rmaps_base_oversubscribe
+  # Outside a batch job there is one machine, thus shared memory: TCP would only add words about
+  # unreachable interfaces.
+  if [[ $kind == userland || -z ${SLURM_JOB_ID:-}${PBS_JOBID:-}${LSB_JOBID:-} ]]; then
+    export OMPI_MCA_btl="${OMPI_MCA_btl:-^tcp}"
+  fi
+  if [[ $EUID -eq 0 ]]; then
+    export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+  fi
+}
+
+# Runs "$@" with the Python that has DOLFINx already; nothing to enter.
+run_on_host() {
+  local folder=${python%/*}
+  case ":$PATH:" in
+    *":$folder:"*) ;;
+    *) PATH=$folder:$PATH ;; # conda's mpirun and compiler live beside its Python
+  esac
+  export PATH=$home/venv/bin:$PATH
+  exec "$@"
+}
+
+# Variables that would lead the userland's programs back to the host's libraries or interpreters.
+forget_host() {
+  unset PYTHONPATH PYTHONHOME PYTHONSTARTUP VIRTUAL_ENV CONDA_PREFIX LD_LIBRARY_PATH LD_PRELOAD \
+    PETSC_DIR PETSC_ARCH SLEPC_DIR OPAL_PREFIX CC CXX
+  export PYTHONNOUSERSITE=1 LC_ALL=C.UTF-8 CASTFEM_INSIDE=$userland
+  export PRTE_MCA_plm=^slurm PRTE_MCA_ras=^slurm # a batch system's launcher is not inside
+  export PATH=${home:+$home/venv/bin:}/usr/bin:/bin:/usr/sbin:/sbin
+}
+
+# Fills `binds` with what bubblewrap shows inside.
+collect_binds() {
+  local entry path
+  binds=(--dev-bind /dev /dev --proc /proc --ro-bind /sys /sys --ro-bind "$userland/etc" /etc)
+  for entry in "$userland"/*; do
+    [[ -L $entry ]] && binds+=(--symlink "$(readlink "$entry")" "/${entry##*/}")
+  done
+  for entry in "$userland"/usr/*; do
+    path=/usr/${entry##*/}
+    [[ $path == /usr/local || $path == /usr/src ]] || binds+=(--ro-bind "$entry" "$path")
+  done
+  for entry in /*; do # every top-level folder of the host that the userland does not own
+    case $entry in
+      /usr | /etc | /boot | /dev | /proc | /sys | /lost+found) continue ;;
+    esac
+    [[ -L $userland$entry ]] && continue
+    if [[ -L $entry ]]; then
+      binds+=(--symlink "$(readlink "$entry")" "$entry")
+    elif [[ -d $entry ]]; then
+      binds+=(--bind "$entry" "$entry")
+    fi
+  done
+  for entry in /usr/local /usr/src; do # the user's own part of /usr, but for its Python packages
+    [[ -d $entry ]] && binds+=(--bind "$entry" "$entry")
+  done
+  [[ -d /usr/local/lib ]] && binds+=(--tmpfs /usr/local/lib --remount-ro /usr/local/lib)
+  for path in passwd group hosts hostname resolv.conf localtime pip.conf; do
+    [[ -f /etc/$path ]] && binds+=(--ro-bind "/etc/$path" "/etc/$path")
+  done
+  path=${PIP_CERT:-/etc/ssl/certs/ca-certificates.crt}
+  [[ -f $path ]] && binds+=(--ro-bind "$path" /etc/ssl/certs/ca-certificates.crt)
+  binds+=(--remount-ro /) # a new top-level folder would be lost at the end: refuse it
+}
+
+# Passes signal $1 on to the program, once. It has a session of its own, so that a Ctrl-C reaches
+# it through here only; $2 is "group" for what a terminal would send to the whole group.
+forward() {
+  local pid
+  signalled=yes
+  pid=$(cat "/proc/$child/task/$child/children" 2>/dev/null || ps -o pid= --ppid "$child")
+  read -r pid _ <<<"$pid" # bubblewrap's one child
+  [[ -n $pid ]] || return 0
+  if [[ $2 == group ]]; then kill -s "$1" -- "-$pid"; else kill -s "$1" "$pid"; fi 2>/dev/null
+}
+
+# bubblewrap would die of a signal and leave the program behind: it ignores them, this shell
+# forwards them, and `env --default-signal` gives the program its ordinary ones back.
+run_in_userland() {
+  local binds child signalled=first status=0
+  command -v bwrap >/dev/null || die "bubblewrap is missing; run \`make env\` in the checkout again"
+  [[ -e $userland/castfem-ready || -z $home ]] ||
+    die "the userland $userland is gone; run \`make env\` in the checkout again"
+  collect_binds
+  [[ $PWD/ != /etc/* && $PWD/ != /boot/* ]] || die "$PWD is not visible here; run it from another folder"
+  (
+    trap '' HUP INT QUIT TERM USR1 USR2
+    exec bwrap --die-with-parent --new-session "${binds[@]}" --chdir "$PWD" \
+      env --default-signal=HUP,INT,QUIT,TERM,USR1,USR2 -- "$@"
+  ) <&0 &
+  child=$!
+  trap 'forward INT group' INT
+  trap 'forward QUIT group' QUIT
+  trap 'forward WINCH group' WINCH
+  trap 'forward TERM one' TERM
+  trap 'forward HUP one' HUP
+  trap 'forward USR1 one' USR1
+  trap 'forward USR2 one' USR2
+  trap 'forward STOP group; kill -s STOP $$' TSTP
+  trap 'forward CONT group' CONT
+  while [[ -n $signalled ]]; do # a trap cuts `wait` short: the program may still be at work
+    signalled=
+    wait "$child"
+    status=$?
+  done
+  exit "$status"
+}
+
+home='' userland='' kind=userland python=''
+if [[ ${1:-} == --userland ]]; then
+  userland=${2:?}
+  shift 2
+else
+  home=${1:?}
+  shift
+  # shellcheck source=/dev/null
+  . "$home/env.conf" || die "no environment in $home; run \`make env\` in the checkout"
+fi
+[[ $# -gt 0 ]] || die "nothing to run"
+
+set_defaults
+[[ $kind == userland ]] || run_on_host "$@"
+inside=${CASTFEM_INSIDE:-}
+forget_host
+[[ $inside == "$userland" ]] && exec "$@" # already there, as under mpirun
+run_in_userland "$@"

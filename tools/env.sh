@@ -1,0 +1,187 @@
+#!/usr/bin/env bash
+# Makes castfem's environment ready, in the checkout's .castfem folder.
+#
+#   tools/env.sh [ready]     all of it; nothing to do in a blink when it is there
+#   tools/env.sh ruff        the linter too, at the version pyproject.toml pins
+#   tools/env.sh benchmark   the benchmarks' opponent too (pyproject.toml, extra "benchmark")
+#   tools/env.sh packages    print Debian's names of what castfem needs
+#   tools/env.sh clean       remove the environments of this checkout and the shared userlands
+#
+# A Python with DOLFINx 0.9 ... 0.11 ($PYTHON, python3, /usr/bin/python3) is used as it is, through a
+# venv. Without one, a private Debian userland is built in the user's cache folder, once for all
+# checkouts. DEBIAN=<suite> asks for the userland of that suite, beside the ordinary environment.
+
+set -Eeuo pipefail
+umask 022
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
+cd "$root"
+tools=$root/tools
+suite=${DEBIAN:-}
+home=$root/.castfem${suite:+/$suite}
+HOME=${HOME:-$(getent passwd "$EUID" | cut -d: -f6)}
+cache=${XDG_CACHE_HOME:-$HOME/.cache}/castfem
+
+say() { printf 'castfem: %s\n' "$*" >&2; }
+
+die() {
+  printf 'castfem: error: %s\n' "$*" >&2
+  exit 1
+}
+
+# The last resort, where nothing better was said.
+stopped() {
+  [[ $(df -Pk "$root" | awk 'NR == 2 { print $4 }') -gt 1024 ]] ||
+    die "the disk is full: free some space, then run it again"
+  die "stopped at line $1 of $2; run it again, after \`make clean-env\` if need be"
+}
+trap 'stopped "$LINENO" "${BASH_SOURCE[0]}"' ERR
+trap 'die "interrupted; run it again to start afresh"' INT TERM HUP
+
+packages() { sed 's/#.*//' "$tools/packages.txt" | tr -s '[:space:]' '\n' | sed '/^$/d'; }
+
+digest() { sha256sum | cut -c "1-$1"; }
+
+# What the environment was made from: any change here makes it anew.
+recipe() {
+  cat "$root/pyproject.toml" "$tools"/{env.sh,userland.sh,install.py,packages.txt}
+  printf '%s\n' "$root" "$cache" "$suite"
+}
+
+# shellcheck source=tools/userland.sh
+. "$tools/userland.sh"
+
+# Holds the lock file $1 until this process ends, so that two set-ups at once are safe.
+lock() {
+  mkdir -p "${1%/*}" || die "cannot write in ${1%/*}: free some space or mend its permissions"
+  { exec {lock_fd}>"$1"; } 2>/dev/null || die "cannot write $1: is the disk full or read-only?"
+  flock -n "$lock_fd" || {
+    say "another set-up is at work; waiting for it"
+    flock "$lock_fd"
+  }
+}
+
+# Looks for a Python with a suitable DOLFINx; sets python, dolfinx, parent, missing.
+find_python() {
+  local candidate verdict seen=' '
+  for candidate in "${PYTHON:-}" python3 /usr/bin/python3; do
+    candidate=$(command -v "${candidate:-/nowhere}") || continue
+    [[ $seen == *" $candidate "* ]] && continue
+    seen+="$candidate "
+    if verdict=$(timeout 120 "$candidate" "$tools/probe.py" 2>/dev/null); then
+      eval "$(grep -E '^(python|dolfinx|parent|missing)=' <<<"$verdict")"
+      return 0
+    fi
+    [[ $verdict == 'no DOLFINx (No module'* ]] ||
+      say "$candidate is passed over: ${verdict:-no answer}"
+  done
+  return 1
+}
+
+# Runs a program of the environment that is being made.
+inside() { "$tools/enter.sh" "$home" "$@"; }
+
+# Runs the command "${@:2}" silently; if it fails, says $1 with the last line of what it wrote.
+quietly() {
+  local words
+  local offline='Failed to establish|Temporary failure|onnectionError|ProxyError|o matching dist'
+  words=$("${@:2}" 2>&1) && return
+  [[ $words =~ 'No space left' ]] && die "the disk is full: free some space, then run it again"
+  [[ $words =~ $offline ]] && die "$1: PyPI cannot be reached;" \
+    "mend the network (or PIP_INDEX_URL, https_proxy), then run it again"
+  die "$1: $(tail -n 1 <<<"$words")"
+}
+
+# The venv: castfem itself, editable, and whatever pure-Python parts the machine lacks.
+make_venv() {
+  local script folder
+  rm -rf "$home/venv"
+  quietly "cannot make $home/venv" inside "$python" -m venv --system-site-packages --without-pip \
+    "$home/venv"
+  if [[ -n $parent ]]; then
+    folder=("$home"/venv/lib/python3*/site-packages)
+    tr ':' '\n' <<<"$parent" | sed "s/.*/import site; site.addsitedir('&')/" >"${folder[0]}/parent.pth"
+  fi
+  if [[ -n $missing ]]; then
+    say "from PyPI: $missing"
+    # shellcheck disable=SC2086
+    quietly "cannot install $missing" inside "$home/venv/bin/python" -m pip install -q $missing
+  fi
+  quietly 'cannot install castfem' inside "$home/venv/bin/python" "$tools/install.py"
+  for script in castfem python mpirun; do
+    printf '#!/usr/bin/env bash\nexec %q %q %s "$@"\n' "$tools/enter.sh" "$home" "$script" >"$home/bin/$script"
+    chmod +x "$home/bin/$script"
+  done
+}
+
+# Whether what is there was made from the same recipe and its Python still runs.
+is_ready() {
+  [[ -f $home/ready && $(<"$home/ready") == "$(recipe | digest 64)" ]] || return 1
+  # shellcheck source=/dev/null
+  . "$home/env.conf"
+  [[ -z ${PYTHON:-} || -n $suite || $(command -v "$PYTHON") == "$asked" ]] || return 1
+  if [[ $kind == host ]]; then "$home/venv/bin/python" -c ''; else [[ -f $userland/castfem-ready ]]; fi
+}
+
+ready() {
+  local name kind=host userland='' python='' dolfinx='' parent='' missing='' asked
+  is_ready && return
+  lock "$home/lock"
+  is_ready && return # somebody else made it meanwhile
+  rm -f "$home/ready"
+  if [[ -n $suite ]] || ! find_python; then
+    kind=userland python=/usr/bin/python3 parent='' missing=''
+    userland=$(userland_path "${suite:-trixie}")
+    build_userland "${suite:-trixie}" "$userland"
+    dolfinx=$(<"$userland/castfem-ready")
+  fi
+  mkdir -p "$home/bin"
+  asked=$(command -v "${PYTHON:-/nowhere}") || asked=''
+  for name in kind userland python dolfinx asked; do
+    printf '%s=%q\n' "$name" "${!name}"
+  done >"$home/env.conf"
+  make_venv
+  recipe | digest 64 >"$home/ready"
+  say "ready: DOLFINx $dolfinx of ${userland:-$python}; programs in $home/bin"
+}
+
+# Links ruff into the venv, from one shared copy for all checkouts.
+ruff() {
+  local pin folder
+  pin=$(sed -n 's/.*"ruff==\([0-9.]*\)".*/\1/p' "$root/pyproject.toml")
+  folder=$cache/ruff-$pin-$(uname -m)
+  if [[ ! -x $folder/bin/ruff ]]; then
+    lock "$cache/ruff.lock"
+    rm -rf "$folder".tmp.*
+    quietly "cannot install ruff $pin" inside python -m pip install -q --disable-pip-version-check \
+      --target "$folder.tmp.$$" "ruff==$pin"
+    rm -rf "$folder"
+    mv "$folder.tmp.$$" "$folder"
+  fi
+  ln -sfn "$folder/bin/ruff" "$home/venv/bin/ruff"
+}
+
+# Installs the extra "benchmark" into the venv.
+benchmark() {
+  quietly 'cannot install the extra "benchmark"' inside python -m pip install -q \
+    --disable-pip-version-check 'castfem[benchmark]' # castfem itself is there: only its extra is fetched
+}
+
+clean() {
+  local gone
+  for gone in "$home" "$cache/userland-$suite"* "$cache"/ruff[-.]*; do
+    [[ -e $gone && ! (-n $suite && $gone == */ruff*) ]] || continue
+    say "removing $gone"
+    discard "$gone"
+  done
+}
+
+case ${1:-ready} in
+  ready) ready ;;
+  ruff | benchmark)
+    ready
+    "$1"
+    ;;
+  packages | clean) "$1" ;;
+  *) die "unknown: $1; see the head of tools/env.sh" ;;
+esac

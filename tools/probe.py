@@ -1,0 +1,109 @@
+"""Judges whether the Python that runs this file can carry castfem, for tools/env.sh.
+
+Prints shell assignments (python, dolfinx, parent, missing) and leaves with status 0 if it can;
+prints one line saying why not and leaves with status 1 if it cannot. Reads no network and writes
+no file. Python 3.6 can still read it, as the first one on the PATH may be old.
+"""
+
+import os
+import re
+import shlex
+import sys
+
+LOWEST = (0, 9)
+BEYOND = (0, 12)
+# Beside pyproject.toml's own list: these come from the distribution where it has them.
+FROM_DISTRIBUTION = ("gmsh>=4.11", "numba>=0.59", "pyvista>=0.44")
+
+
+def release(version):
+    """The leading numbers of a version: '0.10.0.post1' gives (0, 10, 0)."""
+    found = re.match(r"\d+(?:\.\d+)*", version.strip())
+    return tuple(int(part) for part in found.group().split(".")) if found else ()
+
+
+def in_range(version):
+    """Whether castfem runs on this version of DOLFINx."""
+    return LOWEST <= release(version)[:2] < BEYOND
+
+
+def requirements(pyproject):
+    """The run-time and test requirements in a pyproject.toml, except ruff, which is a program."""
+    import tomllib
+
+    with open(pyproject, "rb") as file:
+        project = tomllib.load(file)["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    return [item for item in wanted if not item.startswith("ruff")] + list(FROM_DISTRIBUTION)
+
+
+def is_met(requirement):
+    """Whether 'name', 'name>=1.2' or 'name==1.2' is met by what is installed."""
+    from importlib import metadata
+    from importlib.util import find_spec
+
+    name, relation, bound = re.match(r"([\w.-]+?)\s*(?:(>=|==)\s*([\w.]+))?$", requirement).groups()
+    try:
+        version = release(metadata.version(name))
+    except metadata.PackageNotFoundError:  # Debian's gmsh, for one, has no such record
+        return find_spec(name.replace("-", "_")) is not None
+    if relation is None:
+        return True
+    width = max(len(version), len(release(bound)))
+    ours, theirs = (v + (0,) * (width - len(v)) for v in (version, release(bound)))
+    return ours == theirs if relation == "==" else ours >= theirs
+
+
+def reason_against():
+    """Why castfem cannot run here, or None. Imports what has to work together."""
+    if sys.version_info < (3, 11):  # noqa: UP036
+        return f"Python {sys.version_info[0]}.{sys.version_info[1]} is older than 3.11"
+    try:
+        import dolfinx
+    except Exception as problem:
+        return f"no DOLFINx ({problem})"
+    if not in_range(dolfinx.__version__):
+        return f"DOLFINx {dolfinx.__version__} is not 0.9 ... 0.11"
+    try:
+        from petsc4py import PETSc
+
+        import dolfinx.fem.petsc
+    except Exception as problem:
+        return f"DOLFINx {dolfinx.__version__} without PETSc ({problem})"
+    if PETSc.ScalarType(0).dtype.kind != "f":
+        return "PETSc is built for complex numbers"
+    for name in ("gmsh", "h5py"):  # compiled: present but broken is worse than absent
+        try:
+            __import__(name)
+        except ModuleNotFoundError:
+            continue
+        except Exception as problem:
+            return f"{name} does not load ({problem})"
+    return None
+
+
+def main():
+    """Print the verdict."""
+    reason = reason_against()
+    if reason:
+        print(" ".join(reason.split()))
+        return 1
+    import dolfinx
+
+    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    missing = [r for r in requirements(os.path.join(folder, "pyproject.toml")) if not is_met(r)]
+    # A venv made by a venv's Python sees only the base: name the folders of the one between.
+    between = sys.prefix != sys.base_prefix
+    parent = [path for path in sys.path if between and path.endswith("-packages")]
+    for key, value in (
+        ("python", sys.executable),
+        ("dolfinx", dolfinx.__version__),
+        ("parent", ":".join(parent)),
+        ("missing", " ".join(missing)),
+    ):
+        print(f"{key}={shlex.quote(value)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

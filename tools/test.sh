@@ -1,0 +1,66 @@
+#!/usr/bin/env bash
+# Checks castfem inside the environment HOME: lint, types, the parallel tests on two ranks, then all
+# tests on one rank, last, so that pytest's count closes the output. Status 0 only if all passed.
+#
+#   tools/test.sh HOME all [PYTEST ARGUMENT ...]
+#   tools/test.sh HOME lint
+
+set -u
+cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
+home=$PWD/$1
+what=$2
+shift 2
+colour=no # mpirun would make pytest believe in a terminal
+[[ -t 1 ]] && colour=yes
+summary=()
+failed=()
+
+inside() { tools/enter.sh "$home" "$@"; }
+
+# Runs the step named $1 and notes how it went.
+step() {
+  local name=$1 start=$SECONDS verdict=passed
+  shift
+  printf '== %s\n' "$name"
+  "$@" || {
+    verdict="FAILED (status $?)"
+    failed+=("$name")
+  }
+  summary+=("$(printf '   %-22s %s in %d s' "$name" "$verdict" $((SECONDS - start)))")
+}
+
+# The tests marked mpi on two ranks. Rank 0 speaks; the other is heard if something fails. The limit
+# ends a deadlock, which is how a failure on one rank alone shows.
+pytest_on_two_ranks() {
+  local log=$home/pytest-rank1.log status=0
+  # shellcheck disable=SC2016
+  inside timeout --kill-after=10 1200 mpirun -n 2 bash -c '
+    rank=${OMPI_COMM_WORLD_RANK:-${PMI_RANK:-0}}
+    if [[ $rank != 0 ]]; then exec >"$1" 2>&1; fi
+    shift
+    exec python -m pytest -m mpi -p no:cacheprovider "$@"' bash "$log" --color="$colour" "$@" ||
+    status=$?
+  if [[ $status -ne 0 ]]; then
+    printf -- '-- the other rank, last lines\n'
+    tail -n 40 "$log"
+  fi
+  return "$status"
+}
+
+step 'ruff check' inside ruff check --quiet --output-format concise .
+step 'ruff format' inside ruff format --check --quiet --output-format concise .
+step 'mypy' inside python -m mypy
+if [[ $what == all ]]; then
+  step 'pytest, 2 ranks' pytest_on_two_ranks "$@"
+fi
+printf '== summary so far\n'
+printf '%s\n' "${summary[@]}"
+if [[ $what == all ]]; then
+  step 'pytest, 1 rank' inside python -m pytest "$@"
+fi
+if [[ ${#failed[@]} -gt 0 ]]; then
+  printf '== FAILED:'
+  printf ' [%s]' "${failed[@]}"
+  printf '\n'
+  exit 1
+fi
