@@ -137,7 +137,7 @@ class SnesSolver:
             thing.destroy()
 
 
-FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "fieldsplit_")
+FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_")
 
 
 def apply_options(prefix: str, options: Options, *objects: PETSc.Object) -> None:

@@ -196,7 +196,7 @@ def _blocks(faces: tuple[Piece, ...], grading: Grading, ring: Ring) -> list[np.n
         (at_shoulder, at_shoulder, deep, deep),
         (deep, deep, deep),
     )
-    layers = []
+    layers: list[np.ndarray] = []
     for run, values in zip(runs, depths, strict=True):
         knots = np.r_[0.0, np.cumsum([s.piece.length for s in run])]
         block = layer_block(run, (knots, np.array(values)), n, inward, ring)

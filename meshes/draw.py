@@ -91,6 +91,8 @@ def _close_view(
         extent = float(np.ptp(mesh.points, axis=0).min())
         near = 1.4 * float(centres[min(400, len(centres) - 1)])
         zoom = min(max(near, 0.05 * extent), 0.3 * extent)
+        if name == "mid_face" and not focus:  # a strip
+            zoom = 1.2 * extent
     low, high = np.zeros(2), np.zeros(2)
     inward = np.sign(np.round(end - start, 12))
     close = mesh.points[away <= max(0.55 * zoom, float(away.min()))]
@@ -114,7 +116,9 @@ def _cells(ax: Any, mesh: SectionMesh, line: float) -> None:
 
     pairs, _, sides = pair_up(mesh.vertices, mesh.cell)
     inner = 1e3 * mesh.points[sides[pairs[:, 0]]]
-    ax.add_collection(LineCollection(list(inner), colors="#30363d", linewidths=line, zorder=1))
+    lines = LineCollection(list(inner), colors="#30363d", linewidths=line, zorder=1)
+    lines.set_snap(False)  # else each side is rounded to pixels by itself and lines break
+    ax.add_collection(lines)
 
 
 def _boundary(ax: Any, mesh: SectionMesh) -> None:
@@ -147,6 +151,7 @@ def _caption(figure: Any, ax: Any, mesh: SectionMesh) -> None:
     q = mesh.quality()
     plural = {"quadrilateral": "quadrilaterals", "triangle": "triangles"}[mesh.cell]
     part = {1: "whole section", 2: "half", 4: "quarter"}[mesh.multiplicity]
+    part = "strip" if "core_end" in mesh.groups else part
     figure.suptitle(
         f"{part}: {q.cells} {plural} of order {mesh.order}, {q.points} points; sizes "
         f"{1e3 * q.smallest_size:.3g} to {1e3 * q.largest_size:.3g} mm, angles {q.min_angle:.0f} "

@@ -65,7 +65,7 @@ class SizeLaw:
 
     def size(self, distance: np.ndarray) -> np.ndarray:
         """Size wanted at each distance (n,) from the fine end, m."""
-        sizes = np.zeros_like(np.asarray(distance, dtype=float))
+        sizes: np.ndarray = np.zeros_like(np.asarray(distance, dtype=float))
         for u, _, h, g in self._segments():
             sizes = np.where(distance >= u, h + g * (distance - u), sizes)
         return sizes
@@ -96,7 +96,8 @@ class SizeLaw:
         """
         n = self.cells(length) if cells is None else cells
         wanted = self.count(length) * np.arange(n + 1) / n
-        nodes, done = np.zeros(n + 1), 0.0
+        nodes: np.ndarray = np.zeros(n + 1)
+        done = 0.0
         for u, v, h, g in self._segments():
             if u >= length:
                 break

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -58,20 +58,23 @@ def best_ring(cost: Callable[[Ring], float], freedom: str) -> Ring:
         freedom: "even" or "straight", what is varied besides depth, sharpness and crowd.
     """
 
-    def ring(values: tuple[float, ...]) -> Ring:
+    def ring(values: Sequence[float]) -> Ring:
         depth, sharpness, crowd, free = values
         return replace(Ring(depth, sharpness, crowd), **{freedom: free})
 
+    def cheapest(choices: Iterable[Sequence[float]]) -> tuple[float, tuple[float, ...]]:
+        return min((cost(ring(values)), tuple(values)) for values in choices)
+
     grid = itertools.product((0.35, 0.55), (0.4, 0.6), (0.8, 1.0, 1.3, 1.9), (0.0, 0.5, 1.0))
-    least, best = min((cost(ring(values)), values) for values in grid)
+    least, best = cheapest(grid)
     step = np.array([0.1, 0.1, 0.2, 0.25])
     low, high = (0.2, 0.3, 0.6, 0.0), (0.8, 0.8, 3.0, 1.0)
     for _ in range(4):
         tried = [
-            tuple(np.clip(best + sign * step * axis, low, high).tolist())
+            [float(v) for v in np.clip(best + sign * step * axis, low, high)]
             for axis, sign in itertools.product(np.eye(4), (-1.0, 1.0))
         ]
-        nearby = min((cost(ring(values)), values) for values in tried)
+        nearby = cheapest(tried)
         if nearby[0] < least - 1e-9:
             least, best = nearby
         else:

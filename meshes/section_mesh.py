@@ -76,7 +76,7 @@ class SectionMesh:
             middle = {
                 tuple(s): int(m) for s, m in zip(sides[boundary].tolist(), nodes, strict=True)
             }
-        follows = {a: i for i, (a, _) in enumerate(self.facets.tolist())}
+        follows = {int(facet[0]): i for i, facet in enumerate(self.facets)}
         left = set(range(len(self.facets)))
         runs: list[tuple[str, np.ndarray]] = []
         while left:

@@ -97,19 +97,19 @@ def make_delaunay(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
         cell, local = np.divmod(pairs, 3)
         apex = np.stack([cells[cell[:, k], (local[:, k] + 2) % 3] for k in (0, 1)], axis=1)
         ends = sides[pairs[:, 0]]  # the first cell lies on the left of its side
-        cotangents = sum(
-            _cotangent(points[apex[:, k]], points[ends[:, 0]], points[ends[:, 1]]) for k in (0, 1)
-        )
+        first_end, second_end = points[ends[:, 0]], points[ends[:, 1]]
+        cotangents = _cotangent(points[apex[:, 0]], first_end, second_end)
+        cotangents = cotangents + _cotangent(points[apex[:, 1]], first_end, second_end)
         bad = np.flatnonzero(cotangents < -1e-10)
         if len(bad) == 0:
             break
         busy: set[int] = set()
-        for i in bad[np.argsort(cotangents[bad], kind="stable")].tolist():
+        for i in bad[np.argsort(cotangents[bad], kind="stable")]:
             first, second = int(cell[i, 0]), int(cell[i, 1])
             if first in busy or second in busy:
                 continue
             busy |= {first, second}
-            (a, b), (c, d) = ends[i], apex[i]
+            a, b, c, d = (int(v) for v in (*ends[i], *apex[i]))
             cells[first], cells[second] = (c, a, d), (d, b, c)
     return cells
 

@@ -32,16 +32,32 @@ from castfem.thermal.surface import Cooling
 
 Array = npt.NDArray[np.float64]
 
-# Newton's full step on the enthalpy needs no line search; on one rank PETSc's own LU is the fastest
-# for a plane problem, on several MUMPS.
+# Newton's full step on the enthalpy needs no line search.
 DEFAULT_OPTIONS = {
     "snes_linesearch_type": "basic",
     "snes_max_it": 100,
     "ksp_type": "preonly",
     "pc_type": "lu",
 }
+# For a plane scalar problem PETSc's own LU is the fastest. Several ranks each factor all of a
+# section of moderate size: that costs less than what a distributed factor has to communicate.
 SERIAL_LU = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
-PARALLEL_LU = {"pc_factor_mat_solver_type": "mumps"}
+REDUNDANT_LU = {
+    "pc_type": "redundant",
+    "redundant_pc_type": "lu",
+    "redundant_pc_factor_mat_solver_type": "petsc",
+    "redundant_pc_factor_mat_ordering_type": "nd",
+}
+DISTRIBUTED_LU = {"pc_factor_mat_solver_type": "mumps"}
+MODERATE = 100_000  # vertices
+
+
+def default_options(ranks: int, vertices: int) -> dict[str, object]:
+    """Solver options for a section of so many vertices on so many ranks."""
+    if ranks == 1:
+        return {**DEFAULT_OPTIONS, **SERIAL_LU}
+    return {**DEFAULT_OPTIONS, **(REDUNDANT_LU if vertices <= MODERATE else DISTRIBUTED_LU)}
+
 
 BALANCE = 1e-7  # of the heat stored in a stage: what Newton's method may leave open of the whole
 SPREAD = 10 * BALANCE  # largest relative correction that closes the heat balance
@@ -111,8 +127,8 @@ class ThermalProblem:
         self._assemble_operators()
         self._work = self._laplacian.createVecLeft()
         self._theta = self._laplacian.createVecRight()
-        lu = SERIAL_LU if section.comm.size == 1 else PARALLEL_LU
-        chosen = {**DEFAULT_OPTIONS, **lu, **(options or {})}
+        vertices = section.vertex_space.dofmap.index_map.size_global
+        chosen = {**default_options(section.comm.size, vertices), **(options or {})}
         matrix = self._laplacian.copy()
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
         self.solver = SnesSolver(self, self._theta, matrix, "thermal_", chosen, self.watch)
