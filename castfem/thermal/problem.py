@@ -2,12 +2,13 @@
 
 With the vertex rule of `forms.heat` the stage reads, for the enthalpies H (J/m3) of the vertices,
 
-    M (H - H_base) + tau [ L theta(H) + w q(T(H)) ] = 0,
+    M (H - H_base) + tau [ L theta(H) + w q(T(H)) - M s ] = 0,
 
-M the vertices' areas, L the constant Laplacian of the section, w their shares of the perimeter.  L
-is assembled once; a Newton step only scales its columns by dtheta/dH.  The Jacobian is an M-matrix
-with dominant columns for every step and every freezing range, so the stage is always solvable, and
-Newton's method on H (not on T) has no difficulty with isothermal freezing.
+M the vertices' areas, L the constant Laplacian of the section, w their shares of the perimeter,
+s heat generated inside.  L is assembled once; a Newton step only scales its columns by dtheta/dH.
+The Jacobian is an M-matrix with dominant columns for every step and every freezing range, so the
+stage is always solvable, and Newton's method on H (not on T) has no difficulty with isothermal
+freezing.
 """
 
 from __future__ import annotations
@@ -72,6 +73,7 @@ class Stage:
         enthalpy: H at the owned vertices (owned,), J/m3. rate: dH/dt (owned,), W/m3.
         point: Temperature and slopes that belong to the solution.
         out: Heat that leaves through this rank's part of the surface, W/m.
+        generated: Heat that appears inside this rank's part of the section, W/m.
         outcome: How the solver ended.
     """
 
@@ -79,6 +81,7 @@ class Stage:
     rate: Array
     point: CurvePoint
     out: float
+    generated: float
     outcome: Outcome
 
 
@@ -134,6 +137,7 @@ class ThermalProblem:
         self.solver = SnesSolver(self, self._theta, matrix, "thermal_", chosen, self.watch)
         self.iterations = self.stages = 0
         self._base, self._tau, self._time = np.zeros_like(self.area), 1.0, 0.0
+        self._source, self.heated = np.zeros_like(self.area), False
         self.set_cooling(Cooling([], []))
         self._state = self._evaluate(np.zeros_like(self.area))
 
@@ -159,6 +163,14 @@ class ThermalProblem:
         self._fixed_value = self.curve.enthalpy(np.concatenate(values)) if values else np.zeros(0)
         first = self._laplacian.getOwnershipRange()[0]
         self._fixed_rows = (self._fixed + first).astype(np.int32)
+
+    def set_source(self, source: Array) -> None:
+        """Heat generated inside from now on: `source` at the owned vertices (owned,), W/m3.
+
+        The plastic dissipation of the mechanics enters here.
+        """
+        self._source = self.area * source
+        self.heated = reductions.largest(self.section.comm, np.abs(source)) > 0.0
 
     def solve_stage(self, base: Array, guess: Array, tau: float, time: float) -> Stage:
         """Solve M (H - base) + tau (heat that leaves) = 0.
@@ -202,12 +214,14 @@ class ThermalProblem:
             out += float(reaction.sum())
         free = np.abs(change)
         free[self._fixed] = 0.0
-        open_, size = self.area @ change + tau * out, self.area @ free
+        generated = float(self._source.sum())
+        open_, size = self.area @ change + tau * (out - generated), self.area @ free
         if self.section.comm.size > 1:
             open_, size = reductions.totals(self.section.comm, [open_, size])
         if abs(open_) < SPREAD * size:
             change -= open_ / size * free
-        return Stage(base + change, np.asarray(change / tau), state.point, out, outcome)
+        rate = np.asarray(change / tau)
+        return Stage(base + change, rate, state.point, out, generated, outcome)
 
     def _evaluate(self, enthalpy: Array) -> _State:
         """Temperatures and heat flows at `enthalpy`."""
@@ -215,7 +229,7 @@ class ThermalProblem:
         with self.watch.section("petsc"):
             self._theta.setArray(point.conduction)
             self._laplacian.mult(self._theta, self._work)
-        flow = self._work.getArray().copy()
+        flow = self._work.getArray() - self._source
         slope = np.zeros_like(flow)
         out = gross = 0.0
         for patch, law in self.cooling.laws:
@@ -257,7 +271,7 @@ class ThermalProblem:
         if self.cooling.prescribed:
             self._theta.setArray(point.conduction)
             self._laplacian.mult(self._theta, self._work)
-            whole = -(self.area * rate + self._work.getArray(readonly=True))
+            whole = self._source - self.area * rate - self._work.getArray(readonly=True)
             flow[self._fixed] = whole[self._fixed]
         return flow
 

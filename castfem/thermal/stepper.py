@@ -57,7 +57,7 @@ class StepResult:
         state: The new state. error: Estimated temperature error of the step, K (largest vertex).
         newton: Newton iterations. limited: Whether the second-order step left the physical bounds
             and backward Euler was taken instead. reason: The solver's word.
-        balance: (heat out + change of enthalpy) over the larger of the two (see IDLE).
+        balance: (heat out + change of enthalpy - heat generated) over the largest (see IDLE).
     """
 
     converged: bool
@@ -127,6 +127,8 @@ class ThermalStepper:
         L-stable second-order schemes keep no maximum principle at large steps; backward Euler does.
         """
         low, high = self.problem.cooling.ambient_range(time)
+        if self.problem.heated:
+            high = np.inf
         return min(low, old.extremes[0]), max(high, old.extremes[1])
 
     def _guess(self, old: Array, rate: Array, tau: float, bounds: tuple[float, float]) -> Array:
@@ -141,13 +143,17 @@ class ThermalStepper:
         """Make the new state and its heat balance from solved stages."""
         last, dt = stages[-1], time - old.time
         weights = (dt,) if len(stages) == 1 else ((1 - GAMMA) * dt, GAMMA * dt)
-        gone = sum(w * s.out for w, s in zip(weights, stages, strict=True))
+        gone, made = (
+            sum(w * getattr(s, name) for w, s in zip(weights, stages, strict=True))
+            for name in ("out", "generated")
+        )
         change = float(self.problem.area @ (last.enthalpy - old.enthalpy))
-        out, gained = reductions.totals(self.comm, [gone, change])
-        removed = old.removed + float(out)
+        sums = reductions.totals(self.comm, [gone, change, made])
+        out, gained, generated = (float(value) for value in sums)
+        removed = old.removed + out
         # A step in which next to nothing happens is measured against all heat so far.
-        size = max(abs(float(out)), abs(float(gained)), IDLE * abs(removed), 1e-300)
-        balance = float(out + gained) / size
+        size = max(abs(out), abs(gained), abs(generated), IDLE * abs(removed), 1e-300)
+        balance = (out + gained - generated) / size
         point = self.problem.curve.at(last.enthalpy)
         state = ThermalState(time, last.enthalpy, last.rate, point, removed, self._extremes(point))
         error = self._error(old, stages, dt) if self.estimate else 0.0

@@ -189,3 +189,23 @@ def test_slope_of_the_flux(law: laws.SurfaceLaw) -> None:
     _, slope = law.flux(temperature, 1.0)
     high, low = (law.flux(temperature + d, 1.0)[0] for d in (0.1, -0.1))
     assert slope == pytest.approx((high - low) / 0.2, rel=1e-5)
+
+
+def test_heat_generated_inside_warms_an_insulated_body() -> None:
+    curve = constant_steel(1450.0, 1500.0, datum=1200.0)
+    scene = ThermalScene(strip(0.02, 10), curve, 1200.0)
+    scene.problem.set_source(np.full_like(scene.problem.area, 2e6))
+    scene.march(30.0, 1.0)
+    assert scene.along_x()[1] == pytest.approx(1200.0 + 2e6 * 30.0 / (7200.0 * 700.0), abs=1e-9)
+    assert scene.worst_balance < 1e-12
+
+
+def test_heat_generated_between_cold_walls_is_a_parabola() -> None:
+    curve = constant_steel(1450.0, 1500.0, k=25.0, datum=1200.0)
+    scene = ThermalScene(strip(0.02, 10), curve, 1200.0)
+    scene.problem.set_source(np.full_like(scene.problem.area, 5e7))
+    wall = laws.PrescribedTemperature(1200.0)
+    scene.cool(("surface", wall), ("core_end", wall)).march(1e5, 1e4)
+    x, temperature = scene.along_x()
+    assert temperature == pytest.approx(1200.0 + 5e7 * x * (0.02 - x) / 50.0, abs=1e-6)
+    assert scene.worst_balance < 1e-9
