@@ -1,12 +1,12 @@
 """What the constitutive laws cost, and whether compiling them pays: numba against vectorised numpy.
 
-    python -m benchmarks.laws
+    python -m benchmarks.laws [--figures FOLDER]
 
-integrates 8100 points (900 quadrilaterals with 9 points each) half of which flow, and prints a table:
-milliseconds of the compiled kernel, of the same implicit scheme in vectorised numpy (written for
-this comparison, so that it is an independent check of the kernel, too), and of the coefficients, which
-are computed once a step.  Then the time to the first answer of a new process, without and with the
-compiled code on disk.
+integrates 8100 points (900 quadrilaterals with 9 points each) and prints a table: milliseconds of
+the compiled kernel, of the same implicit scheme in vectorised numpy (written for this comparison,
+so that it is an independent check of the kernel, too; tests/laws use it as such), and of the
+coefficients, which are computed once a step.  Then the time to the first answer of a new process,
+without and with compiled code on disk.  With `--figures` the pictures of docs/laws.md are drawn.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
 from castfem.laws import (
-    Elasticity,
     MaterialStep,
     NortonCreep,
     NortonHoff,
@@ -35,8 +35,13 @@ from castfem.laws import (
 )
 from castfem.laws import kernel as k
 from castfem.laws.base import Array
-from castfem.laws.flow import _RadialReturn
-from castfem.laws.tables import Constant, celsius
+from castfem.laws.curves import Austenite
+from castfem.laws.flow import RadialReturn
+from castfem.laws.identify import identify
+from castfem.laws.measured import TensileData
+from castfem.laws.tables import Constant
+from castfem.laws.tables import celsius as rows
+from castfem.laws.tensile import plot_tensile_tests
 
 POINTS = 8100
 DT = 0.1  # s
@@ -44,14 +49,14 @@ REPEATS = 15
 NEWTON = 60
 
 
-def laws() -> dict[str, _RadialReturn]:
+def laws() -> dict[str, RadialReturn]:
     """The laws measured."""
     elasticity = load_elasticity(solidity=Solidity.between(1766.0, 1798.0))
     hoff = load_law("norton_hoff_kozlowski", elasticity)
     assert isinstance(hoff, NortonHoff)
     return {
         "thermo-elastic": ThermoElastic(elasticity),
-        "perfectly plastic": PerfectlyPlastic(elasticity, celsius([900, 1500], [24e6, 1e5])),
+        "perfectly plastic": PerfectlyPlastic(elasticity, rows([900, 1500], [24e6, 1e5])),
         "Norton creep": NortonCreep.constant(elasticity, 1e-3, 20e6, 5.0),
         "Norton-Hoff, automatic yield limit": hoff,
         "Norton-Hoff, viscous": replace(hoff, yield_limit=Constant(0.0)),
@@ -59,11 +64,11 @@ def laws() -> dict[str, _RadialReturn]:
     }
 
 
-def scene(law: _RadialReturn) -> tuple[MaterialStep, Array, Array]:
+def scene(law: RadialReturn) -> tuple[MaterialStep, Array, Array]:
     """A step of 8100 points after some history: step, stress, state.
 
-    From 900 to 1550 degC, cooling by 2 K; every other point is strained at up to 2e-3 1/s in the
-    direction of its stress, the others are unloaded.
+    From 900 to 1550 degC, cooling by 2 K; every other point goes on as before, at 2e-4 to 2e-3 1/s,
+    the others are unloaded at half their rate.
     """
     rng = np.random.default_rng(5)
     temperature = rng.uniform(1173.0, 1823.0, POINTS)
@@ -84,7 +89,7 @@ def scene(law: _RadialReturn) -> tuple[MaterialStep, Array, Array]:
 # -- the same scheme in numpy ------------------------------------------------------------------
 
 
-def numpy_response(law: _RadialReturn, step: MaterialStep, stress: Array, state: Array) -> Response:
+def numpy_response(law: RadialReturn, step: MaterialStep, stress: Array, state: Array) -> Response:
     """Integrate like `Law.integrate`, by array operations; coefficients included in `law`."""
     c = law.coefficients(step.temperature_old, step.temperature)
     share, shear2 = c[:, k.SHARE], 2.0 * c[:, k.SHEAR]
@@ -105,7 +110,7 @@ def numpy_response(law: _RadialReturn, step: MaterialStep, stress: Array, state:
     new = old.copy()
     equivalent, kept = trial.copy(), np.ones_like(trial)
     if law.kind != k.ELASTIC:
-        solve = AUTOMATIC if law.kind == k.CURVE_AUTOMATIC else _by_increment
+        solve = _automatic if law.kind == k.CURVE_AUTOMATIC else _by_increment
         equivalent, kept = solve(law.kind, c, old, new, trial, before, share * step.dt)
     increment = (trial - equivalent) / (1.5 * shear2)
     if law.kind != k.ELASTIC:
@@ -246,9 +251,6 @@ def _automatic(
     return trial - shear3 * dp, np.where(flows, kept, 1.0)
 
 
-AUTOMATIC = _automatic
-
-
 # -- measurement -------------------------------------------------------------------------------
 
 
@@ -322,8 +324,25 @@ def start_times() -> tuple[float, float]:
     return times[0], times[1]
 
 
+def figures(folder: Path) -> None:
+    """Draw the five tensile tests and the fit to Kozlowski III into a folder."""
+    celsius = np.array([900.0, 1050.0, 1200.0, 1350.0])
+    t, r, e = (
+        a.ravel()
+        for a in np.meshgrid(
+            celsius + 273.15, [1e-4, 1e-3, 5e-3], np.geomspace(2e-3, 5e-2, 20), indexing="ij"
+        )
+    )
+    data = TensileData(t, r, e, Austenite.at(t, 0.10).stress(e, r), "Kozlowski III, 0.10 %C")
+    plot_tensile_tests(folder / "tensile_tests.png")
+    identify(data).plot(folder / "identify.png")
+
+
 def main() -> None:
-    """Print what has been measured."""
+    """Print what has been measured, or draw."""
+    if len(sys.argv) == 3 and sys.argv[1] == "--figures":
+        figures(Path(sys.argv[2]))
+        return
     print(f"{POINTS} points, one thread, best of {REPEATS}\n")
     print(table())
     first, later = start_times()

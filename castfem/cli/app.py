@@ -169,6 +169,32 @@ def material(
 
 
 @app.command()
+def identify(
+    data: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DATA.csv",
+            help="Tensile curves: temperature [..], strain rate [..], strain [..], stress [..].",
+        ),
+    ],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File of the law; by default DATA.toml.")
+    ] = None,
+    degree: Annotated[
+        int | None,
+        typer.Option(help="Smooth over temperature, of this degree; left out: each by itself."),
+    ] = None,
+    softening: Annotated[
+        str, typer.Option(help="p1: positive (0 or more), free, or none (0).")
+    ] = "positive",
+) -> None:
+    """Fit the modified Norton-Hoff law (163) to tensile curves."""
+    from castfem.cli.identifying import identify_law
+
+    identify_law(data, output, degree, softening)
+
+
+@app.command()
 def schema(
     markdown: Annotated[
         bool, typer.Option("--markdown", help="Print the reference page of case files instead.")

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import brentq
 
 from castfem.laws.base import Array
 
@@ -66,6 +65,8 @@ def yield_limit(
     Raises:
         ValueError: If p4 is not below 1, or the curve stays above the line (p1 very negative).
     """
+    from scipy.optimize import brentq
+
     if not p4 < 1.0:
         raise ValueError(f"p4 ({p4}) must be below 1 for an elastic line to meet the curve")
     goal = float(np.log(SQRT3 * strength * (SQRT3 * rate) ** p3 / modulus))

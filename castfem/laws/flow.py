@@ -24,7 +24,7 @@ LEAST_RATE_EXPONENT = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class _RadialReturn:
+class RadialReturn:
     """What all laws share; `elasticity` comes first in each of them."""
 
     elasticity: Elasticity
@@ -78,7 +78,7 @@ class _RadialReturn:
 
 
 @dataclass(frozen=True, slots=True)
-class ThermoElastic(_RadialReturn):
+class ThermoElastic(RadialReturn):
     """Hooke's law with moduli that depend on temperature (94)."""
 
     @property
@@ -88,7 +88,7 @@ class ThermoElastic(_RadialReturn):
 
 
 @dataclass(frozen=True, slots=True)
-class PerfectlyPlastic(_RadialReturn):
+class PerfectlyPlastic(RadialReturn):
     """q <= yield stress(T), whatever the rate.
 
     Attributes:
@@ -119,7 +119,7 @@ class _LnFactor:
 
 
 @dataclass(frozen=True, slots=True)
-class NortonCreep(_RadialReturn):
+class NortonCreep(RadialReturn):
     """dp/dt = A q^n.
 
     Attributes:
@@ -153,7 +153,7 @@ class NortonCreep(_RadialReturn):
 
 
 @dataclass(frozen=True, slots=True)
-class NortonHoff(_RadialReturn):
+class NortonHoff(RadialReturn):
     """The modified Norton-Hoff law (163), with its yield limit found or given.
 
         q = C(e, r; T) = K0 p2 sqrt3 exp(-p1 e) (sqrt3 r)^p3 e^p4,    e = p + q/E.
@@ -223,7 +223,7 @@ class NortonHoff(_RadialReturn):
 
 
 @dataclass(frozen=True, slots=True)
-class UnifiedSteel(_RadialReturn):
+class UnifiedSteel(RadialReturn):
     """Kozlowski's model III for austenite and Zhu's power law for delta ferrite.
 
     Austenite: q = f1 p^f2 + (dp/dt / c)^(1/f3);  delta ferrite: q = d (1 + 1000 p)^m (dp/dt)^(1/n).

@@ -41,7 +41,7 @@ TINY_LN = -690.0  # a viscoplastic strain below exp of this is none
 NOTHING = -1e300  # stands for the logarithm of zero
 ROUNDING = 1e-14
 LAST_STEP = 1e-8  # of a Newton that converges quadratically: what follows is rounding
-STEPS = 200  # of a safeguarded Newton; convex problems take 3 to 6
+STEPS = 200  # of a safeguarded Newton; convex problems take about 6
 
 
 def compiled(function: Callable[..., Any]) -> Any:
@@ -167,8 +167,8 @@ def _return(kind, c, old, trial, threshold, ln_dt):  # type: ignore[no-untyped-d
 def _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess):  # type: ignore[no-untyped-def]
     """Find ln of the rate r with carried (r / old)^exponent + stiff r = total, and its derivative.
 
-    The logarithm of the left side is convex in ln r: Newton from the right end is monotone, and from
-    a guess on the left it is after one step.
+    The logarithm of the left side is convex in ln r: Newton from the right end is monotone, from a
+    guess on the left it is after one step.
     """
     if total <= 0.0:
         return NOTHING, 0.0

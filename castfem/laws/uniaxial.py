@@ -188,6 +188,10 @@ def _balanced(
             return increment
         worst = float(np.max(size / scale))
         move = np.zeros_like(increment)
+        # A plateau has no stiffness along the flow: lend it some, the halving below does the rest.
+        softest = np.linalg.eigvalsh(tangent)[:, 0]
+        lent = np.where(softest < 1e-6 * stiff, 10.0 * stiff - softest, 0.0)
+        tangent = tangent + lent[:, None, None] * np.eye(len(free))
         step = np.linalg.solve(tangent, residual[:, :, None])[:, :, 0]
         move[:, free] = np.where(moves[:, None], -step, 0.0)
         for _halving in range(HALVINGS):

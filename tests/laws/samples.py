@@ -19,7 +19,7 @@ from castfem.laws import (
     load_elasticity,
     load_law,
 )
-from castfem.laws.flow import _RadialReturn
+from castfem.laws.flow import RadialReturn
 from castfem.laws.tables import Constant, celsius
 
 Array = npt.NDArray[np.float64]
@@ -41,7 +41,7 @@ def hoff(
     return NortonHoff(elasticity, STRENGTH, Constant(p1), Constant(p3), Constant(p4), given)
 
 
-def every_law() -> dict[str, _RadialReturn]:
+def every_law() -> dict[str, RadialReturn]:
     """All laws, the demanding parameters among them, on `steel_like` elasticity."""
     el = steel_like()
     return {
@@ -90,7 +90,7 @@ class States:
         return found
 
 
-def random_states(law: _RadialReturn, n: int, groups: int, seed: int) -> States:
+def random_states(law: RadialReturn, n: int, groups: int, seed: int) -> States:
     """States over 20-1600 degC, 1e-8-1e2 1/s, strains 0-1, steps 1e-6-1e3 s, stresses to 10 GPa."""
     rng = np.random.default_rng(seed)
     old = rng.uniform(293.0, 1873.0, n)
@@ -121,7 +121,7 @@ def _directions(rng: np.random.Generator, n: int) -> Array:
 
 
 def one(
-    law: _RadialReturn, strain: list[float], dt: float = 1.0, temperature: float = 1273.15,
+    law: RadialReturn, strain: list[float], dt: float = 1.0, temperature: float = 1273.15,
     stress: Array | None = None, state: Array | None = None,
 ) -> Response:  # fmt: skip
     """Response of a single point at constant temperature."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from castfem.laws import MaterialStep, Response, ThermoElastic, equivalent_stress
 from castfem.laws.base import rotation
-from castfem.laws.flow import _RadialReturn
+from castfem.laws.flow import RadialReturn
 
 from .samples import Array, every_law, random_states
 
@@ -19,7 +22,7 @@ FLOWING = pytest.mark.parametrize(
 
 
 @ALL
-def test_a_hundred_thousand_random_states(law: _RadialReturn) -> None:
+def test_a_hundred_thousand_random_states(law: RadialReturn) -> None:
     flowing = 0
     for step, stress, state in random_states(law, 100_000, 300, seed=1).parts():
         found = law.integrate(step, stress, state)
@@ -29,12 +32,12 @@ def test_a_hundred_thousand_random_states(law: _RadialReturn) -> None:
         size = np.abs(found.tangent).max(axis=(1, 2), keepdims=True)
         assert (np.abs(found.tangent - found.tangent.transpose(0, 2, 1)) <= 1e-13 * size).all()
         flowing += found.flows.sum()
-    assert flowing == 0 or 20_000 < flowing  # the sample tries both
+    assert flowing == 0 or flowing > 20_000  # the sample tries both
 
 
 @FLOWING
-def test_flow_returns_radially_and_by_as_much_as_strain_says(law: _RadialReturn) -> None:
-    """q = trial - 3G dp with the trial stress of Hooke's law, and the direction is kept."""
+def test_flow_returns_radially_and_by_as_much_as_strain_says(law: RadialReturn) -> None:
+    """Q = trial - 3G dp with the trial stress of Hooke's law, and the direction is kept."""
     elastic = ThermoElastic(law.elasticity)
     for step, stress, state in random_states(law, 20_000, 100, seed=2).parts():
         found = law.integrate(step, stress, state)
@@ -63,7 +66,7 @@ def _deviator(stress: Array) -> Array:
 
 
 @ALL
-def test_the_tangent_is_the_derivative(law: _RadialReturn) -> None:
+def test_the_tangent_is_the_derivative(law: RadialReturn) -> None:
     """Central differences to 1e-5, wherever a step length exists that sees no kink and no rounding.
 
     A step is trusted if rounding can change its quotient by 3e-6 at most, if no point begins or
@@ -79,7 +82,7 @@ def test_the_tangent_is_the_derivative(law: _RadialReturn) -> None:
 
 
 def _tangent_error(
-    law: _RadialReturn, step: MaterialStep, stress: Array, state: Array
+    law: RadialReturn, step: MaterialStep, stress: Array, state: Array
 ) -> tuple[Array, Array]:
     """Smallest relative error over several step lengths, and where one can be trusted."""
     c = law.coefficients(step.temperature_old, step.temperature)
@@ -118,7 +121,7 @@ def _tangent_error(
 
 
 @ALL
-def test_turning_everything_turns_the_answer(law: _RadialReturn) -> None:
+def test_turning_everything_turns_the_answer(law: RadialReturn) -> None:
     turn = rotation(0.7)
     for step, stress, state in random_states(law, 2000, 20, seed=4).parts():
         found = law.integrate(step, stress, state)
@@ -142,7 +145,7 @@ def test_rotation_is_that_of_the_tensor() -> None:
 
 
 @ALL
-def test_output_arrays_are_used_and_points_do_not_see_each_other(law: _RadialReturn) -> None:
+def test_output_arrays_are_used_and_points_do_not_see_each_other(law: RadialReturn) -> None:
     step, stress, state = random_states(law, 50, 1, seed=6).parts()[0]
     out = Response.empty(50, state.shape[1])
     found = law.integrate(step, stress, state, out=out)
@@ -159,13 +162,49 @@ def test_output_arrays_are_used_and_points_do_not_see_each_other(law: _RadialRet
 
 
 @ALL
-def test_no_load_no_answer(law: _RadialReturn) -> None:
+def test_no_load_no_answer(law: RadialReturn) -> None:
     none = np.zeros(3)
     heat = np.array([300.0, 1500.0, 1850.0])
     step = MaterialStep(np.zeros((3, 4)), none, heat, heat, 0.1)
     found = law.integrate(step, np.zeros((3, 4)), law.initial_state(3))
     assert not found.stress.any() and not found.flows.any() and not found.state.any()
     assert np.isfinite(found.tangent).all()
+
+
+@ALL
+def test_nonsense_in_nonsense_out_and_only_there(law: RadialReturn) -> None:
+    """A diverging outer iteration may send anything; the call returns, other points are right."""
+    step, stress, state = random_states(law, 6, 1, seed=9).parts()[0]
+    fine = law.integrate(step, stress, state)
+    strain = step.strain_increment.copy()
+    strain[1], strain[3], strain[4] = np.nan, np.inf, 1e200
+    bad = MaterialStep(
+        strain, step.thermal_increment, step.temperature_old, step.temperature, step.dt
+    )
+    found = law.integrate(bad, stress, state)
+    assert np.isnan(found.stress[1]).all() and not np.isfinite(found.stress[3]).all()
+    for i in (0, 2, 5):
+        np.testing.assert_array_equal(found.stress[i], fine.stress[i])
+
+
+def test_an_independent_scheme_agrees() -> None:
+    """The numpy version that benchmarks/laws.py times the kernel against."""
+    path = Path(__file__).parents[2] / "benchmarks" / "laws.py"
+    spec = spec_from_file_location("benchmark_of_laws", path)
+    assert spec is not None and spec.loader is not None
+    benchmark = module_from_spec(spec)
+    spec.loader.exec_module(benchmark)
+    benchmark.POINTS = 1000
+    for law in benchmark.laws().values():
+        step, stress, state = benchmark.scene(law)
+        found = law.integrate(step, stress, state)
+        other = benchmark.numpy_response(law, step, stress, state)
+        size = np.abs(found.stress).max(axis=1, keepdims=True)
+        assert (np.abs(found.stress - other.stress) <= 1e-10 * size).all()
+        stiff = np.abs(found.tangent).max(axis=(1, 2), keepdims=True)
+        assert (np.abs(found.tangent - other.tangent) <= 1e-8 * stiff).all()
+        np.testing.assert_allclose(found.state, other.state, rtol=1e-8, atol=1e-14)
+        np.testing.assert_allclose(found.dissipation, other.dissipation, rtol=1e-6, atol=1e-6)
 
 
 def test_a_step_takes_time() -> None:

@@ -1,0 +1,40 @@
+"""`castfem identify`: parameters of the modified Norton-Hoff law from tensile curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, cast, get_args
+
+from castfem.errors import InputError
+
+Softening = Literal["positive", "free", "none"]
+
+
+def identify_law(data: Path, output: Path | None, degree: int | None, softening: str) -> None:
+    """Fit the law to the curves in `data`; write NAME.toml and NAME.png and print the report.
+
+    Args:
+        data: CSV with the columns temperature, strain rate, strain, stress and their units.
+        output: The material file; by default the data's name with .toml.
+        degree: Of the polynomials over temperature; None fits each temperature by itself.
+        softening: Bounds of p1, see `castfem.laws.identify.IdentifyOptions`.
+
+    Raises:
+        InputError: The data cannot be used, or a file cannot be written.
+    """
+    if softening not in get_args(Softening):
+        raise InputError(f"--softening '{softening}': one of {', '.join(get_args(Softening))}")
+    if degree is not None and degree < 0:
+        raise InputError(f"--degree {degree}: a number from 0 on, or leave it out")
+    from castfem.laws.identify import IdentifyOptions, identify
+
+    options = IdentifyOptions(degree=degree, softening=cast(Softening, softening))
+    found = identify(data, options)
+    target = output or Path(data.name).with_suffix(".toml")
+    try:
+        target.write_text(found.to_toml(), encoding="utf-8")
+        picture = found.plot(target.with_suffix(".png"))
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written ({error.strerror})") from None
+    print(found.report())
+    print(f"law in {target}, drawn in {picture}")
