@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from time import perf_counter
 
-
 LIBRARIES = ("petsc", "assembly")
 MARCH = (*LIBRARIES, "law", "python", "march", "results")
 

@@ -1,6 +1,6 @@
-"""Makes the pictures of the README: runs the shipped billet and shrinks what `castfem show` draws.
+"""Makes the README's picture: runs the shipped billet and shrinks what `castfem show` draws.
 
-    .castfem/bin/python docs/pictures.py
+Run it by `.castfem/bin/python docs/pictures.py`.
 """
 
 from __future__ import annotations

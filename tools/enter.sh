@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
 # Runs a program inside castfem's environment, wherever that came from (tools/env.sh decides).
 #
-#   tools/enter.sh HOME PROGRAM [ARGUMENT ...]               HOME: the environment's folder, .castfem
-#   tools/enter.sh --userland DIR PROGRAM [ARGUMENT ...]     a bare userland, before HOME exists
+#   tools/enter.sh HOME PROGRAM [ARGUMENT ...]             HOME: the environment's folder, .castfem
+#   tools/enter.sh --userland DIR PROGRAM [ARGUMENT ...]   a bare userland, before HOME exists
 #
-# Paths inside equal paths outside: of the host only /usr (but not /usr/local and /usr/src), /etc and
-# /boot are hidden by the userland. Exit status, standard streams, signals and variables pass through.
+# Paths inside equal paths outside: of the host only /usr (but not /usr/local and /usr/src), /etc
+# and /boot are hidden by the userland. Exit status, streams, signals and variables pass through.
 
 set -u
 
@@ -14,16 +14,21 @@ die() {
   exit 125
 }
 
-# What the user set stays; the rest suits one machine with few cores.
+# Sets variable $1 to $2 unless the user has.
+default() { [[ -n ${!1:-} ]] || export "$1=$2"; }
+
+# What suits one machine with few cores.
 set_defaults() {
-  : "${OMP_NUM_THREADS:=1}"                                    # BLAS threads fight with MPI ranks
-  : "${PRTE_MCA_rmaps_default_mapping_policy:=:oversubscribe}" # Open MPI 5: more ranks than cores
-  : "${OMPI_MCA_rmaps_base_oversubscribe:=1}"                  # Open MPI 4: the same
-  export OMP_NUM_THREADS PRTE_MCA_rmaps_default_mapping_policy OMPI_MCA_rmaps_base_oversubscribe
+  default OMP_NUM_THREADS 1 # BLAS threads fight with MPI ranks
+  case $openmpi in          # more ranks than cores: each version has its own word for it
+    [1-4]) default OMPI_MCA_rmaps_base_oversubscribe 1 ;;
+    5) default PRTE_MCA_rmaps_default_mapping_policy :oversubscribe ;;
+    ?*) default PRTE_MCA_mapby :oversubscribe ;;
+  esac
   # Outside a batch job there is one machine, thus shared memory: TCP would only add words about
   # unreachable interfaces.
   if [[ $kind == userland || -z ${SLURM_JOB_ID:-}${PBS_JOBID:-}${LSB_JOBID:-} ]]; then
-    export OMPI_MCA_btl="${OMPI_MCA_btl:-^tcp}"
+    default OMPI_MCA_btl ^tcp
   fi
   if [[ $EUID -eq 0 ]]; then
     export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
@@ -99,14 +104,15 @@ forward() {
 # forwards them, and `env --default-signal` gives the program its ordinary ones back.
 run_in_userland() {
   local binds child signalled=first status=0
-  command -v bwrap >/dev/null || die "bubblewrap is missing; run \`make env\` in the checkout again"
+  [[ -n $bwrap ]] || die "bubblewrap is missing; run \`make env\` in the checkout again"
   [[ -e $userland/castfem-ready || -z $home ]] ||
     die "the userland $userland is gone; run \`make env\` in the checkout again"
   collect_binds
-  [[ $PWD/ != /etc/* && $PWD/ != /boot/* ]] || die "$PWD is not visible here; run it from another folder"
+  [[ $PWD/ != /etc/* && $PWD/ != /boot/* ]] ||
+    die "$PWD is not visible in the userland; run it from another folder"
   (
     trap '' HUP INT QUIT TERM USR1 USR2
-    exec bwrap --die-with-parent --new-session "${binds[@]}" --chdir "$PWD" \
+    exec "$bwrap" --die-with-parent --new-session "${binds[@]}" --chdir "$PWD" \
       env --default-signal=HUP,INT,QUIT,TERM,USR1,USR2 -- "$@"
   ) <&0 &
   child=$!
@@ -127,7 +133,7 @@ run_in_userland() {
   exit "$status"
 }
 
-home='' userland='' kind=userland python=''
+home='' userland='' kind=userland python='' openmpi=''
 if [[ ${1:-} == --userland ]]; then
   userland=${2:?}
   shift 2
@@ -142,6 +148,7 @@ fi
 set_defaults
 [[ $kind == userland ]] || run_on_host "$@"
 inside=${CASTFEM_INSIDE:-}
+bwrap=$(command -v bwrap)
 forget_host
 [[ $inside == "$userland" ]] && exec "$@" # already there, as under mpirun
 run_in_userland "$@"

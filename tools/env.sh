@@ -7,8 +7,8 @@
 #   tools/env.sh packages    print Debian's names of what castfem needs
 #   tools/env.sh clean       remove the environments of this checkout and the shared userlands
 #
-# A Python with DOLFINx 0.9 ... 0.11 ($PYTHON, python3, /usr/bin/python3) is used as it is, through a
-# venv. Without one, a private Debian userland is built in the user's cache folder, once for all
+# A Python with DOLFINx 0.9 ... 0.11 ($PYTHON, python3, /usr/bin/python3) is used as it is, through
+# a venv. Without one, a private Debian userland is built in the user's cache folder, once for all
 # checkouts. DEBIAN=<suite> asks for the userland of that suite, beside the ordinary environment.
 
 set -Eeuo pipefail
@@ -72,7 +72,7 @@ find_python() {
       eval "$(grep -E '^(python|dolfinx|parent|missing)=' <<<"$verdict")"
       return 0
     fi
-    [[ $verdict == 'no DOLFINx (No module'* ]] ||
+    [[ $candidate != "${PYTHON:-}" && $verdict == 'no DOLFINx (No module'* ]] ||
       say "$candidate is passed over: ${verdict:-no answer}"
   done
   return 1
@@ -94,22 +94,27 @@ quietly() {
 
 # The venv: castfem itself, editable, and whatever pure-Python parts the machine lacks.
 make_venv() {
-  local script folder
+  local script folder words
   rm -rf "$home/venv"
   quietly "cannot make $home/venv" inside "$python" -m venv --system-site-packages --without-pip \
     "$home/venv"
   if [[ -n $parent ]]; then
     folder=("$home"/venv/lib/python3*/site-packages)
-    tr ':' '\n' <<<"$parent" | sed "s/.*/import site; site.addsitedir('&')/" >"${folder[0]}/parent.pth"
+    tr ':' '\n' <<<"$parent" |
+      sed "s/.*/import site; site.addsitedir('&')/" >"${folder[0]}/parent.pth"
   fi
   if [[ -n $missing ]]; then
     say "from PyPI: $missing"
     # shellcheck disable=SC2086
     quietly "cannot install $missing" inside "$home/venv/bin/python" -m pip install -q $missing
+    words=$(inside "$home/venv/bin/python" "$tools/probe.py" 2>/dev/null) ||
+      die "with PyPI's wheels, $words; install what is missing from where DOLFINx came from" \
+        "(Debian: apt-get install \$(tools/env.sh packages); conda: environment.yml)"
   fi
   quietly 'cannot install castfem' inside "$home/venv/bin/python" "$tools/install.py"
   for script in castfem python mpirun; do
-    printf '#!/usr/bin/env bash\nexec %q %q %s "$@"\n' "$tools/enter.sh" "$home" "$script" >"$home/bin/$script"
+    printf '#!/usr/bin/env bash\nexec %q %q %s "$@"\n' "$tools/enter.sh" "$home" "$script" \
+      >"$home/bin/$script"
     chmod +x "$home/bin/$script"
   done
 }
@@ -120,7 +125,10 @@ is_ready() {
   # shellcheck source=/dev/null
   . "$home/env.conf"
   [[ -z ${PYTHON:-} || -n $suite || $(command -v "$PYTHON") == "$asked" ]] || return 1
-  if [[ $kind == host ]]; then "$home/venv/bin/python" -c ''; else [[ -f $userland/castfem-ready ]]; fi
+  case $kind in
+    host) "$home/venv/bin/python" -c '' 2>/dev/null ;;
+    *) [[ -f $userland/castfem-ready ]] && command -v bwrap >/dev/null ;;
+  esac
 }
 
 ready() {
@@ -141,6 +149,8 @@ ready() {
     printf '%s=%q\n' "$name" "${!name}"
   done >"$home/env.conf"
   make_venv
+  inside mpirun --version 2>/dev/null |
+    sed -n 's/.*(Open MPI) \([0-9]*\).*/openmpi=\1/p' >>"$home/env.conf" || true
   recipe | digest 64 >"$home/ready"
   say "ready: DOLFINx $dolfinx of ${userland:-$python}; programs in $home/bin"
 }
@@ -161,10 +171,10 @@ ruff() {
   ln -sfn "$folder/bin/ruff" "$home/venv/bin/ruff"
 }
 
-# Installs the extra "benchmark" into the venv.
+# Installs the extra "benchmark" into the venv; castfem itself is there already.
 benchmark() {
   quietly 'cannot install the extra "benchmark"' inside python -m pip install -q \
-    --disable-pip-version-check 'castfem[benchmark]' # castfem itself is there: only its extra is fetched
+    --disable-pip-version-check 'castfem[benchmark]'
 }
 
 clean() {

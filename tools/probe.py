@@ -2,8 +2,10 @@
 
 Prints shell assignments (python, dolfinx, parent, missing) and leaves with status 0 if it can;
 prints one line saying why not and leaves with status 1 if it cannot. Reads no network and writes
-no file. Python 3.6 can still read it, as the first one on the PATH may be old.
+no file. Python 3.7 can still read it, as the first one on the PATH may be old.
 """
+
+from __future__ import annotations
 
 import os
 import re
@@ -16,18 +18,18 @@ BEYOND = (0, 12)
 FROM_DISTRIBUTION = ("gmsh>=4.11", "numba>=0.59", "pyvista>=0.44")
 
 
-def release(version):
+def release(version: str) -> tuple[int, ...]:
     """The leading numbers of a version: '0.10.0.post1' gives (0, 10, 0)."""
     found = re.match(r"\d+(?:\.\d+)*", version.strip())
     return tuple(int(part) for part in found.group().split(".")) if found else ()
 
 
-def in_range(version):
+def in_range(version: str) -> bool:
     """Whether castfem runs on this version of DOLFINx."""
     return LOWEST <= release(version)[:2] < BEYOND
 
 
-def requirements(pyproject):
+def requirements(pyproject: str | os.PathLike[str]) -> list[str]:
     """The run-time and test requirements in a pyproject.toml, except ruff, which is a program."""
     import tomllib
 
@@ -37,12 +39,14 @@ def requirements(pyproject):
     return [item for item in wanted if not item.startswith("ruff")] + list(FROM_DISTRIBUTION)
 
 
-def is_met(requirement):
+def is_met(requirement: str) -> bool:
     """Whether 'name', 'name>=1.2' or 'name==1.2' is met by what is installed."""
     from importlib import metadata
     from importlib.util import find_spec
 
-    name, relation, bound = re.match(r"([\w.-]+?)\s*(?:(>=|==)\s*([\w.]+))?$", requirement).groups()
+    found = re.match(r"([\w.-]+?)\s*(?:(>=|==)\s*([\w.]+))?$", requirement)
+    assert found is not None, requirement
+    name, relation, bound = found.groups()
     try:
         version = release(metadata.version(name))
     except metadata.PackageNotFoundError:  # Debian's gmsh, for one, has no such record
@@ -54,7 +58,7 @@ def is_met(requirement):
     return ours == theirs if relation == "==" else ours >= theirs
 
 
-def reason_against():
+def reason_against() -> str | None:
     """Why castfem cannot run here, or None. Imports what has to work together."""
     if sys.version_info < (3, 11):  # noqa: UP036
         return f"Python {sys.version_info[0]}.{sys.version_info[1]} is older than 3.11"
@@ -82,7 +86,7 @@ def reason_against():
     return None
 
 
-def main():
+def main() -> int:
     """Print the verdict."""
     reason = reason_against()
     if reason:

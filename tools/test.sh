@@ -40,6 +40,7 @@ pytest_on_two_ranks() {
     shift
     exec python -m pytest -m mpi -p no:cacheprovider "$@"' bash "$log" --color="$colour" "$@" ||
     status=$?
+  [[ $status -ne 5 || $# -eq 0 ]] || return 0 # the user's choice of tests holds none of these
   if [[ $status -ne 0 ]]; then
     printf -- '-- the other rank, last lines\n'
     tail -n 40 "$log"

@@ -16,7 +16,7 @@ other_way="or bring a Python with DOLFINx (conda env create -f environment.yml) 
 
 # Makes sure of the host's tools; installs them as root, asks for them otherwise.
 need_tools() {
-  local tool wanted=() names
+  local tool wanted=() names words
   for tool in mmdebstrap bwrap; do
     command -v "$tool" >/dev/null || wanted+=("${tool/bwrap/bubblewrap}")
   done
@@ -33,19 +33,20 @@ need_tools() {
         "${wanted[@]}" debian-archive-keyring
     } >"$log" 2>&1 </dev/null || explain "cannot install $names"
   fi
-  names=$(bwrap --ro-bind / / true 2>&1) || die "bubblewrap cannot make namespaces here (${names##*$'\n'});" \
-    "allow them (sysctl user.max_user_namespaces, kernel.unprivileged_userns_clone;" \
-    "docker run --privileged), $other_way"
-  names=$("${as_root[@]}" true 2>&1) || die "no user namespace with subordinate ids (${names##*$'\n'});" \
-    "have an administrator run \`usermod --add-subuids 100000-165535 --add-subgids 100000-165535" \
-    "$(id -un)\`, $other_way"
+  words=$(bwrap --ro-bind / / true 2>&1) ||
+    die "bubblewrap cannot make namespaces here (${words##*$'\n'}); allow them (sysctl" \
+      "user.max_user_namespaces, kernel.unprivileged_userns_clone; docker run --privileged)," \
+      "$other_way"
+  words=$("${as_root[@]}" true 2>&1) ||
+    die "no user namespace with subordinate ids (${words##*$'\n'}); have an administrator run" \
+      "\`usermod --add-subuids 100000-165535 --add-subgids 100000-165535 $(id -un)\`, $other_way"
 }
 
 # Ends with the cause found in the log and its mend; $1 says what failed.
 explain() {
   local again="then run it again"
-  local offline='Could not (resolve|connect|handshake)|Temporary failure|Unable to connect|Connection '
-  offline+='(timed|refused|failed)|Network is unreachable|Unsupported proxy|Failed to fetch'
+  local offline='Could not (resolve|connect|handshake)|Temporary failure|Unable to connect|'
+  offline+='Connection (timed|refused|failed)|Network is unreachable|Failed to fetch'
   sleep 0.2 # the log's writer may be a moment behind
   if [[ $(free_space) == 0.0 ]] || grep -Eq 'No space left|enough free space' "$log"; then
     die "$1: the disk is full; free $userland_room GB below $cache (or set XDG_CACHE_HOME), $again"
@@ -73,8 +74,8 @@ as_root=(unshare)
 # Removes trees of the userland, which may hold files of those other users.
 discard() { "${as_root[@]}" rm -rf --one-file-system "$@" 2>/dev/null || rm -rf "$@"; }
 
-# Fills `bootstrap` with the command that makes a userland of suite $1 in folder $2. Its processes and
-# mounts end when this script does, however that happens.
+# Fills `bootstrap` with the command that makes a userland of suite $1 in folder $2. Its processes
+# and mounts end when this script does, however that happens.
 bootstrap_command() {
   local proxy
   bootstrap=(
@@ -131,7 +132,10 @@ finish() {
   local name
   rm -f "$1"/etc/{resolv.conf,hostname,hosts,localtime,apt/apt.conf.d/99mmdebstrap}
   cp "$1/usr/share/zoneinfo/UTC" "$1/etc/localtime"
-  for name in resolv.conf hostname hosts pip.conf; do : >"$1/etc/$name"; done # to bind the host's on
+  for name in resolv.conf hostname hosts pip.conf; do
+    : >"$1/etc/$name" # where enter.sh binds the host's
+  done
   [[ $EUID -eq 0 ]] || "${as_root[@]}" chown -hR 0:0 "$1" # every file the user's own
-  "$tools/enter.sh" --userland "$1" python3 -c 'import dolfinx, gmsh, h5py; print(dolfinx.__version__)'
+  "$tools/enter.sh" --userland "$1" \
+    python3 -c 'import dolfinx, gmsh, h5py; print(dolfinx.__version__)'
 }

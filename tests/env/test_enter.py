@@ -27,7 +27,7 @@ def home(tmp_path: Path) -> Path:
 
 def enter(home: Path, *command: str, **options: object) -> subprocess.CompletedProcess[str]:
     line = [str(ROOT / "tools/enter.sh"), str(home), *command]
-    return subprocess.run(line, capture_output=True, text=True, **options)  # type: ignore[call-overload]
+    return subprocess.run(line, capture_output=True, text=True, **options)  # type: ignore
 
 
 @pytest.mark.parametrize("status", [0, 1, 2, 77])
