@@ -5,7 +5,7 @@ The problem owns its vectors; SNES works on vectors of its own (the line search 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -71,6 +71,8 @@ class SnesSolver:
         prefix: Unique option prefix that ends in an underscore.
         options: PETSc options without prefix, without a leading dash.
         watch: Charged with "petsc" for what SNES does itself; the problem charges its own part.
+        shorten: Called with the unknowns and Newton's correction before each step (SNES takes the
+            correction off the unknowns); may scale the correction, and tells whether it did.
 
     Raises:
         InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
@@ -84,6 +86,7 @@ class SnesSolver:
         prefix: str,
         options: Options,
         watch: Stopwatch | None = None,
+        shorten: Callable[[PETSc.Vec, PETSc.Vec], bool] | None = None,
     ) -> None:
         self.problem = problem
         self.watch = watch if watch is not None else Stopwatch()
@@ -93,8 +96,11 @@ class SnesSolver:
         self.snes.setFunction(self._residual, self._f)
         self.snes.setJacobian(self._jacobian, matrix)
         self.snes.setConvergenceTest(self._converged)
+        self._shorten = shorten
+        if shorten is not None:
+            self.snes.setLineSearchPreCheck(self._precheck)
         ksp = self.snes.getKSP()
-        apply_options(prefix, options, self.snes, ksp, ksp.getPC())
+        self._late = apply_options(prefix, options, self.snes, ksp, ksp.getPC())
         self._names = _reason_names()
         self._history: list[dict[str, float]] = []
 
@@ -105,6 +111,11 @@ class SnesSolver:
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
         with self.watch.section("python"):
             self.problem.jacobian(x, p)
+
+    def _precheck(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        assert self._shorten is not None
+        with self.watch.section("python"):
+            return self._shorten(x, correction)
 
     def _converged(
         self, snes: PETSc.SNES, its: int, norms: tuple[float, float, float]
@@ -133,6 +144,7 @@ class SnesSolver:
 
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""
+        forget_options(self._late)
         for thing in (self.snes, self.x, self._f, self._matrix):
             thing.destroy()
 
@@ -140,8 +152,16 @@ class SnesSolver:
 FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_")
 
 
-def apply_options(prefix: str, options: Options, *objects: PETSc.Object) -> None:
-    """Hand `options` to PETSc objects (SNES, KSP, PC) and leave the options database as it was.
+# Read only when a factorisation or an inner solver is first set up.
+LATE = ("mat_", "sub_", "redundant_", "fieldsplit_")
+
+
+def apply_options(prefix: str, options: Options, *objects: PETSc.Object) -> list[str]:
+    """Hand `options` to PETSc objects (SNES, KSP, PC).
+
+    Returns:
+        Names, with prefix, of options left in PETSc's database because they are read late; give
+        them to `forget_options` when the objects are destroyed.
 
     Raises:
         InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
@@ -170,7 +190,13 @@ def apply_options(prefix: str, options: Options, *objects: PETSc.Object) -> None
             "see its manual for names and values"
         ) from error
     finally:
-        # A factorisation reads its mat_ options only when it is first set up.
-        for key in mine:
-            if not key.removeprefix(prefix).startswith("mat_"):
-                database.delValue(key)
+        late = [k for k in mine if k.removeprefix(prefix).startswith(LATE)]
+        forget_options([k for k in mine if k not in late])
+    return late
+
+
+def forget_options(names: Iterable[str]) -> None:
+    """Take options (with prefix) out of PETSc's database, so that they bind no later solver."""
+    database = PETSc.Options()
+    for name in names:
+        database.delValue(name)
