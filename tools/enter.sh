@@ -25,10 +25,11 @@ set_defaults() {
     5) default PRTE_MCA_rmaps_default_mapping_policy :oversubscribe ;;
     ?*) default PRTE_MCA_mapby :oversubscribe ;;
   esac
-  # Outside a batch job there is one machine, thus shared memory: TCP would only add words about
-  # unreachable interfaces.
+  # Outside a batch job there is one machine, thus shared memory (TCP would only add words about
+  # unreachable interfaces), and its cores have other work too: a rank that waits must give way.
   if [[ $kind == userland || -z ${SLURM_JOB_ID:-}${PBS_JOBID:-}${LSB_JOBID:-} ]]; then
     default OMPI_MCA_btl ^tcp
+    default OMPI_MCA_mpi_yield_when_idle 1
   fi
   if [[ $EUID -eq 0 ]]; then
     export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1

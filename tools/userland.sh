@@ -2,7 +2,7 @@
 # shellcheck shell=bash disable=SC2154
 
 userland_version=1 # to be raised with any change here that makes another tree
-userland_room=4.5  # GB that must be free: the tree, and the packages while they are unpacked
+userland_room=5    # GB that must be free: the tree, and the packages while they are unpacked
 
 # Where the userland of suite $1 lies: its name changes with the package list and the version.
 userland_path() {
@@ -109,7 +109,7 @@ build_userland() {
   discard "$2" "$part" # what an interrupted set-up left
   need_room
   bootstrap_command "$1" "$part"
-  say "building a Debian $1 userland with DOLFINx, once: 0.7 GB to fetch, 3.1 GB on disk, 2 minutes"
+  say "building a Debian $1 userland with DOLFINx, once: 0.7 GB to fetch, 3 to 4 GB kept, 2 minutes"
   # shellcheck disable=SC2064
   trap "discard $(printf %q "$part")" EXIT
   mkdir -p "$part"
