@@ -54,7 +54,7 @@ class Settings:
         surface_size: And the other lengths of [mesh]; None leaves the optional ones to castfem.
         scheme: "sdirk2" or "backward_euler".
         step: Fixed step, s; None for adaptive stepping.
-        tolerance: Of adaptive stepping, K; None for a fixed step.
+        tolerance: Of adaptive stepping, K; None for a fixed step. largest: Its largest step, s.
         solver: PETSc options.
     """
 
@@ -69,6 +69,7 @@ class Settings:
     scheme: str = "sdirk2"
     step: float | None = None
     tolerance: float | None = None
+    largest: float = 0.5
     solver: dict[str, Any] = field(default_factory=dict, hash=False)
 
     @property
@@ -111,7 +112,7 @@ def billet_case(settings: Settings) -> Case:
             "tolerance": f"{settings.tolerance:.17g} K",
             "first": "1 ms",
             "smallest": "0.001 ms",
-            "largest": "0.5 s",
+            "largest": f"{settings.largest:.17g} s",
         }
     thermal = document.setdefault("thermal", {})
     thermal["time"] = time
@@ -165,51 +166,66 @@ class Result:
     sections: dict[str, float]
 
 
-def run(settings: Settings, repeats: int = 1, patience: float = 1.0) -> Result:
+def strip_case(length: float, size: float, step: float) -> Case:
+    """The same cooling of a strip of even cells: what mid-face sees; mm and s."""
+    document = billet_case(Settings(step=step)).document()
+    document["section"] = {"shape": "strip", "length": f"{length} mm", "width": f"{size:.17g} mm"}
+    document["mesh"] = {"surface_size": f"{size:.17g} mm", "core_size": f"{size:.17g} mm"}
+    return from_document(document, "strip")
+
+
+def run(
+    settings: Settings,
+    repeats: int = 1,
+    patience: float = 1.0,
+    case: Case | None = None,
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Result:
     """March the billet and time the march.
 
     Args:
         settings: What to run.
         repeats: How often to march; the shortest time counts.
         patience: Seconds after which a march is not repeated any more.
+        case: What to march instead of the billet with `settings`.
+        comm: Ranks to march on; with several, `patience` has no effect.
     """
-    case = billet_case(settings)
+    case = billet_case(settings) if case is None else case
     best: Result | None = None
     spent = 0.0
     for _ in range(repeats):
-        found = _once(case, settings)
+        found = _once(case, settings, comm)
         spent += found.wall
         if best is None or found.wall < best.wall:
             best = found
-        if spent > patience:
+        if comm.size == 1 and spent > patience:
             break
     assert best is not None
     return best
 
 
-def _once(case: Case, settings: Settings) -> Result:
-    scene = build_scene(case, MPI.COMM_SELF)
+def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
+    scene = build_scene(case, comm)
     listener = Listener()
     try:
         before = dict(scene.watch.seconds)
         march = March(scene, _as_recorder(listener))
+        comm.Barrier()
         start = perf_counter()
-        march.run()
+        with scene.watch.section("march"):
+            march.run()
         wall = perf_counter() - start
         sections = {n: t - before.get(n, 0.0) for n, t in scene.watch.seconds.items()}
-        cells = scene.section.mesh.topology.index_map(2).size_local
-        vertices = scene.section.owned
+        cells = scene.section.mesh.topology.index_map(2).size_global
+        vertices = scene.section.vertex_space.dofmap.index_map.size_global
     finally:
         scene.destroy()
     kept = listener.kept
     return Result(
         settings,
-        *(
-            np.array([r.profiles[name].temperature[0] - CELSIUS for r in kept])
-            for name in ("mid_face", "corner")
-        ),
+        *(np.array([_surface(r, name) for r in kept]) for name in ("mid_face", "corner")),
         np.array([1e-6 * r.removed for r in kept]),
-        *(np.array([1e3 * r.shell[name] for r in kept]) for name in ("mid_face", "corner")),
+        *(np.array([1e3 * r.shell.get(n, np.nan) for r in kept]) for n in ("mid_face", "corner")),
         vertices,
         cells,
         march.steps,
@@ -218,6 +234,12 @@ def _once(case: Case, settings: Settings) -> Result:
         wall,
         {n: t for n, t in sections.items() if t > 0.0 and not n.startswith("setup")},
     )
+
+
+def _surface(reading: Reading, name: str) -> float:
+    """Surface temperature at the start of a probe, degC; nan where there is none (a strip)."""
+    profile = reading.profiles.get(name)
+    return float("nan") if profile is None else float(profile.temperature[0]) - CELSIUS
 
 
 def _as_recorder(listener: Listener) -> Recorder:
@@ -229,6 +251,4 @@ def refined(settings: Settings, factor: float) -> Settings:
     """The same mesh with every size multiplied by `factor`."""
     sizes = ("surface_size", "corner_size", "face_size", "core_size")
     values = {name: getattr(settings, name) for name in sizes}
-    return replace(
-        settings, **{name: v * factor for name, v in values.items() if v is not None}
-    )
+    return replace(settings, **{name: v * factor for name, v in values.items() if v is not None})

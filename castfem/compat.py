@@ -93,7 +93,7 @@ def assemble_into(matrix: Any, form: fem.Form, conditions: list[fem.DirichletBC]
     from dolfinx.fem import petsc
 
     matrix.zeroEntries()
-    petsc.assemble_matrix(matrix, form, conditions)
+    petsc.assemble_matrix(matrix, form, conditions)  # type: ignore[arg-type]
     matrix.assemble()
 
 

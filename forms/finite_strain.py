@@ -10,9 +10,10 @@ which for a virtual mode is the left of (38), the integral over the section as i
 
 Stress is updated objectively over a step (the thesis' (195)-(196), Jaumann, in the limit of small
 steps) by the midpoint rule of Hughes and Winget (Int. J. Numer. Meth. Engng 15 (1980) 1862): with
-G = (F - F_old) F_mid^-1 the strain increment is D = sym G and the spin w = (G_21 - G_12)/2; the old
-stress is turned by the angle 2 atan(w/2), then the law is integrated with D.  A rotation of any
-angle gives D = 0 and its own angle exactly.
+G = (F - F_old) F_mid^-1 the strain increment is sym G and the spin w = (G_21 - G_12)/2.  The old
+stress is turned by the angle 2 atan(w/2), the strain increment, which belongs to the middle of the
+step, by half of it (without that the update is of first order where strain turns), and with both
+the law is integrated.  A rotation of any angle gives no strain, and its own angle exactly.
 """
 
 from __future__ import annotations
@@ -70,11 +71,20 @@ def virtual_rate(at: Deformation, by: Direction) -> Expr:
 
 
 def increment(now: Deformation, old: Deformation) -> Expr:
-    """Midpoint strain increment D (Mandel) and spin w over a step, as one vector (5,)."""
+    """Strain increment D (Mandel), turned to the end of the step, and spin w: one vector (5,)."""
     g, zz = _midpoint(now, old)
     spin = 0.5 * (g[1, 0] - g[0, 1])
-    d = mandel(g, zz)
+    d = _rotated(mandel(g, zz), 0.5 * spin)
     return ufl.as_vector([d[0], d[1], d[2], d[3], spin])
+
+
+def _rotated(vector: Expr, tangent: Expr) -> Expr:
+    """Mandel vector turned by the angle whose tangent is given."""
+    c, s = (1.0 - tangent**2) / (1.0 + tangent**2), 2.0 * tangent / (1.0 + tangent**2)
+    centre, half = 0.5 * (vector[0] + vector[1]), 0.5 * (vector[0] - vector[1])
+    shear = vector[3] / SQRT2
+    new, slant = c * half - s * shear, s * half + c * shear
+    return ufl.as_vector([centre + new, centre - new, vector[2], SQRT2 * slant])
 
 
 def _midpoint(now: Deformation, old: Deformation) -> tuple[Expr, Expr]:
@@ -90,7 +100,7 @@ def _turned(vector: Expr) -> Expr:
 
 
 def _change(now: Deformation, old: Deformation, by: Direction) -> tuple[Expr, Expr]:
-    """Variation of the strain increment D (Mandel), and of the angle of rotation."""
+    """Variation of the strain increment before it is turned, turned, and of the angle."""
     g, zz = _midpoint(now, old)
     middle = 0.5 * (now.gradient + old.gradient)
     dg = (ufl.Identity(2) - 0.5 * g) * by.gradient * ufl.inv(middle)
@@ -98,7 +108,7 @@ def _change(now: Deformation, old: Deformation, by: Direction) -> tuple[Expr, Ex
     dzz = (1.0 - 0.5 * zz) * thickening(now, by) / thickness
     spin = 0.5 * (g[1, 0] - g[0, 1])
     angle = 0.5 * (dg[1, 0] - dg[0, 1]) / (1.0 + 0.25 * spin**2)
-    return mandel(dg, dzz), angle
+    return _rotated(mandel(dg, dzz), 0.5 * spin), angle
 
 
 def virtual_work(
@@ -139,7 +149,9 @@ def stiffness(
 
     For an isotropic law, whose answer turns with stress and strain,
 
-        d sigma = C : (dD - dW D + D dW) + dW sigma - sigma dW,      dW the spin of the variation.
+        d sigma = C : (dD - dW D + D dW) + dW sigma - sigma dW,      dW the spin of the variation,
+
+    where dD itself contains half of dW D - D dW.
 
     Args:
         now: At the end of the step.
@@ -152,7 +164,7 @@ def stiffness(
     """
     tangent, bulk, deviator, mean, pressure = material
     strain, angle = _change(now, old, by)
-    turned = strain - angle * _turned(ufl.as_vector([*increment(now, old)][:4]))
+    turned = strain - 0.5 * angle * _turned(ufl.as_vector([*increment(now, old)][:4]))
     rate = virtual_rate(now, virtual)
     volume = ufl.det(now.gradient) * now.thickness
     shape = ufl.inner(tangent * turned + angle * _turned(deviator), rate)

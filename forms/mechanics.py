@@ -1,4 +1,4 @@
-"""Weak forms of the slice's mechanics in generalized plane strain, small strain (thesis III.1-III.3).
+"""Weak forms of the slice in generalized plane strain, small strain (thesis III.1-III.3).
 
 The slice lies between two planes whose distance is e(x, y) = a0 + a1 x + a2 y (37).  Beside the
 displacement in its plane it has up to four scalar motions, its *modes*:

@@ -29,23 +29,21 @@ class Border:
         scalars: How many.
         prefix: Option prefix of the solver for A.
         options: Its PETSc options (ksp_, pc_, mat_), without prefix.
-        symmetric: Whether R is the transpose of U.
 
     Attributes:
         operator: The bordered matrix.
-        columns: U, this rank's rows (owned, scalars). rows: R, transposed likewise.
+        columns: U, this rank's rows (owned, scalars). rows: R, transposed likewise.  They may
+            differ in the rows of prescribed displacements alone, where U is zero.
         corner: D (scalars, scalars), the same on every rank.
     """
 
-    def __init__(
-        self, matrix: PETSc.Mat, scalars: int, prefix: str, options: Options, symmetric: bool
-    ) -> None:
+    def __init__(self, matrix: PETSc.Mat, scalars: int, prefix: str, options: Options) -> None:
         self.comm: MPI.Comm = matrix.comm.tompi4py()
-        self._matrix, self.scalars, self._symmetric = matrix, scalars, symmetric
+        self._matrix, self.scalars = matrix, scalars
         self.owned = matrix.getLocalSize()[0]
         self._keeper = self.comm.size - 1
         self.columns = np.zeros((self.owned, scalars))
-        self.rows = self.columns if symmetric else np.zeros((self.owned, scalars))
+        self.rows = np.zeros((self.owned, scalars))
         self.corner = np.zeros((scalars, scalars))
         self._right, self._solved = (self._dense(scalars + 1) for _ in range(2))
         self._in, self._out = matrix.createVecs()
@@ -102,6 +100,11 @@ class Border:
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Solve for one right-hand side, all columns of U along with it."""
+        self.ksp.setUp()
+        if self.ksp.getPC().getFailedReason():
+            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
+            y.set(0.0)
+            return
         local = x.getArray(readonly=True)
         right = self._right.getDenseArray()
         right[:, :-1] = self.columns
@@ -121,13 +124,18 @@ class Border:
             pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
             y.set(0.0)
             return
-        y.setArray(self.join(solved[:, -1] - solved[:, :-1] @ z, z))
+        inner = solved[:, -1] - solved[:, :-1] @ z
+        y.setArray(self.join(inner, z))  # type: ignore[arg-type]
 
     def updated(self) -> None:
         """Tell PETSc that the blocks have changed."""
         self.operator.assemble()
 
-    def destroy(self) -> None:
-        """Free the PETSc objects (the owner frees A)."""
+    def close(self) -> None:
+        """Free the PETSc objects (the owner frees A).
+
+        Not called `destroy`: PETSc calls that of a python context when it frees matrix or
+        preconditioner.
+        """
         for thing in (self.ksp, self.operator, self._right, self._solved, self._in, self._out):
             thing.destroy()

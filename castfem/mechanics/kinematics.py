@@ -53,7 +53,8 @@ class Fields:
         vectors = [fem.Constant(section.mesh, np.zeros(4)) for _ in range(4)]
         at, mean = points.deviator, points.mean
         return cls(
-            fem.Function(space), fem.Function(space), *vectors,
+            fem.Function(space), fem.Function(space),
+            vectors[0], vectors[1], vectors[2], vectors[3],
             at.function(4), at.function(4, 4), mean.function(), mean.function(),
             mean.function() if pressure else None,
         )  # fmt: skip
@@ -193,7 +194,7 @@ class LargeStrain:
         v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        nodal, moved = self._direction(v), self._direction(w)
+        nodal, moved = (mechanics.of_displacement(q) for q in (v, w))
         one, other = (mechanics.of_modes(d, mesh) for d in (fields.one, fields.other))
         material = (fields.tangent, fields.bulk, fields.deviator, fields.mean, fields.pressure)
 
@@ -212,13 +213,9 @@ class LargeStrain:
             if column is not None:
                 column -= finite_strain.pressure_stiffness(now, pressure, one, v, mesh, ds)
         along = finite_strain.virtual_work(now, fields.deviator, stress, one, *rules)
-        row = derivative(self._direction(v), one) if modes else None
+        row = derivative(nodal, one) if modes else None
         corner = derivative(other, one) if modes else None
         return _compiled(section, work, matrix, along, column, row, corner)
-
-    @staticmethod
-    def _direction(w: ufl.Argument) -> mechanics.Direction:
-        return mechanics.of_displacement(w)
 
     def increments(self, stress_old: Array) -> tuple[Array, Array]:
         """Midpoint strain increments (points, 4) and the old stress, turned with the material."""

@@ -6,7 +6,7 @@ What is carried here are the generalized strains [a0 - 1, a1, a2, across], see
 
     generalized strains = offset(t) + directions(t) z
 
-with free scalars z, each closed by the balance of the work of its direction (38).
+with free scalars z, each closed by one balance out of (38).
 """
 
 from __future__ import annotations
@@ -32,8 +32,12 @@ class Planes(Protocol):
     def free(self) -> tuple[str, ...]:
         """Names of the free scalars."""
 
-    def at(self, time: float) -> tuple[Array, Array]:
-        """Offset (4,) and directions (4, free) of the generalized strains at `time` (s)."""
+    def at(self, time: float) -> tuple[Array, Array, Array]:
+        """Offset (4,), directions (4, free) and closing directions (4, free) at `time` (s).
+
+        The work of the stress on each closing direction must be that of the load.  They are the
+        directions themselves but where a constraint couples two motions.
+        """
 
     def load(self, time: float) -> Array:
         """External axial force (N), moments of sigma_zz with x and y (N m), and force across."""
@@ -46,9 +50,7 @@ def allowed_modes(groups: tuple[str, ...]) -> tuple[str, ...]:
     """
     barred = {"a1": "symmetry_x", "a2": "symmetry_y"}
     return tuple(
-        name
-        for name in MODES[:3]
-        if not any(g.startswith(barred.get(name, "?")) for g in groups)
+        name for name in MODES[:3] if not any(g.startswith(barred.get(name, "?")) for g in groups)
     )
 
 
@@ -100,12 +102,13 @@ class PlainPlanes:
         if both or len(set(self.free)) < len(self.free):
             raise InputError(f"{', '.join(both or self.free)}: either free or imposed, once")
 
-    def at(self, time: float) -> tuple[Array, Array]:
+    def at(self, time: float) -> tuple[Array, Array, Array]:
         """See `Planes`."""
         offset = np.zeros(4)
         for name, course in self.imposed.items():
             offset[MODES.index(name)] = course(time)
-        return offset, np.eye(4)[:, [MODES.index(n) for n in self.free]]
+        directions = np.eye(4)[:, [MODES.index(n) for n in self.free]]
+        return offset, directions, directions
 
     def load(self, time: float) -> Array:
         """See `Planes`."""
@@ -122,22 +125,20 @@ class BentPlanes:
         a2 = -a0 k                                                (41)
         a0 = 1/(1 - k y1),  a2 = -k/(1 - k y1)                    (43)-(44)
 
-    the first with a0 free, the second with the neutral axis imposed at y1.  The slice is free of
-    strain at the curvature it has at `start`: a curved mould casts a curved strand.  Then k counts
-    from there (to first order in h/R).
+    the first with a0 free and closed by the axial force, the first of (38): the rolls, which impose
+    the curvature, balance the moment.  The second with the neutral axis imposed at y1. The slice is
+    free of strain in the position of its first instant: a curved mould casts a curved strand.
 
     Attributes:
         curvature: 1/R over time, 1/m; linear between the rolls, see `between`.
         half_thickness: h/2, m.
         neutral_axis: y1, m; None to let axial equilibrium find it.
-        start: When the slice was cast, s.
         force: External axial force over time, N.
     """
 
     curvature: Course
     half_thickness: float
     neutral_axis: float | None = None
-    start: float = 0.0
     force: Course = _still
 
     @property
@@ -156,14 +157,15 @@ class BentPlanes:
             )
         return chi / slack
 
-    def at(self, time: float) -> tuple[Array, Array]:
+    def at(self, time: float) -> tuple[Array, Array, Array]:
         """See `Planes`."""
-        k = self._middle(time) - self._middle(self.start)
+        k = self._middle(time)
         if self.neutral_axis is None:
             direction = np.array([[1.0], [0.0], [-k], [0.0]])
-            return np.array([0.0, 0.0, -k, 0.0]), direction
+            return np.array([0.0, 0.0, -k, 0.0]), direction, np.eye(4)[:, :1]
         thickness = 1.0 / (1.0 - k * self.neutral_axis)
-        return np.array([thickness - 1.0, 0.0, -k * thickness, 0.0]), np.zeros((4, 0))
+        none = np.zeros((4, 0))
+        return np.array([thickness - 1.0, 0.0, -k * thickness, 0.0]), none, none
 
     def load(self, time: float) -> Array:
         """See `Planes`."""

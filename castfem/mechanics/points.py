@@ -1,6 +1,6 @@
 """Quadrature points of the slice: rules, functions on them, and the way from nodal values to them.
 
-Two rules (see docs/mechanics.md for why): the stress deviator has one, the mean stress a poorer one.
+Two rules: the stress deviator has one, the mean stress a poorer one (against locking).
 All arrays over points hold the deviator's points first, then those of the mean stress; within a
 rule cell after cell.  Only a rank's own cells count.
 """
@@ -29,17 +29,28 @@ class Integration:
     """Degrees of the two quadrature rules.
 
     Attributes:
-        deviator: For the stress deviator (quadrilaterals: 3 x 3 points, triangles: 6).
-        mean: For the mean stress (2 x 2, 3).
+        deviator: For the stress deviator (4: 3 x 3 points, on triangles 6).
+        mean: For the mean stress (3: 2 x 2 points, on triangles the 4 of `STRANG_FIX`).
     """
 
-    deviator: int
-    mean: int
+    deviator: int = 4
+    mean: int = 3
 
     @classmethod
-    def of(cls, cell: str) -> Integration:
-        """The rules castfem uses."""
-        return cls(4, 2) if cell == "triangle" else cls(4, 3)
+    def of(cls, cell: str, order: int) -> Integration:
+        """The rules castfem uses on a cell whose geometry is of first or second order."""
+        return cls(4, 2) if cell == "triangle" and order == 2 else cls()
+
+
+# Rule of degree 3 on triangles.  At these points, and no others, the divergence of the bubble is
+# that of its projection to linear functions as long as the sides are straight: the rule integrates
+# the work of a linear mean stress exactly and constrains no more than that does.  The price is a
+# negative weight: moduli must be the same in all four, see `Points.stiffness_temperature`.  Curved
+# triangles take the three points of degree 2, which are not exact but do not lock either.
+STRANG_FIX = (
+    np.array([[1 / 3, 1 / 3], [1 / 5, 1 / 5], [3 / 5, 1 / 5], [1 / 5, 3 / 5]]),
+    np.array([-27 / 96, 25 / 96, 25 / 96, 25 / 96]),
+)
 
 
 def displacement_element(cell: str) -> basix.ufl._ElementBase:
@@ -61,17 +72,22 @@ class Rule:
 
     def __init__(self, section: Section, degree: int) -> None:
         mesh = section.mesh
-        self._mesh, self._cell, self._degree = mesh, section.cell, degree
-        self.points, weights = basix.make_quadrature(
-            getattr(basix.CellType, section.cell), degree
-        )
-        self.measure = ufl.Measure(
-            "dx",
-            domain=mesh,
-            metadata={"quadrature_rule": "default", "quadrature_degree": degree},
-        )
+        self._mesh, self._cell = mesh, section.cell
+        rule: dict[str, object] = {"quadrature_degree": degree}
+        if section.cell == "triangle" and degree == 3:
+            self.points, self._weights = STRANG_FIX
+            rule["quadrature_rule"] = "custom"
+            # As tuples: of arrays the form's signature would see a few digits only.
+            rule["quadrature_points"] = tuple(map(tuple, self.points.tolist()))
+            rule["quadrature_weights"] = tuple(self._weights.tolist())
+        else:
+            kind = getattr(basix.CellType, section.cell)
+            points, weights = basix.make_quadrature(kind, degree)
+            self.points, self._weights = np.asarray(points), np.asarray(weights)
+            rule["quadrature_rule"] = "default"
+        self.measure = ufl.Measure("dx", domain=mesh, metadata=rule)
         size = Tabulation(mesh, abs(ufl.JacobianDeterminant(mesh)), self.points).values()
-        self.volume = (size[..., 0] * weights).ravel() if size.size else np.zeros(0)
+        self.volume = (size[..., 0] * self._weights).ravel() if size.size else np.zeros(0)
         self.count = self.volume.size
         places = Tabulation(mesh, ufl.SpatialCoordinate(mesh), self.points).values()
         self.position = places.reshape(self.count, 2)
@@ -95,7 +111,7 @@ class Rule:
 
     def _space(self, shape: tuple[int, ...]) -> fem.FunctionSpace:
         element = basix.ufl.quadrature_element(
-            self._cell, value_shape=shape, scheme="default", degree=self._degree
+            self._cell, value_shape=shape, points=self.points, weights=self._weights
         )
         return fem.functionspace(self._mesh, element)
 
@@ -105,8 +121,9 @@ class Rule:
 
     def fill(self, function: fem.Function, values: Array) -> None:
         """Set a function of this rule to `values` (count, ...)."""
-        target = function.x.array.reshape(-1, values[0].size if len(values) else 1)
-        target[self._place] = values.reshape(len(values), -1)
+        if len(values):  # a rank may have no cells
+            target = function.x.array.reshape(-1, values[0].size)
+            target[self._place] = values.reshape(len(values), -1)
 
 
 class Points:
@@ -120,14 +137,18 @@ class Points:
     Attributes:
         deviator: Rule of the stress deviator. mean: Rule of the mean stress.
         count: Points of both. split: Points of the first.
-        volume: Area of each point (count,), m2; each rule fills the section by itself.
+        volume: Area of each point (count,), m2; each rule fills the section by itself, on triangles
+            that of the mean stress with a negative part.
         position: (count, 2), m.
         strain: Operator (4 count, local degrees of freedom) from displacement to Mandel strain.
         vertex: Operator (count, local vertices) from vertex values to the points.
     """
 
-    def __init__(self, section: Section, space: fem.FunctionSpace, integration: Integration) -> None:
+    def __init__(
+        self, section: Section, space: fem.FunctionSpace, integration: Integration
+    ) -> None:
         self.section = section
+        self._mixed = section.cell == "quadrilateral"
         self.deviator = Rule(section, integration.deviator)
         self.mean = Rule(section, integration.mean)
         self.split, self.count = self.deviator.count, self.deviator.count + self.mean.count
@@ -135,9 +156,12 @@ class Points:
         self.position = np.concatenate([self.deviator.position, self.mean.position])
         moved = forms.strain(forms.of_displacement(ufl.TrialFunction(space)), section.mesh)
         self.strain = self._operator(moved, space)
-        self.vertex = self._operator(
-            ufl.TrialFunction(section.vertex_space), section.vertex_space
-        )
+        self.vertex = self._operator(ufl.TrialFunction(section.vertex_space), section.vertex_space)
+        corners = 3 if section.cell == "triangle" else 4
+        nodes = np.asarray(space.dofmap.list)[:, :corners]
+        at_vertex = np.zeros(self.vertex.shape[1], np.int64)
+        at_vertex[np.asarray(section.vertex_space.dofmap.list)[:, :corners]] = nodes
+        self._vertex_nodes = at_vertex[: section.owned]
 
     def _operator(self, expression: object, space: fem.FunctionSpace) -> sparse.csr_matrix:
         """Sparse matrix of a linear expression of a space's functions, rows by point."""
@@ -145,7 +169,7 @@ class Points:
         columns = (index_map.size_local + index_map.num_ghosts) * size
         cells = self.section.mesh.topology.index_map(2).size_local
         nodes = np.asarray(space.dofmap.list)[:cells].astype(np.int64)
-        dofs = (nodes[:, :, None] * size + np.arange(size)).reshape(cells, -1)
+        dofs = (nodes[:, :, None] * size + np.arange(size)).reshape(cells, nodes.shape[1] * size)
         blocks = []
         for rule in (self.deviator, self.mean):
             values = Tabulation(self.section.mesh, expression, rule.points).values()
@@ -166,23 +190,56 @@ class Points:
         matrix.sort_indices()
         return matrix
 
-    def at_vertices(self, values: Array, rule: Rule | None = None) -> Array:
-        """Mean of point values around each owned vertex, (owned, ...).
+    def stiffness_temperature(self, temperature: Array) -> Array:
+        """Temperatures (count,) that moduli are to be taken at, given those of the points.
 
-        Each point counts by its area and its nearness to the vertex (the vertex' hat function).
+        Those of the points; where the rule of the mean stress has a negative weight, one for all
+        its points in a cell.
+        """
+        if self.mean.volume.min(initial=0.0) >= 0.0:
+            return temperature
+        found = temperature.copy()
+        by_cell = found[self.split :].reshape(-1, len(self.mean.points))
+        weights = self.mean.volume.reshape(by_cell.shape)
+        mean = (weights * by_cell).sum(axis=1) / weights.sum(axis=1)
+        by_cell[:] = mean[:, None]
+        return found
+
+    def recovered(self, stress: Array) -> Array:
+        """Stress at the deviator's points with the mean stress of its own rule, (split, 4).
+
+        On each cell the mean stress is carried over by a polynomial of as many terms as it has
+        points: linear, on quadrilaterals with the mixed term.
 
         Args:
-            values: (points of the rule, ...).
-            rule: Whose points; those of the deviator if None.
+            stress: At the points of both rules (count, 4).
         """
-        rule = rule or self.deviator
-        rows = slice(0, self.split) if rule is self.deviator else slice(self.split, self.count)
-        weights = self.vertex[rows].T.multiply(rule.volume).tocsr()
-        flat = values.reshape(len(values), -1)
+        several = 3 + self._mixed if len(self.mean.points) > 1 else 1
+        terms = [
+            np.column_stack([np.ones(len(p)), p, p[:, 0] * p[:, 1]])[:, :several]
+            for p in (self.deviator.points, self.mean.points)
+        ]
+        carry = terms[0] @ np.linalg.pinv(terms[1])
+        own = stress[self.split :, :3].mean(axis=1).reshape(-1, len(self.mean.points))
+        found = stress[: self.split].copy()
+        found[:, :3] += ((own @ carry.T).ravel() - found[:, :3].mean(axis=1))[:, None]
+        return found
+
+    def at_vertices(self, values: Array) -> Array:
+        """Mean of values at the deviator's points (split, ...) around each owned vertex.
+
+        Each point counts by its area and its nearness to the vertex (the vertex' hat function).
+        """
+        weights = self.vertex[: self.split].T.multiply(self.deviator.volume).tocsr()
+        flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
         sums = np.column_stack([weights @ flat, np.asarray(weights.sum(axis=1)).ravel()])
         summed = np.column_stack([self._summed(column) for column in sums.T])
         mean = summed[:, :-1] / summed[:, -1:]
         return np.asarray(mean.reshape(len(mean), *values.shape[1:]))
+
+    def nodal(self, displacement: Array) -> Array:
+        """Displacement of the owned vertices (owned, 2), from that of all nodes of this rank."""
+        return np.asarray(displacement.reshape(-1, 2)[self._vertex_nodes])
 
     def to_vertices(self, density: Array) -> Array:
         """Integral of a density at the deviator's points times each vertex' hat function, (owned,).

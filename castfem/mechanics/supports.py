@@ -64,7 +64,9 @@ def rigid_pins(groups: tuple[str, ...]) -> list[tuple[int, tuple[str, str]]]:
     Returns:
         Component and place: "low", "mid" or "high" of the section's extent along x and y.
     """
-    mirrored = {line for line in ("x", "y") if any(g.startswith(f"symmetry_{line}") for g in groups)}
+    mirrored = {
+        line for line in ("x", "y") if any(g.startswith(f"symmetry_{line}") for g in groups)
+    }
     if mirrored == {"x", "y"}:
         return []
     if mirrored == {"x"}:
@@ -110,7 +112,7 @@ class Constraints:
         for component, where in pins:
             vertices = _nearest_vertex(section, where)
             self._hold(space, single[component], 0, vertices, Held((), component))
-        found = [np.zeros(0, np.int32)]
+        found: list[npt.NDArray[np.int32]] = [np.zeros(0, np.int32)]
         for condition in self.conditions:
             dofs, owned = condition.dof_indices()
             found.append(np.asarray(dofs[:owned]))
@@ -130,7 +132,7 @@ class Constraints:
         value = fem.Function(single)
         self.conditions.append(fem.dirichletbc(value, dofs, part))
         positions = single.tabulate_dof_coordinates()[dofs[1], :2]
-        self._parts.append((value, dofs, positions, held))
+        self._parts.append((value, list(dofs), positions, held))
 
     def set(self, time: float, target: Array) -> None:
         """Put the prescribed displacements at `time` (s) into the local array `target`."""
@@ -164,7 +166,7 @@ def _nearest_vertex(section: Section, where: tuple[str, str]) -> npt.NDArray[np.
     if len(points):
         distance = np.round(np.linalg.norm(points - goal, axis=1) / size, 9)
         order = np.lexsort((points[:, 1], points[:, 0], distance))[0]
-        best = (float(distance[order]), *(float(v) for v in points[order]))
+        best = (float(distance[order]), float(points[order, 0]), float(points[order, 1]))
     _, x, y = min(comm.allgather(best))
 
     def here(place: Array) -> npt.NDArray[np.bool_]:

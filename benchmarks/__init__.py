@@ -1,0 +1,1 @@
+"""Benchmarks of castfem: error against run time; the tables and figures of docs/ come from here."""

@@ -1,0 +1,68 @@
+"""python -m benchmarks [NAME ...] [--quick] [--output FOLDER]."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+from importlib import import_module
+from pathlib import Path
+from time import perf_counter
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+from benchmarks.report import PAGE, ROOT, Output
+
+BENCHMARKS = {
+    "accuracy": "benchmarks.accuracy",
+    "caster": "benchmarks.caster",
+    "latent_heat": "benchmarks.latent_heat",
+    "opponent": "benchmarks.duel",
+    "costs": "benchmarks.costs",
+}
+"""Names and modules, in the order in which they run; each has `main(output, quick)`."""
+
+
+def parse() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description="Run the thermal benchmarks; they write what docs/benchmarks.md shows.",
+    )
+    parser.add_argument(
+        "names",
+        nargs="*",
+        choices=[[], *BENCHMARKS, "reference"],
+        metavar="NAME",
+        help=f"{', '.join(BENCHMARKS)} (all of them by default), or reference: the converged "
+        "values anew, which takes minutes",
+    )
+    parser.add_argument(
+        "--quick", action="store_true", help="few and short runs, into results/benchmarks"
+    )
+    parser.add_argument("--output", type=Path, help="folder instead of docs/")
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Run what was asked for."""
+    given = parse()
+    folder = given.output or (ROOT / "results" / "benchmarks" if given.quick else PAGE.parent)
+    output = Output(folder)
+    if folder != PAGE.parent and not output.page.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        shutil.copy(PAGE, output.page)
+    for name in given.names or BENCHMARKS:
+        start = perf_counter()
+        if name == "reference":
+            from benchmarks import reference
+
+            reference.main(output)
+        else:
+            import_module(BENCHMARKS[name]).main(output, given.quick)
+        print(f"{name}: {perf_counter() - start:.0f} s", flush=True)
+    print(f"results in {folder}")
+
+
+if __name__ == "__main__":
+    main()

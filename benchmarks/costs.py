@@ -1,0 +1,235 @@
+"""Where the time and the memory of a thermal run go."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.accuracy import default_settings
+from benchmarks.billet import Result, refined, run
+from benchmarks.probe import measure
+from benchmarks.report import Output, table
+from castfem.stopwatch import LIBRARIES, MARCH
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FACTORS = (2.0, 1.4, 1.0, 0.7, 0.5)
+"""On all sizes of the shipped mesh: the range of use, from a draft to a reference."""
+
+SECTIONS = {
+    "petsc": "PETSc: solver, factorisations, products",
+    "assembly": "DOLFINx: assembly",
+    "python": "residual, Jacobian and norms in numpy",
+    "law": "constitutive law",
+    "march": "stepping",
+    "results": "results of each step",
+}
+
+
+def shares(result: Result) -> dict[str, float]:
+    """Share of each section in the march without output."""
+    whole = sum(result.sections.get(n, 0.0) for n in MARCH)
+    return {n: result.sections.get(n, 0.0) / whole for n in MARCH if n in result.sections}
+
+
+def libraries(result: Result) -> float:
+    """Share of the march inside PETSc and DOLFINx."""
+    return sum(s for n, s in shares(result).items() if n in LIBRARIES)
+
+
+def scaling(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
+    """Run time against the number of cells, with a fixed step and with the shipped stepping."""
+    rows = []
+    shipped = default_settings()
+    for factor in factors:
+        mesh = refined(shipped, factor)
+        for name, settings in (
+            ("0.1 s", replace(mesh, tolerance=None, step=0.1)),
+            ("adaptive", mesh),
+        ):
+            found = run(settings, repeats=repeats, patience=4.0)
+            rows.append(
+                {
+                    "stepping": name,
+                    "factor": factor,
+                    "cells": found.cells,
+                    "vertices": found.vertices,
+                    "steps": found.steps,
+                    "newton": found.newton,
+                    "seconds": found.wall,
+                    "microseconds": 1e6 * found.wall / (found.newton * found.vertices),
+                    "libraries_percent": 100 * libraries(found),
+                }
+            )
+    return rows
+
+
+def exponent(rows: list[dict[str, Any]], stepping: str) -> float:
+    """Power of the number of cells that the run time follows."""
+    own = [r for r in rows if r["stepping"] == stepping]
+    cells, seconds = (np.log([r[k] for r in own]) for k in ("cells", "seconds"))
+    return float(np.polyfit(cells, seconds, 1)[0])
+
+
+def draw(rows: list[dict[str, Any]]) -> Figure:
+    """Run time against the number of cells, beside the slopes 1 and 1.2."""
+    from castfem.output.style import look, new_figure
+
+    with look():
+        figure = new_figure(5.2, 3.6)
+        axis = figure.subplots()
+        for name, colour in (("0.1 s", "#0072b2"), ("adaptive", "#d55e00")):
+            own = [r for r in rows if r["stepping"] == name]
+            label = f"step {name}" if name != "adaptive" else "adaptive, as shipped"
+            axis.plot(
+                [r["cells"] for r in own], [r["seconds"] for r in own], "o-", color=colour,
+                label=f"{label}: cells$^{{{exponent(rows, name):.2f}}}$",
+            )  # fmt: skip
+        own = [r for r in rows if r["stepping"] == "0.1 s"]
+        x = np.array([own[0]["cells"], own[-1]["cells"]], float)
+        for slope, style in ((1.0, ":"), (1.2, "--")):
+            axis.plot(
+                x, own[0]["seconds"] * (x / x[0]) ** slope, style, color="#777777",
+                linewidth=1.0, label=f"cells$^{{{slope:g}}}$",
+            )  # fmt: skip
+        axis.set(xscale="log", yscale="log", xlabel="cells", ylabel="time of the march [s]")
+        axis.legend()
+    return figure
+
+
+def processes(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
+    """Memory, and one rank against two, each in a process of its own."""
+    rows = []
+    for factor in factors:
+        settings = replace(refined(default_settings(), factor), tolerance=None, step=0.1)
+        one, two = (measure(settings, ranks, repeats) for ranks in (1, 2))
+        if abs(one["corner"] - two["corner"]) > 1e-6:
+            raise RuntimeError(f"one rank and two differ: {one['corner']} and {two['corner']}")
+        rows.append(
+            {
+                "vertices": one["vertices"],
+                "memory_mb": one["memory_mb"],
+                "imports_mb": one["memory_before_mb"],
+                "one_rank_s": one["seconds"],
+                "two_ranks_s": two["seconds"],
+                "gain": one["seconds"] / two["seconds"],
+            }
+        )
+    return rows
+
+
+def start_up(repeats: int) -> dict[str, float]:
+    """A run of the shipped case by the command line: what passes outside the march, s.
+
+    The first run of a new user compiles forms and meshes the section (caches of its own), the
+    following ones find both in the caches.
+    """
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        caches = os.environ | {"XDG_CACHE_HOME": f"{folder}/cache"}
+        found["first"] = _command_line(Path(folder, "first"), caches)
+        again = [_command_line(Path(folder, f"run{i}"), caches) for i in range(repeats)]
+    best = min(again, key=lambda times: times["before_march"])
+    return {f"first_{k}": v for k, v in found["first"].items()} | best
+
+
+def _command_line(folder: Path, environment: dict[str, str]) -> dict[str, float]:
+    """One `castfem run`: seconds until the march begins, and the rest."""
+    command = [sys.executable, "-m", "castfem.cli", "run", "billet125/idealised", "-q"]
+    start = perf_counter()
+    done = subprocess.run(
+        [*command, "-o", str(folder)], env=environment, capture_output=True, text=True, check=False
+    )
+    whole = perf_counter() - start
+    if done.returncode != 0:
+        raise RuntimeError(f"{' '.join(command)}:\n{done.stdout}\n{done.stderr}")
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    wall = summary["wall_time"]
+    march = sum(wall.get(n, 0.0) for n in (*MARCH, "output"))
+    setup = sum(t for n, t in wall.items() if n.startswith("setup"))
+    figures = [p.stat().st_mtime for p in (folder / "figures").glob("*")]
+    drawing = max(figures) - (folder / "summary.json").stat().st_mtime if figures else 0.0
+    return {
+        "whole": whole,
+        "march": march,
+        "setup": setup,
+        "output": wall.get("output", 0.0),
+        "steps": float(summary["steps"]["accepted"]),
+        "figures": max(drawing, 0.0),
+        "before_march": whole - march - max(drawing, 0.0),
+    }
+
+
+def main(output: Output, quick: bool = False) -> None:
+    """Measure everything; tables, CSV and figure."""
+    shipped = run(default_settings(), repeats=2 if quick else 9, patience=5.0)
+    parts = [
+        {"section": SECTIONS[n], "seconds": shipped.sections[n], "percent": 100 * share}
+        for n, share in shares(shipped).items()
+        if shipped.sections[n] > 0
+    ]
+    parts.sort(key=lambda r: -r["seconds"])
+    inside = {
+        "section": "**inside PETSc and DOLFINx**",
+        "seconds": None,
+        "percent": 100 * libraries(shipped),
+    }
+    headings = {"section": "part of the march", "seconds": "time [s]", "percent": "share [%]"}
+    formats = {"seconds": ".3f", "percent": ".0f"}
+    output.insert("shares", table([*parts, inside], headings, formats))
+    rows = scaling(FACTORS[:3] if quick else FACTORS, 2 if quick else 5)
+    output.csv("scaling", rows)
+    output.figure("scaling", draw(rows))
+    headings = {
+        "stepping": "step", "cells": "cells", "vertices": "vertices", "steps": "steps",
+        "newton": "Newton iterations", "seconds": "march [s]",
+        "microseconds": "per vertex and iteration [us]", "libraries_percent": "in PETSc [%]",
+    }  # fmt: skip
+    formats = {"seconds": ".3f", "microseconds": ".2f", "libraries_percent": ".0f"}
+    powers = ", ".join(
+        f"cells^{exponent(rows, n):.2f} ({word})"
+        for n, word in (("0.1 s", "step 0.1 s"), ("adaptive", "adaptive, as shipped"))
+    )
+    output.insert("scaling", f"{table(rows, headings, formats)}\n\nRun time grows as {powers}.")
+    _processes(output, quick)
+    _start_up(output, quick)
+
+
+def _processes(output: Output, quick: bool) -> None:
+    rows = processes((1.0,) if quick else (1.0, 0.5, 0.25), 1 if quick else 3)
+    output.csv("processes", rows)
+    headings = {
+        "vertices": "vertices", "memory_mb": "memory [MB]",
+        "imports_mb": "of it before the scene is built [MB]", "one_rank_s": "1 rank [s]",
+        "two_ranks_s": "2 ranks [s]", "gain": "gain",
+    }  # fmt: skip
+    formats = {
+        "memory_mb": ".0f", "imports_mb": ".0f", "one_rank_s": ".2f", "two_ranks_s": ".2f",
+        "gain": ".2f",
+    }  # fmt: skip
+    output.insert("processes", table(rows, headings, formats))
+
+
+def _start_up(output: Output, quick: bool) -> None:
+    times = start_up(1 if quick else 3)
+    rows = [
+        {"what": "first run ever: until the march begins", "s": times["first_before_march"]},
+        {"what": "every further run: until the march begins", "s": times["before_march"]},
+        {"what": "of it mesh, forms, operators", "s": times["setup"]},
+        {"what": "march, without files", "s": times["march"] - times["output"]},
+        {"what": "files during the march", "s": times["output"]},
+        {"what": "the same for each step", "s": times["output"] / times["steps"]},
+        {"what": "figures at the end", "s": times["figures"]},
+    ]
+    output.csv("start_up", rows)
+    output.insert("start up", table(rows, {"what": "", "s": "time [s]"}, {"s": ".3f"}))

@@ -1,0 +1,96 @@
+"""Where the benchmarks put their results: CSV files, figures, and tables in docs/benchmarks.md."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "benchmarks.md"
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A folder laid out as docs/: data/*.csv, figures/*.png, benchmarks.md.
+
+    Attributes:
+        folder: docs/ itself, or any other place: the page is copied there when it is missing.
+    """
+
+    folder: Path = PAGE.parent
+
+    @property
+    def page(self) -> Path:
+        """The page with the tables."""
+        return self.folder / PAGE.name
+
+    def csv(self, name: str, rows: Sequence[Row]) -> None:
+        """Write data/NAME.csv; the keys of the first row are the columns."""
+        path = self.folder / "data" / f"{name}.csv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows({k: _plain(v) for k, v in row.items()} for row in rows)
+
+    def figure(self, name: str, figure: Figure) -> Path:
+        """Write figures/NAME.png."""
+        path = self.folder / "figures" / f"{name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=110)
+        return path
+
+    def insert(self, name: str, text: str) -> None:
+        """Put `text` between the markers NAME of the page.
+
+        Raises:
+            KeyError: The page has no such markers.
+        """
+        if not self.page.exists():
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self.page.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
+        page = self.page.read_text(encoding="utf-8")
+        pattern = re.compile(rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)
+        if not pattern.search(page):
+            raise KeyError(f"{self.page.name} has no place for '{name}'")
+        page = pattern.sub(lambda m: f"{m[1]}{text.rstrip()}\n{m[2]}", page)
+        self.page.write_text(page, encoding="utf-8")
+
+
+def table(rows: Sequence[Row], columns: Mapping[str, str], formats: Mapping[str, str]) -> str:
+    """A Markdown table.
+
+    Args:
+        rows: The data.
+        columns: Headings by key, in order.
+        formats: Format of the numbers by key, as for `format`; "g" where there is none.
+    """
+    numeric = {k: all(not isinstance(r.get(k), str) for r in rows) for k in columns}
+    lines = [
+        "| " + " | ".join(columns.values()) + " |",
+        "|" + "|".join("--:" if numeric[k] else ":--" for k in columns) + "|",
+    ]
+    for row in rows:
+        cells = [written(row.get(k), formats.get(k, "g")) for k in columns]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def written(value: Any, form: str) -> str:
+    """One cell: a number in a format, a word as it is, nothing for None."""
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else format(value, form)
+
+
+def _plain(value: Any) -> Any:
+    """Numbers with the digits they deserve in a CSV file."""
+    return f"{value:.6g}" if isinstance(value, float) else value

@@ -1,0 +1,57 @@
+"""Ferrostatic pressure of the liquid core (thesis III.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.errors import InputError
+from castfem.mechanics.planes import Course
+
+Array = npt.NDArray[np.float64]
+
+# How much of the pressure is felt at a solid fraction: (219), and the two extremes of Fig. 63.
+SHARES: dict[str, Callable[[Array], Array]] = {
+    "proportional": lambda solid: 1.0 - solid,
+    "full": lambda solid: np.where(solid < 1.0, 1.0, 0.0),
+    "none": lambda solid: np.where(solid > 0.0, 0.0, 1.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Ferrostatic:
+    """Pressure p = gamma D (1 - fs) (219) at each point, from its own temperature.
+
+    It acts as -p div v in the plane.  Between liquid cells and solid ones the nodal forces add up
+    to gamma D times the projected length of the front whatever the mesh does in between, since the
+    shape functions add up to one.
+
+    Attributes:
+        head: gamma D over time, Pa.
+        solid_fraction: Over temperature, K.
+        mush: In the mushy zone: "proportional" to the liquid (219), "full" until all is solid,
+            or "none" as soon as anything is (Fig. 63).
+    """
+
+    head: Course
+    solid_fraction: Callable[[Array], Array]
+    mush: Literal["proportional", "full", "none"] = "proportional"
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        if self.mush not in SHARES:
+            raise InputError(f'ferrostatic.mush: "{self.mush}"; one of {", ".join(SHARES)}')
+
+    def pressure(self, temperature: Array, time: float) -> Array:
+        """Pressure at points with these temperatures (n,), K, at `time` (s): (n,), Pa."""
+        share = SHARES[self.mush](np.asarray(self.solid_fraction(temperature)))
+        return np.asarray(self.head(time) * share)
+
+
+def vertical_head(density: float, speed: float, gravity: float = 9.81) -> Course:
+    """Gamma D in a vertical machine: kg/m3, casting speed in m/s, m/s2."""
+    return lambda time: density * gravity * speed * time

@@ -1,0 +1,395 @@
+"""Equilibrium of the slice at the end of a step, solved by SNES.
+
+Unknowns are the displacement and the free motions of the planes (`castfem.mechanics.planes`).  The
+latter are scaled to lengths, so that all unknowns have one unit, all residuals another, and nothing
+in the solution depends on the units chosen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+
+from castfem import reductions
+from castfem.compat import assemble_into, create_matrix
+from castfem.laws.base import MaterialStep, Response
+from castfem.mechanics.border import Border
+from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
+from castfem.mechanics.options import split_options
+from castfem.mechanics.planes import check_modes
+from castfem.mechanics.points import Integration, Points, displacement_element
+from castfem.mechanics.scales import Scales, StressScale, over
+from castfem.mechanics.search import step_share
+from castfem.mechanics.slice import Slice
+from castfem.mechanics.state import MechanicalState
+from castfem.mechanics.supports import Constraints, rigid_pins, symmetry_supports
+from castfem.section import Section
+from castfem.snes import Options, Outcome, SnesSolver
+from castfem.stopwatch import Stopwatch
+
+Array = npt.NDArray[np.float64]
+
+TRACE = 1e-9  # of the bulk modulus, see `MechanicalProblem._fill_tangent`
+
+
+@dataclass(slots=True)
+class Trial:
+    """What is known at one set of unknowns.
+
+    Attributes:
+        local: The unknowns of this rank. modes: Generalized strains (4,).
+        forces: Nodal forces (owned,), N/m; at supports what they carry.
+        balance: Work of the stress less that of the load along each free motion of the planes, N/m.
+        scale: How large the stress is.
+    """
+
+    local: Array
+    modes: Array
+    forces: Array
+    balance: Array
+    scale: StressScale
+
+
+class MechanicalProblem:
+    """Equilibrium of a section, one step at a time.
+
+    Args:
+        section: The distributed section.
+        slice_: Material, supports and loads.
+        options: PETSc options that win over the defaults.
+        tolerance: Out-of-balance stress left, relative to the stress there is.
+        watch: Charged with the time spent here.
+
+    Attributes:
+        space: Space of the displacement. points: Quadrature points. scales: Sizes.
+        owned: This rank's own displacement unknowns. free: Free motions of the planes.
+        iterations: Newton iterations since the start.
+
+    Raises:
+        InputError: If a motion of the planes is excluded by symmetry, a group does not exist, or
+            PETSc refuses an option.
+    """
+
+    def __init__(
+        self,
+        section: Section,
+        slice_: Slice,
+        options: Options | None = None,
+        tolerance: float = 1e-8,
+        watch: Stopwatch | None = None,
+    ) -> None:
+        self.section, self.slice, self.tolerance = section, slice_, tolerance
+        self.watch = watch if watch is not None else Stopwatch()
+        check_modes(slice_.planes.free, section.groups)
+        self.free = len(slice_.planes.free)
+        self.space = fem.functionspace(section.mesh, displacement_element(section.cell))
+        self.owned = self.space.dofmap.index_map.size_local * self.space.dofmap.bs
+        rules = slice_.integration or Integration.of(section.cell, section.order)
+        self.points = Points(section, self.space, rules)
+        self.scales = Scales(self.points, self.space)
+        self._build_forms()
+        self._target = np.zeros_like(self.fields.u.x.array)
+        self._work = fem.Function(self.space)
+        self.response = Response.empty(self.points.count, len(slice_.law.state_names))
+        self._build_solver(options or {})
+        self.iterations = 0
+        self.trial: Trial | None = None
+
+    def _build_forms(self) -> None:
+        section, slice_ = self.section, self.slice
+        pressed = slice_.ferrostatic is not None
+        self.fields = Fields.on(section, self.space, self.points, pressed)
+        self._loads = SurfaceLoads.on(section, list(slice_.loads))
+        kind = LargeStrain if slice_.large_strain else SmallStrain
+        self.kinematics = kind(section, self.points, self.fields, self._loads, self.free > 0)
+        held = [*symmetry_supports(section.groups), *slice_.held]
+        pins = rigid_pins(section.groups) if slice_.pin else []
+        self.constraints = Constraints(section, self.space, held, pins)
+
+    def _build_solver(self, options: Options) -> None:
+        """SNES on the displacement, or on displacement and scalars."""
+        symmetric = self.kinematics.symmetric
+        nonlinear, linear = split_options(options, symmetric, self.section.comm.size)
+        self._matrix = create_matrix(self.kinematics.forms.stiffness)
+        if symmetric:
+            self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        prefix = "mechanical_"
+        shorten = None if "snes_linesearch_type" in options else self.shorten
+        self.border: Border | None = None
+        if self.free:
+            self.border = Border(self._matrix, self.free, prefix, linear)
+            vector, operator = self.border.vector(), self.border.operator
+            self.solver = SnesSolver(self, vector, operator, prefix, nonlinear, self.watch, shorten)
+            self.border.use_with(self.solver.snes.getKSP())
+        else:
+            vector = self._matrix.createVecRight()
+            chosen = {**nonlinear, **linear}
+            self.solver = SnesSolver(
+                self, vector, self._matrix, prefix, chosen, self.watch, shorten
+            )
+        vector.destroy()
+
+    def at_points(self, temperature: Array) -> Array:
+        """Temperatures at the points from those of the owned vertices."""
+        field = fem.Function(self.section.vertex_space)
+        field.x.array[: self.section.owned] = temperature
+        field.x.scatter_forward()
+        return np.asarray(self.points.vertex @ field.x.array)
+
+    def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
+        """Prepare a step from the committed state `old` to `time` and new temperatures."""
+        law, fields, slice_ = self.slice.law, self.fields, self.slice
+        before, after = self.at_points(old.temperature), self.at_points(temperature)
+        with self.watch.section("law"):
+            strain = slice_.thermal_strain
+            self._thermal = np.asarray(strain(after)) - np.asarray(strain(before))
+            stiff = self.points.stiffness_temperature
+            self._temperatures = stiff(before), stiff(after)
+            self._coefficients = law.coefficients(*self._temperatures)
+        self.old, self.dt = old, time - old.time
+        fields.u_old.x.array[:] = old.displacement
+        fields.modes_old.value[:] = old.modes
+        self._offset, directions, closing = slice_.planes.at(time)
+        reach = np.array([1.0, self.scales.length, self.scales.length, 1.0])
+        # A free scalar of unit size moves the slice by about its own unit of length.
+        largest = np.abs(directions * reach[:, None]).max(axis=0)
+        self.scaling = 1.0 / (largest * self.scales.length)
+        self._directions = directions * self.scaling
+        self._coupled = closing is not directions
+        self._closing = closing * self.scaling
+        self._load = self._closing.T @ slice_.planes.load(time)
+        self.pressure: Array = np.zeros(0)
+        if slice_.ferrostatic is not None and fields.pressure is not None:
+            self.pressure = slice_.ferrostatic.pressure(after[self.points.split :], time)
+            self.points.mean.fill(fields.pressure, self.pressure)
+        self._loads.set(time)
+        self.constraints.set(time, self._target)
+        self.trial, self._first = None, 0.0
+
+    def solve(self, guesses: list[tuple[Array, Array]]) -> Outcome:
+        """Solve from the best of some guesses; the result is in `trial`.
+
+        Args:
+            guesses: Displacement (owned,), m, and free scalars (the same on every rank) of each.
+        """
+        starts = [self._start(*guess) for guess in guesses]
+        if len(starts) > 1:
+            sizes = [self._imbalance(start) for start in starts]
+            starts = [starts[int(np.argmin(sizes))]]
+        self.solver.x.setArray(starts[0])
+        outcome = self.solver.solve()
+        self.iterations += outcome.iterations
+        solution = self.solver.x.getArray(readonly=True)
+        if outcome.converged and not self._known(solution):
+            self.trial = self._evaluate(solution)
+        return outcome
+
+    def _start(self, guess: Array, scalars: Array) -> Array:
+        """Local unknowns of a guess."""
+        if self.border is None:
+            return guess
+        return self.border.join(guess, scalars / self.scaling)
+
+    def _imbalance(self, local: Array) -> float:
+        """Size of the residual at local unknowns."""
+        residual = self._residual(local)
+        return reductions.total(self.section.comm, float(residual @ residual))
+
+    def _known(self, local: Array) -> bool:
+        """Whether `trial` belongs to these unknowns, on all ranks."""
+        same = self.trial is not None and np.array_equal(local, self.trial.local)
+        if self.section.comm.size == 1:
+            return same
+        return reductions.smallest(self.section.comm, np.array([float(same)])) > 0.0
+
+    def free_scalars(self, local: Array) -> Array:
+        """Free scalars, on every rank, of the local unknowns."""
+        if self.border is None:
+            return np.zeros(0)
+        return np.asarray(self.border.share(local) * self.scaling)
+
+    def _evaluate(self, local: Array) -> Trial:
+        """Stress and forces at a set of unknowns: the law is integrated here, and only here."""
+        fields, points, response = self.fields, self.points, self.response
+        fields.u.x.array[: self.owned] = local[: self.owned]
+        fields.u.x.scatter_forward()
+        scalars = self.free_scalars(local)
+        modes = self._offset + self._directions @ (scalars / self.scaling)
+        fields.modes.value[:] = modes
+        with self.watch.section("kinematics"):
+            strain, stress_old = self.kinematics.increments(self.old.stress)
+        with self.watch.section("law"):
+            step = MaterialStep(strain, self._thermal, *self._temperatures, self.dt)
+            self.slice.law.integrate(
+                step, stress_old, self.old.internal, coefficients=self._coefficients, out=response
+            )
+        mean = response.stress[:, :3].mean(axis=1)
+        deviator = response.stress[: points.split].copy()
+        deviator[:, :3] -= mean[: points.split, None]
+        points.deviator.fill(fields.deviator, deviator)
+        points.mean.fill(fields.mean, mean[points.split :])
+        forces, balance = self._forces()
+        scale = self.scales.stress(response, self.pressure, local[: self.owned], self._first)
+        self._first = self._first or scale.typical
+        return Trial(local.copy(), modes, forces, balance, scale)
+
+    def _forces(self) -> tuple[Array, Array]:
+        """Nodal forces, and work on the free motions of the planes."""
+        compiled = self.kinematics.forms
+        with self.watch.section("assembly"):
+            forces = self._assemble(compiled.work).copy()
+            balance = self.work_on(self._closing) - self._load
+        return forces, balance
+
+    def _assemble(self, form: fem.Form) -> Array:
+        """Assembled linear form, entries of this rank's own unknowns (valid until the next)."""
+        vector = self._work.x
+        vector.array[:] = 0.0
+        fem.assemble_vector(vector.array, form)
+        vector.scatter_reverse(la.InsertMode.add)
+        return vector.array[: self.owned]
+
+    def work_on(self, directions: Array) -> Array:
+        """Work of the stress along directions (4, k) of the generalized strains, N/m each."""
+        work = np.zeros(directions.shape[1])
+        for i, direction in enumerate(directions.T):
+            self.fields.one.value[:] = direction
+            work[i] = fem.assemble_scalar(self.kinematics.forms.mode_work)
+        return reductions.totals(self.section.comm, work) if len(work) else work
+
+    def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        """Forces that are not in equilibrium, N/m."""
+        local = x.getArray(readonly=True)
+        out.setArray(self._residual(local))
+
+    def _residual(self, local: Array) -> Array:
+        """The same for local unknowns; what the line search left behind is not computed again."""
+        if not self._known(local):
+            self.trial = self._evaluate(local)
+        assert self.trial is not None
+        nodal, dofs = self.trial.forces.copy(), self.constraints.dofs
+        missing = local[dofs] - self._target[dofs]
+        if self.constraints.moving:
+            self._lift(nodal, missing)
+        nodal[dofs] = missing
+        if self.border is not None:
+            nodal = self.border.join(nodal, self.trial.balance)
+        return nodal
+
+    def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        """Scale Newton's correction where a full one would overshoot by far."""
+        local, step = x.getArray(readonly=True), correction.getArray(readonly=True)
+        dofs = self.constraints.dofs
+        missing = np.abs(local[dofs] - self._target[dofs]).max(initial=0.0)
+        comm = self.section.comm
+        if self.constraints.moving and reductions.largest(comm, np.array([missing])) > 0.0:
+            return False  # supports must get to where they belong first
+
+        def work(share: float) -> float:
+            return reductions.total(comm, float(self._residual(local - share * step) @ step))
+
+        first = reductions.total(comm, float(self._residual(local) @ step))
+        share = step_share(first, work)
+        if share < 1.0:
+            correction.scale(share)
+        return share < 1.0
+
+    def _lift(self, nodal: Array, missing: Array) -> None:
+        """Add the forces by which supports, on their way to where they belong, move the rest."""
+        if reductions.largest(self.section.comm, np.abs(missing)) == 0.0:
+            return
+        self._fill_tangent()
+        form, vector = self.kinematics.forms.stiffness, self._work.x
+        vector.array[:] = 0.0
+        with self.watch.section("assembly"):
+            for condition in self.constraints.conditions:
+                fem.apply_lifting(
+                    vector.array, [form], [[condition]], x0=[self.fields.u.x.array], alpha=-1.0
+                )
+            vector.scatter_reverse(la.InsertMode.add)
+        nodal += vector.array[: self.owned]
+
+    def _fill_tangent(self) -> None:
+        """Hand the tangent of the last integration to the forms, split like the stress.
+
+        Where a point flows, a trace of stiffness against change of shape stays: that of perfect
+        plasticity is zero along the flow, and rounding makes it negative.
+        """
+        fields, points, tangent = self.fields, self.points, self.response.tangent
+        bulk = tangent[:, :3, :3].sum(axis=(1, 2)) / 9.0
+        own = bulk[: points.split, None, None]
+        kept = TRACE * self.response.flows[: points.split, None, None] * own
+        shape = tangent[: points.split] + kept * np.eye(4)
+        shape[:, :3, :3] -= own + kept / 3.0
+        points.deviator.fill(fields.tangent, shape)
+        points.mean.fill(fields.bulk, bulk[points.split :])
+
+    def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        """Derivative of the residual at the unknowns integrated last."""
+        compiled = self.kinematics.forms
+        self._fill_tangent()
+        with self.watch.section("assembly"):
+            assemble_into(self._matrix, compiled.stiffness, self.constraints.conditions)
+            if self.border is not None:
+                self._fill_border(self.border)
+
+    def _fill_border(self, border: Border) -> None:
+        """Derivatives by, and of the balance of, the free motions of the planes."""
+        compiled, fields = self.kinematics.forms, self.fields
+        corner = np.zeros_like(border.corner)
+        assert compiled.column is not None and compiled.corner is not None
+        for i, direction in enumerate(self._directions.T):
+            fields.one.value[:] = direction
+            border.columns[:, i] = self._assemble(compiled.column)
+            if self._coupled or compiled.row is not None:
+                fields.one.value[:] = self._closing[:, i]
+                border.rows[:, i] = self._assemble(compiled.row or compiled.column)
+            else:
+                border.rows[:, i] = border.columns[:, i]
+            border.columns[self.constraints.dofs, i] = 0.0
+            for j, other in enumerate(self._directions.T):
+                fields.other.value[:] = other
+                corner[i, j] = fem.assemble_scalar(compiled.corner)
+        border.corner[:] = reductions.totals(self.section.comm, corner)
+        border.updated()
+
+    def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
+        """What is out of balance, over what may be, for each kind of unknown.
+
+        "forces": the worst node, as the stress around it that would make such a force, against the
+        stress in the section.  "axial": the worst free motion of the planes against the sum of the
+        absolute forces.  "supports": distance from where supports are to be.
+        """
+        assert self.trial is not None
+        trial, comm, scale = self.trial, self.section.comm, self.trial.scale
+        local, residual = x.getArray(readonly=True), f.getArray(readonly=True)
+        dofs, reach = self.constraints.dofs, self.scales.reach
+        nodal = np.abs(residual[: self.owned]) / reach
+        missing = nodal[dofs] * reach[dofs]
+        nodal[dofs] = 0.0
+        largest = np.abs(local[dofs]).max(initial=0.0)
+        worst = reductions.largest_of(
+            comm, [nodal.max(initial=0.0), missing.max(initial=0.0), largest]
+        )
+        allowed = self.tolerance * scale.typical + scale.rounding
+        sizes = {"forces": over(float(worst[0]), allowed)}
+        if self.constraints.moving:
+            sizes["supports"] = over(float(worst[1]), 1e-12 * float(worst[2]))
+        if self.free:
+            load = float(np.abs(self._load).max()) * self.scales.length
+            total = self.tolerance * (scale.total + load) + scale.rounding * self.scales.area
+            left = float(np.abs(trial.balance).max()) * self.scales.length
+            sizes["axial"] = over(left, total)
+        return sizes
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; safe to call twice."""
+        self.solver.destroy()
+        if self.border is not None:
+            self.border.close()
+        self._matrix.destroy()

@@ -1,0 +1,98 @@
+"""What makes residuals relative: how large forces and stresses are in this slice at this moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+
+from castfem import reductions
+from castfem.laws.base import Response
+from castfem.mechanics.points import Points
+
+Array = npt.NDArray[np.float64]
+
+ROUNDING = 8 * np.finfo(float).eps
+LEAST = 1e-200
+MOST = 1e-6  # of the typical stress, what may count as rounding
+
+
+def over(value: float, allowed: float) -> float:
+    """`value` over what is allowed of it; nothing at all is always allowed."""
+    return 0.0 if value == 0.0 else value / max(allowed, LEAST * value, LEAST)
+
+
+@dataclass(frozen=True, slots=True)
+class StressScale:
+    """How large the stress is.
+
+    Attributes:
+        typical: Mean stress weighted with itself, Pa: what is met where there is stress at all,
+            however small the shell is in its section.
+        total: Int |stress| da, N.
+        rounding: Stress that rounding makes, of the displacements and of the old stress, Pa.
+    """
+
+    typical: float
+    total: float
+    rounding: float
+
+
+class Scales:
+    """Sizes of a section and of the stress in it.
+
+    Args:
+        points: Its quadrature points.
+        space: Space of the displacement.
+
+    Attributes:
+        length: Larger extent of the section, m. area: m2.
+        reach: Force per length on each owned degree of freedom per unit of stress around it, m.
+    """
+
+    def __init__(self, points: Points, space: fem.FunctionSpace) -> None:
+        self._points, self._comm = points, points.section.comm
+        ends = [
+            (reductions.smallest(self._comm, v), reductions.largest(self._comm, v))
+            for v in points.position.T
+        ]
+        self.length = max(high - low for low, high in ends)
+        owned = space.dofmap.index_map.size_local * space.dofmap.bs
+        weights = np.repeat(points.deviator.volume, 4)
+        spread = fem.Function(space)
+        spread.x.array[:] = abs(points.strain[: len(weights)]).T @ weights
+        spread.x.scatter_reverse(la.InsertMode.add)
+        self.reach = spread.x.array[:owned].copy()
+        self.area = reductions.total(self._comm, float(points.deviator.volume.sum()))
+        self._finest = np.sqrt(reductions.smallest(self._comm, points.deviator.volume))
+
+    def stress(
+        self, response: Response, pressure: Array, moved: Array, before: float
+    ) -> StressScale:
+        """Size of the stress at the points (collective).
+
+        Args:
+            response: Of the law at all points.
+            pressure: Ferrostatic, at the points of the mean stress.
+            moved: This rank's displacements, m.
+            before: Typical stress at the start of the step, before equilibrium was sought, Pa.
+        """
+        split, volume = self._points.split, np.abs(self._points.volume)
+        mean = response.stress[:, :3].mean(axis=1)
+        deviator = response.stress[:split].copy()
+        deviator[:, :3] -= mean[:split, None]
+        squares = np.einsum("ij,ij->i", deviator, deviator)
+        volumetric = 3.0 * mean[split:] ** 2
+        if pressure.size:
+            volumetric += 2.0 * pressure**2
+        squares = np.concatenate([squares, volumetric])
+        sums = reductions.totals(self._comm, [volume @ squares, volume @ np.sqrt(squares)])
+        stiff = np.abs(response.tangent[split:, 0, 0]).max(initial=0.0)
+        sizes = reductions.largest_of(self._comm, [stiff, np.abs(moved).max(initial=0.0)])
+        typical = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
+        # Never so much that a displacement which has run away would count as good enough.
+        rounding = ROUNDING * (float(sizes[0] * sizes[1]) / self._finest + before)
+        rounding = min(rounding, MOST * max(typical, before))
+        return StressScale(typical, float(sums[1]), rounding)

@@ -1,0 +1,43 @@
+"""Line search along Newton's correction, by the work of the forces that are out of balance.
+
+Where a material flows almost without hardening, the tangent of a step that has just begun to flow
+is next to nothing and Newton's correction is far too long.  The forces out of balance derive from a
+convex potential (for laws that do not soften), so their work along the correction falls steadily:
+the step is cut where it would turn clearly negative.  The size of the residual, which other line
+searches go by, says nothing here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+OVERSHOOT = 0.05  # of the work at the start: less is Newton's own business
+CLOSE = 0.05  # what is left of the work at the start when the search ends
+TRIALS = 40
+
+
+def step_share(first: float, work: Callable[[float], float]) -> float:
+    """Part of the correction to take, 1 wherever the full one does not overshoot.
+
+    The last share that `work` is asked for is the one that is returned.
+
+    Args:
+        first: Work along the correction at the start.
+        work: The same after a share of the correction.
+    """
+    full = work(1.0)
+    if not first > 0.0 or full >= -OVERSHOOT * first:
+        return 1.0
+    low, high, share = 0.0, 1.0, 1.0
+    at_low, at_high, found = first, full, full
+    for _ in range(TRIALS):
+        crossing = (at_low * high - at_high * low) / (at_low - at_high)
+        share = 0.1 * high if low == 0.0 else crossing
+        found = work(share)
+        if abs(found) <= CLOSE * first:
+            break
+        if found > 0.0:
+            low, at_low, at_high = share, found, 0.5 * at_high
+        else:
+            high, at_high, at_low = share, found, 0.5 * at_low
+    return share

@@ -1,0 +1,44 @@
+"""What a slice is made of, how it is held and what acts on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.laws.base import Law
+from castfem.mechanics.ferrostatic import Ferrostatic
+from castfem.mechanics.planes import PlainPlanes, Planes
+from castfem.mechanics.points import Integration
+from castfem.mechanics.supports import Held, SurfacePressure, Traction
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Slice:
+    """What a slice is made of and how it is held.
+
+    Attributes:
+        law: Constitutive law.
+        thermal_strain: Linear thermal strain over temperature, K; 0 in mush and liquid.
+        planes: Motion of the bounding planes.
+        held: Prescribed displacements beside the lines of symmetry.
+        loads: Surface loads.
+        ferrostatic: Pressure of the liquid; None for none.
+        large_strain: Objective update on the deformed slice.
+        pin: Hold what symmetry leaves of the motions as a rigid body.
+        integration: Quadrature rules; the usual ones if None.
+    """
+
+    law: Law
+    thermal_strain: Callable[[Array], Array]
+    planes: Planes = field(default_factory=PlainPlanes)
+    held: tuple[Held, ...] = ()
+    loads: tuple[Traction | SurfacePressure, ...] = ()
+    ferrostatic: Ferrostatic | None = None
+    large_strain: bool = False
+    pin: bool = True
+    integration: Integration | None = None

@@ -1,0 +1,84 @@
+"""The committed mechanical state, and the result of a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class MechanicalState:
+    """The committed state; nothing ever writes into its arrays.
+
+    Attributes:
+        time: Since the meniscus, s.
+        displacement: Of this rank's nodes, ghosts included, x and y by turns, m.
+        modes: Generalized strains [a0 - 1, a1, a2, across] (4,).
+        scalars: Free motions of the planes (free,).
+        rate: d displacement / dt of the owned nodes over the last step, m/s.
+        scalar_rate: d scalars / dt.
+        temperature: At the owned vertices, K.
+        stress: At the points, Mandel (points, 4), Pa; the mean stress counts at the points of its
+            own rule alone, the deviator at those of the other.
+        internal: What the law remembers (points, states).
+        pressure: Ferrostatic pressure at the points of the mean stress, Pa; empty without one.
+    """
+
+    time: float
+    displacement: Array
+    modes: Array
+    scalars: Array
+    rate: Array
+    scalar_rate: Array
+    temperature: Array
+    stress: Array
+    internal: Array
+    pressure: Array
+
+    @property
+    def moving(self) -> bool:
+        """Whether there was a step before, whose rates may be carried on."""
+        return bool(np.any(self.modes) or np.any(self.stress))
+
+
+@dataclass(frozen=True, slots=True)
+class Balance:
+    """Forces of the slice and what is left unbalanced.
+
+    Attributes:
+        axial: Int sigma_zz da (N), and its moments with x and y (N m), (3,): the left of (38).
+        axial_error: Largest imbalance of a free motion of the planes, over the sum of the absolute
+            forces.
+        forces_error: Largest imbalance of a free node, over the force of the mean stress there.
+        support: Sum of the forces of all supports, x and y, N/m.
+    """
+
+    axial: Array
+    axial_error: float
+    forces_error: float
+    support: Array
+
+
+@dataclass(frozen=True, slots=True)
+class MechanicalResult:
+    """One attempted step.
+
+    Attributes:
+        converged: Whether the solver succeeded; if not, `state` is the old one.
+        state: The new state. newton: Newton iterations. reason: The solver's word.
+        balance: Forces of the new state; None if not converged.
+        dissipation: Viscoplastic work over the step at the deviator's points, J/m3.
+        flowing: Share of the section's area that flows.
+    """
+
+    converged: bool
+    state: MechanicalState
+    newton: int
+    reason: str
+    balance: Balance | None
+    dissipation: Array
+    flowing: float

@@ -1,0 +1,107 @@
+"""Time stepping of the mechanics: from a committed state to the next, or back to it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem import reductions
+from castfem.mechanics.problem import MechanicalProblem
+from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
+
+Array = npt.NDArray[np.float64]
+
+
+class MechanicalStepper:
+    """Advances a `MechanicalState` by one step, fully implicitly; keeps no state of its own.
+
+    Args:
+        problem: Equilibrium of the section.
+        extrapolate: Start Newton's method where the last step's rates lead.
+    """
+
+    def __init__(self, problem: MechanicalProblem, extrapolate: bool = True) -> None:
+        self.problem, self.extrapolate = problem, extrapolate
+        self.comm = problem.section.comm
+
+    def initial(self, time: float, temperature: Array) -> MechanicalState:
+        """Undeformed and free of stress at temperatures of the owned vertices (owned,), K."""
+        problem = self.problem
+        points, law = problem.points.count, problem.slice.law
+        scalars = np.zeros(problem.free)
+        modes = problem.slice.planes.at(time)[0]
+        return MechanicalState(
+            time=time,
+            displacement=np.zeros_like(problem.fields.u.x.array),
+            modes=modes,
+            scalars=scalars,
+            rate=np.zeros(problem.owned),
+            scalar_rate=scalars.copy(),
+            temperature=np.array(temperature),
+            stress=np.zeros((points, 4)),
+            internal=law.initial_state(points),
+            pressure=np.zeros(0),
+        )
+
+    def step(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalResult:
+        """Advance `old` to `time` (s) and to `temperature` (owned,), K; `old` is left untouched."""
+        problem = self.problem
+        problem.begin(old, time, temperature)
+        guesses = [(old.displacement[: problem.owned], old.scalars)]
+        if self.extrapolate and old.moving:
+            dt = problem.dt
+            moved = (guesses[0][0] + dt * old.rate, old.scalars + dt * old.scalar_rate)
+            guesses.append(moved)
+        outcome = problem.solve(guesses)
+        newton = outcome.iterations
+        if not outcome.converged:
+            nothing = np.zeros(problem.points.split)
+            return MechanicalResult(False, old, newton, outcome.describe(), None, nothing, 0.0)
+        state = self._state(old, time, temperature)
+        split = problem.points.split
+        flowing = float(problem.points.deviator.volume @ problem.response.flows[:split])
+        share = reductions.total(self.comm, flowing) / problem.scales.area
+        dissipation = problem.response.dissipation[:split].copy()
+        return MechanicalResult(
+            True, state, newton, outcome.reason, self._balance(), dissipation, share
+        )
+
+    def _state(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalState:
+        """The state that the problem has come to."""
+        problem, trial = self.problem, self.problem.trial
+        assert trial is not None
+        displacement = problem.fields.u.x.array.copy()
+        scalars = problem.free_scalars(trial.local)
+        owned = slice(0, problem.owned)
+        return MechanicalState(
+            time=time,
+            displacement=displacement,
+            modes=trial.modes,
+            scalars=scalars,
+            rate=np.asarray((displacement[owned] - old.displacement[owned]) / problem.dt),
+            scalar_rate=np.asarray((scalars - old.scalars) / problem.dt),
+            temperature=np.array(temperature),
+            stress=problem.response.stress.copy(),
+            internal=problem.response.state.copy(),
+            pressure=problem.pressure,
+        )
+
+    def _balance(self) -> Balance:
+        """Forces of the state that the problem has come to."""
+        problem, trial = self.problem, self.problem.trial
+        assert trial is not None
+        axial = problem.work_on(np.eye(4)[:, :3])
+        supports = problem.constraints.dofs
+        held = trial.forces[supports]
+        sums = [held[supports % 2 == i].sum() for i in range(2)]
+        free = trial.forces / problem.scales.reach
+        free[supports] = 0.0
+        worst = reductions.largest(self.comm, np.abs(free))
+        scale = trial.scale
+        left = float(np.abs(trial.balance).max(initial=0.0)) * problem.scales.length
+        return Balance(
+            axial=axial,
+            axial_error=left / max(scale.total, 1e-300),
+            forces_error=worst / max(scale.typical, 1e-300),
+            support=reductions.totals(self.comm, sums),
+        )

@@ -1,0 +1,96 @@
+"""A freezing billet for the tests: thermal first, then its mechanics, all in memory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from thermal.scenes import ThermalScene
+
+from castfem import meshes
+from castfem.laws.elasticity import Solidity
+from castfem.laws.library import load_elasticity, load_law
+from castfem.materials import load_steel
+from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mechanics.planes import PlainPlanes, allowed_modes
+from castfem.mechanics.problem import MechanicalProblem
+from castfem.mechanics.slice import Slice
+from castfem.mechanics.state import MechanicalResult
+from castfem.mechanics.stepper import MechanicalStepper
+from castfem.thermal import laws
+
+STEEL = load_steel("carbon_042")
+
+
+def billet_mesh(symmetry: str = "quarter", **given: Any) -> meshes.SectionMesh:
+    sizes: dict[str, Any] = {"surface_size": 1e-3, "core_size": 1e-2, "cell": "quadrilateral"}
+    sizes |= {"width": 0.125, "height": 0.125} | given
+    return meshes.build("rectangle", symmetry=symmetry, **sizes)
+
+
+class CastScene:
+    """A strand section that freezes and strains.
+
+    Args:
+        mesh: The section. comm: Ranks. ratio: Stiffness of the liquid over that of the solid.
+        options: PETSc options of the mechanics. given: Changes to the `Slice`.
+    """
+
+    def __init__(
+        self,
+        mesh: meshes.SectionMesh,
+        comm: MPI.Comm = MPI.COMM_SELF,
+        ratio: float = 1e-5,
+        options: dict[str, Any] | None = None,
+        **given: Any,
+    ) -> None:
+        start = STEEL.liquidus + 20.0
+        curve = STEEL.thermal_curve(400.0, start + 2.0, start)
+        self.thermal = ThermalScene(mesh, curve, start, comm=comm)
+        names = [g for g in mesh.groups if not g.startswith("symmetry")]
+        self.thermal.cool(*((n, laws.Contact(1600.0, 433.15, 0.15)) for n in names))
+        section = self.thermal.section
+        elasticity = load_elasticity("elastic_steel", Solidity.of(STEEL, stiffness_ratio=ratio))
+        slice_: dict[str, Any] = {
+            "law": load_law("norton_hoff_kozlowski", elasticity),
+            "planes": PlainPlanes(allowed_modes(section.groups)),
+            "ferrostatic": Ferrostatic(vertical_head(7000.0, 0.06), STEEL.solid_fraction),
+        }
+        self.problem = MechanicalProblem(
+            section, Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | given)), options
+        )
+        self.stepper = MechanicalStepper(self.problem)
+        self.state = self.stepper.initial(0.0, self.thermal.state.point.temperature)
+        self.results: list[MechanicalResult] = []
+
+    def march(self, end: float, step: float) -> CastScene:
+        """Even steps to `end`."""
+        count = round((end - self.state.time) / step)
+        begin = self.state.time
+        for i in range(count):
+            time = begin + (end - begin) * (i + 1) / count
+            self.thermal.march(time, time)
+            result = self.stepper.step(self.state, time, self.thermal.state.point.temperature)
+            assert result.converged, result.reason
+            self.state = result.state
+            self.results.append(result)
+        return self
+
+    @property
+    def stress(self) -> np.ndarray:
+        """Stress at the owned vertices (owned, 4), Pa."""
+        points = self.problem.points
+        return points.at_vertices(points.recovered(self.state.stress))
+
+    @property
+    def moved(self) -> np.ndarray:
+        """Displacement of the owned vertices (owned, 2), m."""
+        return self.problem.points.nodal(self.state.displacement)
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Their positions (owned, 2), m."""
+        section = self.thermal.section
+        return section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]

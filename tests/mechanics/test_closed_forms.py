@@ -1,0 +1,175 @@
+"""The slice against closed forms: free thermal stress, tubes, creep, bending."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from castfem.laws.elasticity import Elasticity
+from castfem.laws.flow import NortonCreep
+from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.supports import SurfacePressure
+from mechanics.scenes import (
+    RING_GROUPS,
+    Array,
+    SliceScene,
+    box,
+    elastic,
+    expansion,
+    mapped,
+    ring,
+    skewed,
+)
+
+MPA = 1e6
+CELLS = ["quadrilateral", "triangle"]
+
+
+def quench(x: Array, y: Array) -> Array:
+    """Temperature change of the free square, K."""
+    return np.asarray(-400.0 * ((x / 0.1) ** 8 + (y / 0.1) ** 8))
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
+@pytest.mark.parametrize("cell", CELLS)
+def test_unrestrained_square_has_the_mean_thermal_strain(cell: str, poisson: float) -> None:
+    """Strain_zz is alpha mean(dT), whatever Poisson's ratio and however uneven the field."""
+    alpha, young = 1.35e-5, 200e9
+    mesh = mapped(8, 8, skewed(0.1, 0.1, 0.05), cell)
+    scene = SliceScene(mesh, elastic(young, poisson), expansion(alpha), tolerance=1e-12)
+    result = scene.step(1.0, quench)
+    points = scene.problem.points
+    heat = scene.problem.at_points(scene.state.temperature)
+    for rows in (slice(0, points.split), slice(points.split, None)):
+        mean = points.volume[rows] @ heat[rows] / points.volume[rows].sum()
+        # The points of the mean stress see the field less sharply than those of the deviator.
+        assert scene.state.modes[0] == pytest.approx(alpha * mean, rel=1e-9)
+    assert result.balance is not None
+    assert result.balance.axial_error < 1e-12
+    # The stress along the strand is that of the strain left over, and of the stress in the plane.
+    hot = heat[: points.split]
+    strain = scene.state.modes[0] - alpha * hot
+    if poisson == 0.0:
+        stress = scene.state.stress[: points.split, 2]
+        assert np.abs(stress - young * strain).max() < 1e-10 * young * np.abs(strain).max()
+
+
+def test_free_corner_of_the_square() -> None:
+    """Sigma_zz = E (strain_zz - alpha dT) where both faces are free, at second order."""
+    alpha, young = 1.35e-5, 200e9
+    errors = []
+    for n in (8, 16, 32):
+        scene = SliceScene(mapped(n, n, box(0.1, 0.1)), elastic(young), expansion(alpha))
+        scene.step(1.0, quench)
+        corner = scene.stress[np.argmax(scene.places.sum(axis=1))]
+        place = scene.places[np.argmax(scene.places.sum(axis=1))]
+        exact = young * (scene.state.modes[0] - alpha * quench(*place))
+        errors.append(abs(corner[2] / exact - 1.0))
+    assert errors[-1] < 0.01
+    assert np.log2(errors[0] / errors[-1]) / 2 > 1.0
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_thermoelastic_tube(cell: str) -> None:
+    """A hot bore: Timoshenko's tube in generalized plane strain, ends free as a whole."""
+    a, b, hot, alpha, young, nu = 0.02, 0.04, 100.0, 1e-5, 200e9, 0.3
+
+    def heat(x: Array, y: Array) -> Array:
+        return np.asarray(hot * np.log(b / np.hypot(x, y)) / np.log(b / a))
+
+    found = []
+    for n in (4, 8):
+        scene = SliceScene(
+            mapped(n, n, ring(a, b), cell, 2, RING_GROUPS), elastic(young, nu), expansion(alpha)
+        )
+        scene.step(1.0, heat)
+        r = np.hypot(*scene.places.T)
+        log, share = np.log(b / a), a**2 / (b**2 - a**2)
+        level = alpha * young * hot / (2 * (1 - nu) * log)
+        axial = level * (1 - 2 * np.log(b / r) - 2 * share * log)
+        error = scene.stress[:, 2] - axial
+        found.append(float(np.sqrt(np.mean(error**2)) / level))
+        mean = 2 * alpha * hot * (0.25 * (b**2 - a**2) - 0.5 * a**2 * log) / (log * (b**2 - a**2))
+        assert scene.state.modes[0] == pytest.approx(mean, rel=0.7 / n**2)
+    assert found[-1] < 0.01
+    assert np.log2(found[0] / found[1]) > (1.0 if cell == "triangle" else 1.7)
+
+
+def cylinder(cells: int, cell: str = "quadrilateral", order: int = 2) -> SliceScene:
+    """A thick cylinder under inner pressure, crept until its stress no longer changes."""
+    law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, MPA, 5.0)
+    scene = SliceScene(
+        mapped(cells, cells, ring(0.02, 0.04), cell, order, RING_GROUPS),
+        law,
+        given={
+            "planes": PlainPlanes(()),
+            "loads": (SurfacePressure(("inner",), lambda t: 10 * MPA),),
+        },
+    )
+    time, dt = 0.0, 1.0
+    while time < 1e6:
+        time += dt
+        scene.step(time)
+        dt *= 2.0
+    return scene
+
+
+def creep_errors(scene: SliceScene) -> tuple[float, float]:
+    """Largest of the rms errors of radial, hoop and axial stress over the pressure, and of udot."""
+    a, b, p, n = 0.02, 0.04, 10 * MPA, 5.0
+    r = np.hypot(*scene.places.T)
+    c, s = scene.places.T / r
+    stress = scene.stress
+    shear = np.sqrt(2.0) * stress[:, 3] * c * s
+    radial = stress[:, 0] * c * c + stress[:, 1] * s * s + shear
+    hoop = stress[:, 0] * s * s + stress[:, 1] * c * c - shear
+    spread, q = (b / a) ** (2 / n) - 1, (b / r) ** (2 / n)
+    exact_radial, exact_hoop = -p * (q - 1) / spread, p * ((2 / n - 1) * q + 1) / spread
+    differences = (
+        radial - exact_radial, hoop - exact_hoop, stress[:, 2] - 0.5 * (exact_radial + exact_hoop)
+    )  # fmt: skip
+    inner = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+    at = int(np.argmin(np.abs(inner - [a, 0.0]).sum(axis=1)))
+    rate = scene.state.rate[2 * at]
+    return (
+        max(float(np.sqrt(np.mean(d**2))) for d in differences) / p,
+        abs(float(rate) / 1.037924e-5 - 1.0),
+    )
+
+
+def test_thick_cylinder_under_norton_creep() -> None:
+    """Stress and rate of the stationary state, physics: D = (b/a)^(2/n) - 1 ..., third order."""
+    found = np.array([creep_errors(cylinder(n)) for n in (2, 4, 8)])
+    assert found[-1, 0] < 1e-3
+    assert found[-1, 1] < 2e-5
+    orders = np.log2(found[:-1] / found[1:])
+    assert orders[:, 0].min() > 1.9
+    assert orders[:, 1].min() > 3.5
+
+
+def test_thick_cylinder_on_triangles() -> None:
+    stress, rate = creep_errors(cylinder(8, "triangle"))
+    assert stress < 5e-3
+    assert rate < 1e-3
+
+
+def test_creeping_bar_in_bending() -> None:
+    """Norton: M = 2 b (k/A)^(1/n) (h/2)^(2 + 1/n) / (2 + 1/n) at a constant rate of curvature."""
+    height, width, rate = 0.22, 1.2, 1e-3
+    law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, MPA, 5.0)
+    # y = 0 carries no stress: the half above is modelled, symmetric in x, held in y at y = 0.
+    scene = SliceScene(
+        mapped(
+            1, 8, box(width / 2, height / 2), groups=("symmetry_x", "neutral", "side", "outside")
+        ),
+        law,
+        given={"planes": PlainPlanes((), {"a2": lambda t: rate * t})},
+    )
+    for time in np.cumsum(np.geomspace(1e-2, 2e4, 40)):
+        result = scene.step(float(time))
+    assert result.balance is not None
+    moment = 4 * result.balance.axial[2]
+    assert moment == pytest.approx(1.345403e5, rel=2e-3)
+    outer = scene.stress[np.argmax(scene.places[:, 1]), 2]
+    y = scene.places[:, 1].max()
+    assert outer == pytest.approx(10.1924e6 * (y / (height / 2)) ** 0.2, rel=1e-3)

@@ -1,0 +1,132 @@
+"""Ferrostatic pressure: its resultant on the shell whatever the mesh, and where it acts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from castfem.errors import InputError
+from castfem.mechanics.ferrostatic import SHARES, Ferrostatic, vertical_head
+from mechanics.scenes import Array, Map, SliceScene, box, elastic, mapped, skewed
+
+SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 3.0e5
+
+
+def fraction(temperature: Array) -> Array:
+    return np.clip((LIQUIDUS - temperature) / (LIQUIDUS - SOLIDUS), 0.0, 1.0)
+
+
+def nodal_forces(scene: SliceScene, temperature: Any) -> Array:
+    """Forces of the pressure on the nodes (n, 2), N/m, before the material answers."""
+    problem = scene.problem
+    problem.begin(scene.state, 1.0, scene.field(temperature))
+    trial = problem._evaluate(np.zeros(problem.solver.x.getLocalSize()))
+    return -trial.forces.reshape(-1, 2)
+
+
+def scene_on(shape: Map, cell: str, mush: str, cells: int = 9, order: int = 1) -> SliceScene:
+    pressure = Ferrostatic(lambda t: HEAD, fraction, mush)  # type: ignore[arg-type]
+    mesh = mapped(cells, cells, shape, cell, order)
+    return SliceScene(mesh, elastic(), given={"ferrostatic": pressure}, start=1600.0)
+
+
+@pytest.mark.parametrize("mush", list(SHARES))
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("front", [0.043, 0.0555, 0.0777])
+@pytest.mark.parametrize("width", [0.0, 0.004, 0.03])
+def test_resultant_of_a_straight_front(front: float, width: float, cell: str, mush: str) -> None:
+    """Gamma D times the height, wherever in a cell the front lies and however wide the mush."""
+    height = 0.06
+    scene = scene_on(box(0.1, height), cell, mush)
+
+    def heat(x: Array, y: Array) -> Array:
+        return np.interp(x, [front - width - 1e-9, front], [1780.0, 1600.0])
+
+    force = nodal_forces(scene, heat)
+    x = scene.problem.space.tabulate_dof_coordinates()[:, 0]
+    inside = np.flatnonzero(x < 1e-9)
+    # All but what the line of symmetry carries is the shell's and the mush's.
+    shell = np.setdiff1d(np.arange(len(x)), inside)
+    assert force[shell, 0].sum() == pytest.approx(HEAD * height, rel=1e-10)
+    assert np.abs(force.sum(axis=0)).max() < 1e-10 * HEAD * height
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_resultant_on_distorted_cells(cell: str) -> None:
+    """The cut runs through distorted liquid cells: still gamma D times its projected length."""
+    scene = scene_on(skewed(0.1, 0.06), cell, "proportional", 8)
+    force = nodal_forces(scene, lambda x, y: np.where(x < 0.062, 1780.0, 1600.0))
+    x = scene.problem.space.tabulate_dof_coordinates()[:, 0]
+    shell = x > 1e-9
+    assert force[shell, 0].sum() == pytest.approx(HEAD * 0.06, rel=1e-10)
+
+
+@pytest.mark.parametrize("mush", list(SHARES))
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_resultant_of_a_curved_front(cell: str, mush: str) -> None:
+    """A round pool in a quarter: gamma D times its radius on each line, better on finer meshes."""
+    radius, errors = 0.05, []
+    for cells in (8, 16, 32):
+        scene = scene_on(box(0.1, 0.1), cell, mush, cells)
+        force = nodal_forces(
+            scene, lambda x, y: 1725.0 + 4000.0 * (radius - np.hypot(x, y)) / radius
+        )
+        places = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+        on_lines = [places[:, i] < 1e-9 for i in range(2)]
+        found = [force[~on_lines[i], i].sum() / (HEAD * radius) for i in range(2)]
+        assert found[0] == pytest.approx(found[1], rel=1e-10)
+        errors.append(abs(found[0] - 1.0))
+    assert errors[-1] < 0.01
+
+
+@pytest.mark.parametrize("mush", list(SHARES))
+def test_nothing_where_there_is_no_liquid(mush: str) -> None:
+    scene = scene_on(box(0.1, 0.06), "quadrilateral", mush, 10)
+    force = nodal_forces(scene, lambda x, y: np.where(x < 0.035, 1780.0, 1600.0))
+    x = scene.problem.space.tabulate_dof_coordinates()[:, 0]
+    assert np.abs(force[x > 0.0401]).max() == 0.0
+    inside = (x > 1e-9) & (x < 0.0299)
+    y = scene.problem.space.tabulate_dof_coordinates()[:, 1]
+    inside &= (y > 1e-9) & (y < 0.06 - 1e-9)
+    assert np.abs(force[inside]).max() < 1e-12 * HEAD
+    cold = nodal_forces(scene, 1500.0)
+    assert not cold.any()
+
+
+def test_shares_of_the_mush() -> None:
+    """(219) and the two extremes of Fig. 63."""
+    solid = np.array([0.0, 1e-9, 0.5, 1.0 - 1e-9, 1.0])
+    assert SHARES["proportional"](solid) == pytest.approx(1 - solid, abs=0.0)
+    assert list(SHARES["full"](solid)) == [1, 1, 1, 1, 0]
+    assert list(SHARES["none"](solid)) == [1, 0, 0, 0, 0]
+    with pytest.raises(InputError, match=r"ferrostatic\.mush"):
+        Ferrostatic(lambda t: 0.0, fraction, "half")  # type: ignore[arg-type]
+
+
+def test_head_of_a_vertical_machine() -> None:
+    head = vertical_head(7000.0, 0.06)
+    assert head(10.0) == pytest.approx(7000.0 * 9.81 * 0.6)
+
+
+def test_pressure_follows_the_walls_at_large_strain() -> None:
+    """A liquid square blown up to 1.3 times its size: gamma D times its new length."""
+    scene = SliceScene(
+        mapped(2, 2, box(0.1, 0.1)),
+        elastic(),
+        given={
+            "ferrostatic": Ferrostatic(lambda t: HEAD, fraction),
+            "large_strain": True,
+        },
+        start=1780.0,
+    )
+    problem = scene.problem
+    problem.begin(scene.state, 1.0, scene.field(1780.0))
+    places = problem.space.tabulate_dof_coordinates()[:, :2]
+    local = np.concatenate([0.3 * places.ravel(), [0.0]])
+    with_pressure = problem._evaluate(local).forces.reshape(-1, 2)
+    problem.points.mean.fill(problem.fields.pressure, 0.0 * problem.pressure)
+    without = problem._evaluate(local).forces.reshape(-1, 2)
+    force = (without - with_pressure)[np.isclose(places[:, 0], 0.1), 0].sum()
+    assert force == pytest.approx(HEAD * 0.13, rel=1e-10)

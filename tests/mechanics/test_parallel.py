@@ -1,0 +1,128 @@
+"""The same numbers on one rank and on several."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from castfem.mechanics.points import Cellwise
+from mechanics.casting import CastScene, billet_mesh
+from mechanics.scenes import SliceScene, box, mapped
+
+HERE = Path(__file__).parents[1]
+SCENES = [("quarter", "quadrilateral", False), ("whole", "triangle", False),
+          ("quarter", "quadrilateral", True)]  # fmt: skip
+
+
+def marched(comm: MPI.Comm, symmetry: str, cell: str, large: bool) -> CastScene:
+    mesh = billet_mesh(symmetry, cell=cell, surface_size=4e-3, core_size=1.5e-2)
+    return CastScene(mesh, comm, large_strain=large).march(2.0, 0.5)
+
+
+def gathered(scene: CastScene) -> list[np.ndarray] | None:
+    """Displacement and stress of all vertices on rank 0."""
+    section = scene.thermal.section
+    columns = np.column_stack([scene.moved, scene.stress]).T
+    found = [section.gather(np.ascontiguousarray(c)) for c in columns]
+    return None if found[0] is None else found  # type: ignore[return-value]
+
+
+def differ(one: list[np.ndarray], many: list[np.ndarray]) -> float:
+    """Largest relative difference; displacements together, stresses together."""
+    pairs = [(np.array(one[:2]), np.array(many[:2])), (np.array(one[2:]), np.array(many[2:]))]
+    return max(float(np.abs(a - b).max() / np.abs(a).max()) for a, b in pairs)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(("symmetry", "cell", "large"), SCENES)
+def test_many_ranks_give_what_one_gives(symmetry: str, cell: str, large: bool) -> None:
+    alone = marched(MPI.COMM_SELF, symmetry, cell, large)
+    together = marched(MPI.COMM_WORLD, symmetry, cell, large)
+    one, many = gathered(alone), gathered(together)
+    if MPI.COMM_WORLD.rank == 0:
+        assert one is not None and many is not None
+        assert differ(one, many) < 1e-8
+    assert together.state.modes == pytest.approx(alone.state.modes, rel=1e-8, abs=1e-12)
+    assert [r.newton for r in together.results] == [r.newton for r in alone.results]
+    first, second = alone.results[-1].balance, together.results[-1].balance
+    assert first is not None and second is not None
+    scale = alone.problem.trial.scale.total if alone.problem.trial else 1.0
+    assert np.abs(first.axial - second.axial).max() < 1e-8 * scale
+    assert together.results[-1].flowing == pytest.approx(alone.results[-1].flowing, rel=1e-6)
+    heat = [
+        s.problem.points.to_vertices(s.results[-1].dissipation).sum() for s in (alone, together)
+    ]
+    assert MPI.COMM_WORLD.allreduce(heat[1]) == pytest.approx(heat[0], rel=1e-7)
+
+
+@pytest.mark.mpi
+def test_fewer_cells_than_ranks() -> None:
+    """A rank without cells takes part in everything."""
+    scene = SliceScene(
+        mapped(1, 1, box(0.01, 0.01)), comm=MPI.COMM_WORLD, thermal=lambda T: 1e-5 * T
+    )
+    scene.step(1.0, 100.0)
+    assert scene.state.modes[0] == pytest.approx(1e-3, rel=1e-10)
+
+
+@pytest.mark.mpi
+def test_cellwise_values_do_not_depend_on_the_ranks() -> None:
+    """Stress gathered on rank 0 is by input cell; scattering brings it back."""
+    fields = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        scene = SliceScene(mapped(5, 4, box(0.1, 0.1)), comm=comm, thermal=lambda T: 1e-5 * T)
+        scene.step(1.0, lambda x, y: 1e4 * x**2 + 500 * y)
+        cellwise = Cellwise(scene.section)
+        cells = len(cellwise.cells)
+        mine = scene.stress.reshape(cells, -1)
+        whole = cellwise.gather(mine)
+        assert np.array_equal(cellwise.scatter(whole), mine)
+        fields.append(whole)
+    if MPI.COMM_WORLD.rank == 0:
+        assert np.abs(fields[0] - fields[1]).max() < 1e-9 * np.abs(fields[0]).max()
+
+
+SCRIPT = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+from mpi4py import MPI
+from mechanics.test_parallel import SCENES, gathered, marched
+found = []
+for scene in SCENES:
+    fields = gathered(marched(MPI.COMM_WORLD, *scene))
+    if MPI.COMM_WORLD.rank == 0:
+        found.append([f.tolist() for f in fields])
+if MPI.COMM_WORLD.rank == 0:
+    print("RESULT", json.dumps(found))
+"""
+
+
+@pytest.mark.skipif(shutil.which("mpirun") is None, reason="mpirun is not on the path")
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks of its own")
+def test_three_ranks_give_what_one_gives() -> None:
+    clean = {
+        k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE_"))
+    }
+    done = subprocess.run(
+        ["mpirun", "--oversubscribe", "-n", "3", sys.executable, "-c", SCRIPT, str(HERE)],
+        capture_output=True,
+        text=True,
+        timeout=600,
+        env=clean | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"},
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    line = next(x for x in done.stdout.splitlines() if x.startswith("RESULT"))
+    for scene, three in zip(SCENES, json.loads(line.removeprefix("RESULT")), strict=True):
+        one = gathered(marched(MPI.COMM_SELF, *scene))
+        assert one is not None
+        assert differ(one, [np.array(f) for f in three]) < 1e-8

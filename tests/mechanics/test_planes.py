@@ -1,0 +1,122 @@
+"""Motions of the slice's planes: curvature, neutral axis, symmetry, closing forces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from castfem.errors import InputError
+from castfem.mechanics.planes import BentPlanes, PlainPlanes, allowed_modes, between, check_modes
+from mechanics.scenes import SliceScene, box, elastic, mapped
+
+FREE = ("left", "bottom", "right", "top")
+E = 200e9
+
+
+def thickness(modes: np.ndarray, y: float) -> float:
+    return float(1.0 + modes[0] + modes[2] * y)
+
+
+@pytest.mark.parametrize("radius", [4.0, 10.0, 1e9])
+def test_planes_meet_in_the_centre_of_curvature(radius: float) -> None:
+    """(40)-(41): whatever a0 comes to, the thickness vanishes at y = R - h/2."""
+    planes = BentPlanes(lambda t: 1 / radius, 0.1)
+    offset, directions, closing = planes.at(0.0)
+    assert closing[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
+    for strain in (0.0, 0.02, -0.01):
+        modes = offset + directions @ [strain]
+        assert modes[0] == pytest.approx(strain, abs=1e-15)
+        assert modes[2] == pytest.approx(-(1 + strain) / (radius - 0.1), rel=1e-12)
+        assert abs(thickness(modes, radius - 0.1)) < 1e-12
+
+
+@pytest.mark.parametrize("axis", [-0.05, 0.0, 0.08])
+def test_imposed_neutral_axis(axis: float) -> None:
+    """(42)-(44): thickness 1 at y1, both motions given."""
+    radius, half = 10.0, 0.11
+    planes = BentPlanes(lambda t: 1 / radius, half, neutral_axis=axis)
+    assert planes.free == ()
+    modes = planes.at(0.0)[0]
+    assert thickness(modes, axis) == pytest.approx(1.0, abs=1e-14)
+    assert 1 + modes[0] == pytest.approx((radius - half) / (radius - half - axis), rel=1e-14)
+    assert modes[2] == pytest.approx(-1 / (radius - half - axis), rel=1e-14)
+
+
+def test_straight_strand_is_no_special_case() -> None:
+    offset, directions, _ = BentPlanes(lambda t: 0.0, 0.1).at(0.0)
+    assert not offset.any()
+    assert directions[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
+
+
+def test_curvature_is_linear_between_rolls() -> None:
+    chi = between([1.0, 2.0, 4.0], [np.inf, 10.0, 5.0], speed=0.5)
+    expected = {0.0: 0.0, 2.0: 0.0, 3.0: 0.05, 4.0: 0.1, 6.0: 0.15, 8.0: 0.2, 99.0: 0.2}
+    for time, value in expected.items():
+        assert chi(time) == pytest.approx(value, abs=1e-15)
+
+
+def test_impossible_curvatures_are_refused() -> None:
+    with pytest.raises(InputError, match="radius of curvature"):
+        BentPlanes(lambda t: 20.0, 0.1).at(0.0)
+    with pytest.raises(InputError, match="must increase"):
+        between([1.0, 1.0], [5.0, 5.0], 1.0)
+    with pytest.raises(InputError, match="must not be 0"):
+        between([1.0, 2.0], [5.0, 0.0], 1.0)
+
+
+def test_bending_a_slab_about_its_own_neutral_axis() -> None:
+    """Free of axial force, the neutral axis of an elastic strand is its middle; M = E I / R."""
+    half, radius = 0.05, 10.0
+    mesh = mapped(1, 4, box(0.1, 2 * half, 0.0, -half), groups=("symmetry_x", *FREE[1:]))
+    scene = SliceScene(
+        mesh, elastic(E), given={"planes": BentPlanes(lambda t: min(t, 1.0) / radius, half)}
+    )
+    for time in (0.25, 0.5, 1.0):
+        result = scene.step(time)
+    a0, a2 = scene.state.modes[[0, 2]]
+    assert a0 == pytest.approx(0.0, abs=1e-12)
+    assert a2 == pytest.approx(-1 / (radius - half), rel=1e-11)
+    assert result.balance is not None
+    inertia = 0.1 * (2 * half) ** 3 / 12
+    assert result.balance.axial == pytest.approx(
+        [0.0, 0.5 * 0.1 * 0.0, E * inertia * a2], rel=1e-10, abs=1e-3
+    )
+    # With a pull F the axis moves by F / (E A) / a2 away from the middle.
+    pulled = SliceScene(
+        mesh,
+        elastic(E),
+        given={"planes": BentPlanes(lambda t: t / radius, half, force=lambda t: 1e6 * t)},
+    )
+    balance = pulled.step(1.0).balance
+    assert balance is not None
+    assert balance.axial[0] == pytest.approx(1e6, rel=1e-9)
+    assert pulled.state.modes[0] == pytest.approx(1e6 / (E * 0.1 * 2 * half), rel=1e-9)
+
+
+def test_symmetry_leaves_what_it_must() -> None:
+    quarter = ("wide_face", "narrow_face", "symmetry_x", "symmetry_y")
+    assert allowed_modes(quarter) == ("a0",)
+    assert allowed_modes(("wide_face", "symmetry_x")) == ("a0", "a2")
+    assert allowed_modes(("wide_face",)) == ("a0", "a1", "a2")
+    check_modes(("a0", "across"), quarter)
+    with pytest.raises(InputError, match="a2: the symmetry"):
+        check_modes(("a0", "a2"), quarter)
+
+
+def test_a_scene_carries_only_the_motions_it_asked_for() -> None:
+    mesh = mapped(2, 2, box(0.1, 0.1))
+    fixed = SliceScene(mesh, given={"planes": PlainPlanes(())})
+    assert fixed.problem.border is None
+    assert not [f for f in fixed.section.compiled if "column" in f or "corner" in f]
+    assert fixed.problem.solver.x.getSize() == fixed.problem.owned
+    free = SliceScene(mesh)
+    assert free.problem.solver.x.getSize() == free.problem.owned + 1
+    with pytest.raises(InputError, match="symmetry of this section"):
+        SliceScene(mesh, given={"planes": PlainPlanes(("a0", "a1"))})
+
+
+def test_names_of_motions_are_checked() -> None:
+    with pytest.raises(InputError, match="a3: not a motion"):
+        PlainPlanes(("a3",))
+    with pytest.raises(InputError, match="either free or imposed"):
+        PlainPlanes(("a0",), {"a0": lambda t: 0.0})

@@ -1,0 +1,239 @@
+"""The solver: options, units, line search, failures, and what is called how often."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+from castfem.errors import InputError
+from castfem.laws.base import Response
+from castfem.laws.elasticity import Elasticity
+from castfem.laws.flow import NortonCreep, PerfectlyPlastic
+from castfem.laws.tables import Constant
+from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.search import step_share
+from castfem.mechanics.supports import Held, SurfacePressure
+from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, expansion, mapped, ring
+
+CREEP = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-3, 1e7, 5.0)
+
+
+def uneven(x: Array, y: Array) -> Array:
+    return np.asarray(-300.0 * (x / 0.1) ** 2 - 100.0 * (y / 0.1))
+
+
+def cooled(**given: Any) -> SliceScene:
+    """A quarter that cools unevenly and creeps."""
+    law = given.pop("law", CREEP)
+    return SliceScene(mapped(4, 4, box(0.1, 0.1)), law, expansion(2e-5), **given)
+
+
+def test_options_reach_snes() -> None:
+    scene = cooled(options={"snes_max_it": 1})
+    result = scene.stepper.step(scene.state, 1.0, scene.field(uneven))
+    assert not result.converged
+    assert "DIVERGED_MAX_IT after 1 iterations" in result.reason
+    assert "forces" in result.reason and "axial" in result.reason
+
+
+@pytest.mark.parametrize("free", [True, False])
+@pytest.mark.parametrize(
+    ("options", "kind"),
+    [
+        ({"ksp_type": "gmres", "pc_type": "gamg", "ksp_rtol": 1e-10}, "gmres"),
+        ({"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}, "preonly"),
+        ({"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": 80}, "preonly"),
+        ({"pc_type": "lu", "pc_factor_mat_solver_type": "superlu_dist"}, "preonly"),
+    ],
+)
+def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, free: bool) -> None:
+    """They go to the solver of the displacement block, with free motions of the planes or not."""
+    planes = PlainPlanes(("a0",) if free else ())
+    reference = cooled(given={"planes": planes})
+    reference.step(1.0, uneven)
+    scene = cooled(options=options, given={"planes": planes})
+    scene.step(1.0, uneven)
+    border = scene.problem.border
+    ksp = border.ksp if border is not None else scene.problem.solver.snes.getKSP()
+    assert ksp.getType() == kind
+    assert ksp.getPC().getType() == options.get("pc_type", "cholesky")
+    if "pc_factor_mat_solver_type" in options:
+        assert ksp.getPC().getFactorSolverType() == options["pc_factor_mat_solver_type"]
+    if kind == "gmres":
+        assert ksp.getTolerances()[0] == 1e-10
+    size = np.abs(reference.state.displacement).max()
+    assert np.abs(scene.state.displacement - reference.state.displacement).max() < 1e-7 * size
+
+
+def test_line_search_of_the_user() -> None:
+    scene = cooled(options={"snes_linesearch_type": "bt"})
+    assert scene.problem.solver._shorten is None
+    scene.step(1.0, uneven)
+    assert cooled().problem.solver._shorten is not None
+
+
+def test_unknown_options_are_refused() -> None:
+    with pytest.raises(InputError, match="linear_solver"):
+        cooled(options={"linear_solver": "mumps"})
+
+
+@pytest.mark.parametrize(
+    ("length", "stress"), [(1e3, 1e-6), (1.0, 1e-9), (1e3, 1.0)], ids=["mm MPa", "m GPa", "mm Pa"]
+)
+def test_units_do_not_matter(length: float, stress: float) -> None:
+    """The same block in other units takes the same iterations to the same relative residuals."""
+
+    def solved(length: float, stress: float) -> SliceScene:
+        law = PerfectlyPlastic(Elasticity.constant(20e9 * stress, 0.3), Constant(2e7 * stress))
+        scene = SliceScene(
+            mapped(4, 4, box(0.1 * length, 0.1 * length)),
+            law,
+            lambda T: 2e-5 * T,
+            given={"planes": PlainPlanes(force=lambda t: 1e4 * stress * length**2 * t)},
+        )
+        for time in (1.0, 2.0):
+            scene.step(time, lambda x, y, t=time: t * uneven(x / length, y / length))
+        return scene
+
+    one, other = solved(1.0, 1.0), solved(length, stress)
+    assert [r.newton for r in one.results] == [r.newton for r in other.results]
+    assert max(r.newton for r in one.results) > 2
+    histories = [s.problem.solver._history for s in (one, other)]
+    for first, second in zip(*histories, strict=True):
+        for name in first:
+            if first[name] > 1e3:  # below it rounding decides
+                assert second[name] == pytest.approx(first[name], rel=1e-4)
+    scaled = other.state.displacement / length
+    assert np.abs(scaled / np.abs(scaled).max() - one.state.displacement / np.abs(
+        one.state.displacement).max()).max() < 1e-7  # fmt: skip
+
+
+def test_failure_leaves_the_committed_state() -> None:
+    scene = cooled(options={"snes_max_it": 2})
+    start = scene.state
+    kept = {f.name: np.copy(getattr(start, f.name)) for f in fields(start)}
+    result = scene.stepper.step(start, 1e4, scene.field(lambda x, y: 20 * uneven(x, y)))
+    assert not result.converged
+    assert result.state is start
+    assert result.balance is None
+    for name, value in kept.items():
+        assert np.array_equal(getattr(start, name), value)
+    # A smaller step from there goes on as if nothing had happened.
+    again = cooled(options={"snes_max_it": 2})
+    scene.step(1e-3, lambda x, y: 1e-3 * uneven(x, y))
+    again.step(1e-3, lambda x, y: 1e-3 * uneven(x, y))
+    assert np.array_equal(scene.state.displacement, again.state.displacement)
+    assert np.array_equal(scene.state.stress, again.state.stress)
+
+
+def test_committed_states_share_no_memory() -> None:
+    scene = cooled()
+    first = scene.step(1.0, uneven).state
+    kept = first.stress.copy(), first.displacement.copy(), first.internal.copy()
+    scene.step(2.0, lambda x, y: 2 * uneven(x, y))
+    for before, now in zip(kept, (first.stress, first.displacement, first.internal), strict=True):
+        assert np.array_equal(before, now)
+
+
+class Counting:
+    """A law that notes the strain increments it was asked for."""
+
+    def __init__(self, law: Any) -> None:
+        self.law, self.seen = law, []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.law, name)
+
+    def integrate(self, step: Any, *args: Any, **kwargs: Any) -> Response:
+        self.seen.append(step.strain_increment.copy())
+        return self.law.integrate(step, *args, **kwargs)
+
+
+def test_the_law_is_integrated_once_for_each_iterate() -> None:
+    law = Counting(CREEP)
+    scene = cooled(law=law)
+    result = scene.step(1.0, uneven)
+    assert len(law.seen) == result.newton + 1
+    law.seen.clear()
+    scene.step(2.0, lambda x, y: 2 * uneven(x, y))
+    for i, one in enumerate(law.seen):
+        assert not any(np.array_equal(one, other) for other in law.seen[:i])
+
+
+def test_zero_load() -> None:
+    """Nothing happens, in no iterations; the same with a step after a loaded one."""
+    scene = SliceScene(mapped(2, 2, box(0.1, 0.1)))
+    assert scene.step(1.0).newton == 0
+    assert not scene.state.displacement.any() and not scene.state.stress.any()
+
+
+def test_unloading_to_nothing() -> None:
+    scene = SliceScene(mapped(3, 3, box(0.1, 0.1)), elastic(), expansion(1e-5))
+    scene.step(1.0, uneven)
+    largest = np.abs(scene.stress).max()
+    scene.step(2.0, 0.0)
+    assert np.abs(scene.stress).max() < 1e-8 * largest
+
+
+def test_moving_supports() -> None:
+    """A large prescribed displacement in one step: tangent and supports move together."""
+    law = PerfectlyPlastic(Elasticity.constant(20e9, 0.3), Constant(2e7))
+    scene = SliceScene(
+        mapped(3, 3, box(0.1, 0.05)),
+        law,
+        given={"held": (Held(("right",), 0, lambda p, t: np.full(len(p), 1e-2 * t)),)},
+    )
+    result = scene.step(1.0)
+    assert scene.stress[:, 0] == pytest.approx(2e7, rel=1e-7)
+    assert np.abs(scene.stress[:, [1, 2, 3]]).max() < 1.0
+    assert result.newton < 10
+    assert result.balance is not None
+    assert result.balance.forces_error < 1e-8
+
+
+def test_collapse_of_a_tube_is_reached_and_not_passed() -> None:
+    """Perfect plasticity: the limit pressure 2 k ln(b/a) of plane strain, from both sides."""
+    flow, a, b = 2e7, 0.02, 0.04
+    limit = 2 / np.sqrt(3) * flow * np.log(b / a)
+    law = PerfectlyPlastic(Elasticity.constant(20e9, 0.3), Constant(flow))
+    scene = SliceScene(
+        mapped(8, 8, ring(a, b), "quadrilateral", 2, RING_GROUPS),
+        law,
+        given={
+            "planes": PlainPlanes(()),
+            "loads": (SurfacePressure(("inner",), lambda t: t * limit),),
+        },
+    )
+    for share in (0.5, 0.8, 0.9, 0.96, 0.985, 0.995):
+        scene.step(share)
+    beyond = scene.stepper.step(scene.state, 1.01, scene.state.temperature)
+    assert not beyond.converged
+    assert "DIVERGED" in beyond.reason
+
+
+def test_line_search_takes_full_steps_where_they_are_good() -> None:
+    assert step_share(1.0, lambda share: 1.0 - share) == 1.0
+    assert step_share(-1.0, lambda share: 5.0) == 1.0
+
+
+@pytest.mark.parametrize("root", [0.6, 0.1, 3e-3, 1e-6])
+def test_line_search_finds_the_turn(root: float) -> None:
+    """A force that saturates on both sides, as in perfect plasticity."""
+    asked = []
+
+    def work(share: float) -> float:
+        asked.append(share)
+        return float(np.clip((root - share) / root, -1.0, 1.0) if share > 0 else 1.0)
+
+    share = step_share(1.0, work)
+    assert abs(work(share)) <= 0.3
+    assert asked[-2] == share
+    assert len(asked) < 25
+
+
+def test_wrong_groups_are_named() -> None:
+    with pytest.raises(InputError, match="lid: no such boundary group; there are symmetry_x"):
+        cooled(given={"held": (Held(("lid",), 0),)})

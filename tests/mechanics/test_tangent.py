@@ -1,0 +1,111 @@
+"""The Jacobian of the whole residual, border included, against finite differences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from castfem.laws.elasticity import Elasticity
+from castfem.laws.flow import NortonCreep, ThermoElastic
+from castfem.mechanics.ferrostatic import Ferrostatic
+from castfem.mechanics.planes import BentPlanes, PlainPlanes
+from castfem.mechanics.supports import SurfacePressure, Traction
+from mechanics.scenes import Array, SliceScene, elastic, expansion, mapped, skewed
+
+FREE = ("left", "bottom", "right", "top")
+STEEL = Elasticity.constant(200e9, 0.3)
+LAWS = {"elastic": elastic(), "creep": NortonCreep.constant(STEEL, 1e-2, 1e8, 3.0)}
+PLANES: dict[str, Any] = {
+    "all free": PlainPlanes(("a0", "a1", "a2", "across")),
+    "bent": BentPlanes(lambda t: 0.5 * t, 0.03),
+    "imposed": PlainPlanes((), {"a0": lambda t: 0.05 * t}),
+}
+
+
+def jacobians(scene: SliceScene, size: float) -> tuple[Array, Array, int]:
+    """Jacobian and its finite differences at a random state of the second of two steps."""
+    problem, rng = scene.problem, np.random.default_rng(1)
+    vector = problem.solver.x.duplicate()
+    n = vector.getLocalSize()
+
+    def residual(unknowns: Array) -> Array:
+        vector.setArray(unknowns)
+        out = vector.duplicate()
+        problem.residual(vector, out)
+        return np.array(out.getArray())
+
+    first = size * rng.uniform(-1, 1, n)
+    heat = scene.field(lambda x, y: 100 + 1000 * x)
+    problem.begin(scene.state, 0.5, heat)
+    residual(first)
+    old = scene.stepper._state(scene.state, 0.5, heat)
+    problem.begin(old, 1.0, scene.field(lambda x, y: 200 + 500 * y))
+    at = first + size * rng.uniform(-1, 1, n)
+    residual(at)
+    problem.jacobian(vector, problem.solver.snes.getJacobian()[1])
+    operator = problem.border.operator if problem.border is not None else problem._matrix
+    columns, differences = np.zeros((n, n)), np.zeros((n, n))
+    unit, image = vector.duplicate(), vector.duplicate()
+    step = 1e-5 * size
+    for j in range(n):
+        direction = np.zeros(n)
+        direction[j] = 1.0
+        unit.setArray(direction)
+        operator.mult(unit, image)
+        columns[:, j] = image.getArray()
+        forward, backward = residual(at + step * direction), residual(at - step * direction)
+        differences[:, j] = (forward - backward) / (2 * step)
+    free = np.ones(n, dtype=bool)
+    free[problem.constraints.dofs] = False
+    return columns[np.ix_(free, free)], differences[np.ix_(free, free)], problem.free
+
+
+@pytest.mark.parametrize("planes", list(PLANES))
+@pytest.mark.parametrize("law", list(LAWS))
+@pytest.mark.parametrize("large", [False, True])
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_jacobian(cell: str, large: bool, law: str, planes: str) -> None:
+    scene = SliceScene(
+        mapped(2, 2, skewed(0.1, 0.06), cell, groups=FREE),
+        LAWS[law],
+        expansion(1e-5),
+        given={
+            "planes": PLANES[planes],
+            "large_strain": large,
+            "ferrostatic": Ferrostatic(lambda t: 5e6 * t, lambda T: np.clip(1 - T / 300, 0, 1)),
+            "loads": (
+                SurfacePressure(("right",), lambda t: 1e9 * t),
+                Traction(("top",), lambda t: (1e6, 2e6)),
+            ),
+        },
+    )
+    exact, found, free = jacobians(scene, 1e-3 if large else 2e-5)
+    assert np.abs(exact - found).max() < 2e-7 * np.abs(found).max()
+    if free:
+        tail, head = slice(-free, None), slice(None, -free)
+        blocks = ((tail, head), (head, tail), (tail, tail))
+        for block in blocks:
+            assert np.abs(exact - found)[block].max() < 2e-6 * np.abs(found[block]).max()
+    if not large and planes != "bent":
+        # What the Cholesky factorisation of small strain relies on.
+        assert np.abs(exact - exact.T).max() < 1e-13 * np.abs(exact).max()
+
+
+def test_laws_change_volume_elastically() -> None:
+    """What the split into deviator and mean stress relies on."""
+    from castfem.laws.base import MaterialStep
+
+    law = LAWS["creep"]
+    assert not isinstance(law, ThermoElastic)
+    rng = np.random.default_rng(0)
+    n = 50
+    step = MaterialStep(
+        rng.normal(size=(n, 4)) * 1e-3, np.zeros(n), np.full(n, 300.0), np.full(n, 300.0), 1.0
+    )
+    tangent = law.integrate(step, np.zeros((n, 4)), law.initial_state(n)).tangent
+    one = np.array([1.0, 1.0, 1.0, 0.0])
+    bulk = tangent[:, :3, :3].sum(axis=(1, 2)) / 9
+    for side in (tangent @ one, np.einsum("i,nij->nj", one, tangent)):
+        assert np.abs(side - 3 * bulk[:, None] * one).max() < 1e-10 * bulk.max()
