@@ -14,11 +14,16 @@ from dolfinx import fem
 
 from castfem.compat import Tabulation
 from castfem.forms import finite_strain, mechanics
+from castfem.laws.base import Response
 from castfem.mechanics.points import Points
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
+
+ONE = np.array([1.0, 1.0, 1.0, 0.0])
+MEAN = ONE / 3.0
+TRACE = 1e-9  # of the bulk modulus, see `Fields.take_tangent`
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +49,33 @@ class Fields:
     mean: fem.Function
     bulk: fem.Function
     pressure: fem.Function | None
+
+    def take_stress(self, points: Points, response: Response) -> tuple[Array, Array]:
+        """Split the stress of a response between the rules.
+
+        Returns:
+            Deviators at the points of theirs (split, 4), mean stress at those of its own.
+        """
+        every = response.stress @ MEAN
+        deviator = response.stress[: points.split] - np.outer(every[: points.split], ONE)
+        mean = every[points.split :]
+        points.deviator.fill(self.deviator, deviator)
+        points.mean.fill(self.mean, mean)
+        return deviator, mean
+
+    def take_tangent(self, points: Points, response: Response) -> None:
+        """Split the tangent likewise: laws change volume elastically alone.
+
+        Where a point flows, a trace of stiffness against change of shape stays: that of perfect
+        plasticity is zero along the flow, and rounding makes it negative.
+        """
+        tangent = response.tangent.reshape(-1, 16)
+        bulk = tangent @ np.outer(MEAN, MEAN).ravel()
+        shape = tangent[: points.split] - np.outer(bulk[: points.split], np.outer(ONE, ONE))
+        flows = np.flatnonzero(response.flows[: points.split])
+        shape[flows] += np.outer(TRACE * bulk[flows], np.eye(4) - np.outer(ONE, ONE) / 3.0)
+        points.deviator.fill(self.tangent, shape)
+        points.mean.fill(self.bulk, bulk[points.split :])
 
     @classmethod
     def on(

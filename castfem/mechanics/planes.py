@@ -43,6 +43,44 @@ class Planes(Protocol):
         """External axial force (N), moments of sigma_zz with x and y (N m), and force across."""
 
 
+@dataclass(frozen=True, slots=True)
+class ScaledMotions:
+    """Motions of the planes at one instant, in unknowns that are lengths.
+
+    Attributes:
+        offset: Generalized strains without the free motions (4,).
+        directions: Generalized strains for each unknown (4, free), 1/m and 1/m2.
+        closing: Directions whose work closes the unknowns (4, free), scaled likewise.
+        load: Work of the external forces on them (free,), N/m.
+        scaling: Free scalar for each unknown, 1/m.
+        coupled: Whether `closing` differs from `directions`.
+    """
+
+    offset: Array
+    directions: Array
+    closing: Array
+    load: Array
+    scaling: Array
+    coupled: bool
+
+    @classmethod
+    def of(cls, planes: Planes, time: float, length: float) -> ScaledMotions:
+        """Motions at `time` (s) of a section of size `length` (m).
+
+        An unknown of unit size moves the slice by about its own unit of length.
+        """
+        offset, directions, closing = planes.at(time)
+        reach = np.array([[1.0], [length], [length], [1.0]])
+        scaling = 1.0 / (np.abs(directions * reach).max(axis=0) * length)
+        load = (closing * scaling).T @ planes.load(time)
+        coupled = closing is not directions
+        return cls(offset, directions * scaling, closing * scaling, load, scaling, coupled)
+
+    def modes(self, unknowns: Array) -> Array:
+        """Generalized strains (4,)."""
+        return np.asarray(self.offset + self.directions @ unknowns)
+
+
 def allowed_modes(groups: tuple[str, ...]) -> tuple[str, ...]:
     """Generalized strains that the symmetry of a section leaves, by its boundary groups.
 

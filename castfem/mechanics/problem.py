@@ -21,7 +21,7 @@ from castfem.laws.base import MaterialStep, Response
 from castfem.mechanics.border import Border
 from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
 from castfem.mechanics.options import split_options
-from castfem.mechanics.planes import check_modes
+from castfem.mechanics.planes import ScaledMotions, check_modes
 from castfem.mechanics.points import Integration, Points, displacement_element
 from castfem.mechanics.scales import Scales, StressScale, over
 from castfem.mechanics.search import step_share
@@ -33,8 +33,6 @@ from castfem.snes import Options, Outcome, SnesSolver
 from castfem.stopwatch import Stopwatch
 
 Array = npt.NDArray[np.float64]
-
-TRACE = 1e-9  # of the bulk modulus, see `MechanicalProblem._fill_tangent`
 
 
 @dataclass(slots=True)
@@ -114,7 +112,7 @@ class MechanicalProblem:
     def _build_solver(self, options: Options) -> None:
         """SNES on the displacement, or on displacement and scalars."""
         symmetric = self.kinematics.symmetric
-        nonlinear, linear = split_options(options, symmetric, self.section.comm.size)
+        nonlinear, linear = split_options(options, symmetric)
         self._matrix = create_matrix(self.kinematics.forms.stiffness)
         if symmetric:
             self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -154,15 +152,7 @@ class MechanicalProblem:
         self.old, self.dt = old, time - old.time
         fields.u_old.x.array[:] = old.displacement
         fields.modes_old.value[:] = old.modes
-        self._offset, directions, closing = slice_.planes.at(time)
-        reach = np.array([1.0, self.scales.length, self.scales.length, 1.0])
-        # A free scalar of unit size moves the slice by about its own unit of length.
-        largest = np.abs(directions * reach[:, None]).max(axis=0)
-        self.scaling = 1.0 / (largest * self.scales.length)
-        self._directions = directions * self.scaling
-        self._coupled = closing is not directions
-        self._closing = closing * self.scaling
-        self._load = self._closing.T @ slice_.planes.load(time)
+        self._motions = ScaledMotions.of(slice_.planes, time, self.scales.length)
         self.pressure: Array = np.zeros(0)
         if slice_.ferrostatic is not None and fields.pressure is not None:
             self.pressure = slice_.ferrostatic.pressure(after[self.points.split :], time)
@@ -193,7 +183,7 @@ class MechanicalProblem:
         """Local unknowns of a guess."""
         if self.border is None:
             return guess
-        return self.border.join(guess, scalars / self.scaling)
+        return self.border.join(guess, scalars / self._motions.scaling)
 
     def _imbalance(self, local: Array) -> float:
         """Size of the residual at local unknowns."""
@@ -211,15 +201,15 @@ class MechanicalProblem:
         """Free scalars, on every rank, of the local unknowns."""
         if self.border is None:
             return np.zeros(0)
-        return np.asarray(self.border.share(local) * self.scaling)
+        return np.asarray(self.border.share(local) * self._motions.scaling)
 
     def _evaluate(self, local: Array) -> Trial:
         """Stress and forces at a set of unknowns: the law is integrated here, and only here."""
         fields, points, response = self.fields, self.points, self.response
         fields.u.x.array[: self.owned] = local[: self.owned]
         fields.u.x.scatter_forward()
-        scalars = self.free_scalars(local)
-        modes = self._offset + self._directions @ (scalars / self.scaling)
+        scalars = np.zeros(0) if self.border is None else self.border.share(local)
+        modes = self._motions.modes(scalars)
         fields.modes.value[:] = modes
         with self.watch.section("kinematics"):
             strain, stress_old = self.kinematics.increments(self.old.stress)
@@ -228,13 +218,9 @@ class MechanicalProblem:
             self.slice.law.integrate(
                 step, stress_old, self.old.internal, coefficients=self._coefficients, out=response
             )
-        mean = response.stress[:, :3].mean(axis=1)
-        deviator = response.stress[: points.split].copy()
-        deviator[:, :3] -= mean[: points.split, None]
-        points.deviator.fill(fields.deviator, deviator)
-        points.mean.fill(fields.mean, mean[points.split :])
+        parts = *fields.take_stress(points, response), self.pressure
         forces, balance = self._forces()
-        scale = self.scales.stress(response, self.pressure, local[: self.owned], self._first)
+        scale = self.scales.stress(parts, response, local[: self.owned], self._first)
         self._first = self._first or scale.typical
         return Trial(local.copy(), modes, forces, balance, scale)
 
@@ -243,7 +229,7 @@ class MechanicalProblem:
         compiled = self.kinematics.forms
         with self.watch.section("assembly"):
             forces = self._assemble(compiled.work).copy()
-            balance = self.work_on(self._closing) - self._load
+            balance = self.work_on(self._motions.closing) - self._motions.load
         return forces, balance
 
     def _assemble(self, form: fem.Form) -> Array:
@@ -303,7 +289,7 @@ class MechanicalProblem:
         """Add the forces by which supports, on their way to where they belong, move the rest."""
         if reductions.largest(self.section.comm, np.abs(missing)) == 0.0:
             return
-        self._fill_tangent()
+        self.fields.take_tangent(self.points, self.response)
         form, vector = self.kinematics.forms.stiffness, self._work.x
         vector.array[:] = 0.0
         with self.watch.section("assembly"):
@@ -314,25 +300,10 @@ class MechanicalProblem:
             vector.scatter_reverse(la.InsertMode.add)
         nodal += vector.array[: self.owned]
 
-    def _fill_tangent(self) -> None:
-        """Hand the tangent of the last integration to the forms, split like the stress.
-
-        Where a point flows, a trace of stiffness against change of shape stays: that of perfect
-        plasticity is zero along the flow, and rounding makes it negative.
-        """
-        fields, points, tangent = self.fields, self.points, self.response.tangent
-        bulk = tangent[:, :3, :3].sum(axis=(1, 2)) / 9.0
-        own = bulk[: points.split, None, None]
-        kept = TRACE * self.response.flows[: points.split, None, None] * own
-        shape = tangent[: points.split] + kept * np.eye(4)
-        shape[:, :3, :3] -= own + kept / 3.0
-        points.deviator.fill(fields.tangent, shape)
-        points.mean.fill(fields.bulk, bulk[points.split :])
-
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
         """Derivative of the residual at the unknowns integrated last."""
         compiled = self.kinematics.forms
-        self._fill_tangent()
+        self.fields.take_tangent(self.points, self.response)
         with self.watch.section("assembly"):
             assemble_into(self._matrix, compiled.stiffness, self.constraints.conditions)
             if self.border is not None:
@@ -340,19 +311,19 @@ class MechanicalProblem:
 
     def _fill_border(self, border: Border) -> None:
         """Derivatives by, and of the balance of, the free motions of the planes."""
-        compiled, fields = self.kinematics.forms, self.fields
+        compiled, fields, motions = self.kinematics.forms, self.fields, self._motions
         corner = np.zeros_like(border.corner)
         assert compiled.column is not None and compiled.corner is not None
-        for i, direction in enumerate(self._directions.T):
+        for i, direction in enumerate(motions.directions.T):
             fields.one.value[:] = direction
             border.columns[:, i] = self._assemble(compiled.column)
-            if self._coupled or compiled.row is not None:
-                fields.one.value[:] = self._closing[:, i]
+            if motions.coupled or compiled.row is not None:
+                fields.one.value[:] = motions.closing[:, i]
                 border.rows[:, i] = self._assemble(compiled.row or compiled.column)
             else:
                 border.rows[:, i] = border.columns[:, i]
             border.columns[self.constraints.dofs, i] = 0.0
-            for j, other in enumerate(self._directions.T):
+            for j, other in enumerate(motions.directions.T):
                 fields.other.value[:] = other
                 corner[i, j] = fem.assemble_scalar(compiled.corner)
         border.corner[:] = reductions.totals(self.section.comm, corner)
@@ -381,7 +352,7 @@ class MechanicalProblem:
         if self.constraints.moving:
             sizes["supports"] = over(float(worst[1]), 1e-12 * float(worst[2]))
         if self.free:
-            load = float(np.abs(self._load).max()) * self.scales.length
+            load = float(np.abs(self._motions.load).max()) * self.scales.length
             total = self.tolerance * (scale.total + load) + scale.rounding * self.scales.area
             left = float(np.abs(trial.balance).max()) * self.scales.length
             sizes["axial"] = over(left, total)

@@ -15,6 +15,7 @@ from castfem.mechanics.points import Points
 Array = npt.NDArray[np.float64]
 
 ROUNDING = 8 * np.finfo(float).eps
+NO_STRAIN = 1e-15  # strain that counts as none
 LEAST = 1e-200
 MOST = 1e-6  # of the typical stress, what may count as rounding
 
@@ -69,30 +70,33 @@ class Scales:
         self._finest = np.sqrt(reductions.smallest(self._comm, points.deviator.volume))
 
     def stress(
-        self, response: Response, pressure: Array, moved: Array, before: float
+        self,
+        parts: tuple[Array, Array, Array],
+        response: Response,
+        moved: Array,
+        before: float,
     ) -> StressScale:
         """Size of the stress at the points (collective).
 
         Args:
+            parts: Stress deviators; mean stress and ferrostatic pressure at the points of their own
+                rule.
             response: Of the law at all points.
-            pressure: Ferrostatic, at the points of the mean stress.
             moved: This rank's displacements, m.
             before: Typical stress at the start of the step, before equilibrium was sought, Pa.
         """
+        deviator, mean, pressure = parts
         split, volume = self._points.split, np.abs(self._points.volume)
-        mean = response.stress[:, :3].mean(axis=1)
-        deviator = response.stress[:split].copy()
-        deviator[:, :3] -= mean[:split, None]
-        squares = np.einsum("ij,ij->i", deviator, deviator)
-        volumetric = 3.0 * mean[split:] ** 2
+        volumetric = 3.0 * mean**2
         if pressure.size:
             volumetric += 2.0 * pressure**2
-        squares = np.concatenate([squares, volumetric])
+        squares = np.concatenate([np.einsum("ij,ij->i", deviator, deviator), volumetric])
         sums = reductions.totals(self._comm, [volume @ squares, volume @ np.sqrt(squares)])
-        stiff = np.abs(response.tangent[split:, 0, 0]).max(initial=0.0)
-        sizes = reductions.largest_of(self._comm, [stiff, np.abs(moved).max(initial=0.0)])
+        stiff = response.tangent[split:, 0, 0].max(initial=0.0)
+        farthest = max(float(moved.max(initial=0.0)), -float(moved.min(initial=0.0)))
+        sizes = reductions.largest_of(self._comm, [stiff, farthest])
         typical = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
         # Never so much that a displacement which has run away would count as good enough.
         rounding = ROUNDING * (float(sizes[0] * sizes[1]) / self._finest + before)
-        rounding = min(rounding, MOST * max(typical, before))
+        rounding = min(rounding, MOST * max(typical, before)) + NO_STRAIN * float(sizes[0])
         return StressScale(typical, float(sums[1]), rounding)

@@ -21,6 +21,7 @@ class MechanicalState:
         scalars: Free motions of the planes (free,).
         rate: d displacement / dt of the owned nodes over the last step, m/s.
         scalar_rate: d scalars / dt.
+        unsteadiness: Relative change of the rates over the last step; inf before the first.
         temperature: At the owned vertices, K.
         stress: At the points, Mandel (points, 4), Pa; the mean stress counts at the points of its
             own rule alone, the deviator at those of the other.
@@ -34,15 +35,11 @@ class MechanicalState:
     scalars: Array
     rate: Array
     scalar_rate: Array
+    unsteadiness: float
     temperature: Array
     stress: Array
     internal: Array
     pressure: Array
-
-    @property
-    def moving(self) -> bool:
-        """Whether there was a step before, whose rates may be carried on."""
-        return bool(np.any(self.modes) or np.any(self.stress))
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,8 @@ from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 
 Array = npt.NDArray[np.float64]
 
+STEADY = 0.3  # relative change of the rates up to which they are trusted
+
 
 class MechanicalStepper:
     """Advances a `MechanicalState` by one step, fully implicitly; keeps no state of its own.
@@ -37,6 +39,7 @@ class MechanicalStepper:
             scalars=scalars,
             rate=np.zeros(problem.owned),
             scalar_rate=scalars.copy(),
+            unsteadiness=np.inf,
             temperature=np.array(temperature),
             stress=np.zeros((points, 4)),
             internal=law.initial_state(points),
@@ -47,12 +50,7 @@ class MechanicalStepper:
         """Advance `old` to `time` (s) and to `temperature` (owned,), K; `old` is left untouched."""
         problem = self.problem
         problem.begin(old, time, temperature)
-        guesses = [(old.displacement[: problem.owned], old.scalars)]
-        if self.extrapolate and old.moving:
-            dt = problem.dt
-            moved = (guesses[0][0] + dt * old.rate, old.scalars + dt * old.scalar_rate)
-            guesses.append(moved)
-        outcome = problem.solve(guesses)
+        outcome = problem.solve(self._guesses(old))
         newton = outcome.iterations
         if not outcome.converged:
             nothing = np.zeros(problem.points.split)
@@ -66,6 +64,15 @@ class MechanicalStepper:
             True, state, newton, outcome.reason, self._balance(), dissipation, share
         )
 
+    def _guesses(self, old: MechanicalState) -> list[tuple[Array, Array]]:
+        """Where to start: where the last rates lead if they were steady, else one of two."""
+        still = (old.displacement[: self.problem.owned], old.scalars)
+        if not self.extrapolate or np.isinf(old.unsteadiness):
+            return [still]
+        dt = self.problem.dt
+        moved = (still[0] + dt * old.rate, still[1] + dt * old.scalar_rate)
+        return [moved] if old.unsteadiness < STEADY else [still, moved]
+
     def _state(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalState:
         """The state that the problem has come to."""
         problem, trial = self.problem, self.problem.trial
@@ -73,18 +80,25 @@ class MechanicalStepper:
         displacement = problem.fields.u.x.array.copy()
         scalars = problem.free_scalars(trial.local)
         owned = slice(0, problem.owned)
+        rate = np.asarray((displacement[owned] - old.displacement[owned]) / problem.dt)
         return MechanicalState(
             time=time,
             displacement=displacement,
             modes=trial.modes,
             scalars=scalars,
-            rate=np.asarray((displacement[owned] - old.displacement[owned]) / problem.dt),
+            rate=rate,
             scalar_rate=np.asarray((scalars - old.scalars) / problem.dt),
+            unsteadiness=self._unsteadiness(old.rate, rate),
             temperature=np.array(temperature),
             stress=problem.response.stress.copy(),
             internal=problem.response.state.copy(),
             pressure=problem.pressure,
         )
+
+    def _unsteadiness(self, before: Array, now: Array) -> float:
+        """Change of the displacement's rate over a step, relative."""
+        change, size = reductions.totals(self.comm, [np.sum((now - before) ** 2), np.sum(now**2)])
+        return float(np.sqrt(change / size)) if size > 0.0 else np.inf
 
     def _balance(self) -> Balance:
         """Forces of the state that the problem has come to."""

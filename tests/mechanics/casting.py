@@ -35,7 +35,8 @@ class CastScene:
 
     Args:
         mesh: The section. comm: Ranks. ratio: Stiffness of the liquid over that of the solid.
-        options: PETSc options of the mechanics. given: Changes to the `Slice`.
+        options: PETSc options of the mechanics. cooling: Heat transfer, W/m2K.
+        given: Changes to the `Slice`.
     """
 
     def __init__(
@@ -44,13 +45,14 @@ class CastScene:
         comm: MPI.Comm = MPI.COMM_SELF,
         ratio: float = 1e-5,
         options: dict[str, Any] | None = None,
+        cooling: float = 1600.0,
         **given: Any,
     ) -> None:
         start = STEEL.liquidus + 20.0
         curve = STEEL.thermal_curve(400.0, start + 2.0, start)
         self.thermal = ThermalScene(mesh, curve, start, comm=comm)
         names = [g for g in mesh.groups if not g.startswith("symmetry")]
-        self.thermal.cool(*((n, laws.Contact(1600.0, 433.15, 0.15)) for n in names))
+        self.thermal.cool(*((n, laws.Contact(cooling, 433.15, 0.15)) for n in names))
         section = self.thermal.section
         elasticity = load_elasticity("elastic_steel", Solidity.of(STEEL, stiffness_ratio=ratio))
         slice_: dict[str, Any] = {

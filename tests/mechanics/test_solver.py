@@ -156,7 +156,7 @@ def test_the_law_is_integrated_once_for_each_iterate() -> None:
     law = Counting(CREEP)
     scene = cooled(law=law)
     result = scene.step(1.0, uneven)
-    assert len(law.seen) == result.newton + 1
+    assert len(law.seen) == result.newton + 1, result.reason
     law.seen.clear()
     scene.step(2.0, lambda x, y: 2 * uneven(x, y))
     for i, one in enumerate(law.seen):
