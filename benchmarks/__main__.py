@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import shutil
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
@@ -19,15 +18,19 @@ BENCHMARKS = {
     "latent_heat": "benchmarks.latent_heat",
     "opponent": "benchmarks.duel",
     "costs": "benchmarks.costs",
+    "weiner_boley": "benchmarks.weiner_boley",
+    "mechanical_cost": "benchmarks.mechanical_cost",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
+MECHANICS = ("weiner_boley", "mechanical_cost")
+"""Those whose tables stand in a page of their own."""
 
 
 def parse() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="python -m benchmarks",
-        description="Run the thermal benchmarks; they write what docs/benchmarks.md shows.",
+        description="Run the benchmarks; they write what docs/benchmarks*.md show.",
     )
     parser.add_argument(
         "names",
@@ -48,12 +51,9 @@ def main() -> None:
     """Run what was asked for."""
     given = parse()
     folder = given.output or (ROOT / "results" / "benchmarks" if given.quick else PAGE.parent)
-    output = Output(folder)
-    if folder != PAGE.parent and not output.page.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        shutil.copy(PAGE, output.page)
     for name in given.names or BENCHMARKS:
         start = perf_counter()
+        output = Output(folder, "benchmarks_mechanics.md" if name in MECHANICS else PAGE.name)
         if name == "reference":
             from benchmarks import reference
 

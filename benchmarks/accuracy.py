@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.billet import CASE, LATE, LENGTHS, Array, Result, Settings, run
 from benchmarks.reference import Reference, load, show
-from benchmarks.report import Output, table
+from benchmarks.report import Output, front, table
 from castfem.case import load_case
 
 if TYPE_CHECKING:
@@ -125,17 +125,6 @@ def cheapest(
         and all(r[k] == v for k, v in like.items())
     ]
     return min(good, key=lambda r: r["seconds"]) if good else None
-
-
-def front(rows: list[dict[str, Any]], key: str) -> tuple[list[float], list[float]]:
-    """Time and error of the runs that no other run beats in both."""
-    best, times, found = np.inf, [], []
-    for r in sorted(rows, key=lambda r: r["seconds"]):
-        if r[key] < best:
-            best = r[key]
-            times.append(r["seconds"])
-            found.append(best)
-    return times, found
 
 
 def draw(rows: list[dict[str, Any]]) -> Figure:

@@ -1,6 +1,6 @@
 """The thermal benchmark: the quarter of the 125 mm billet in its idealised mould, for 10 s.
 
-The case is `cases/billet125/idealised.toml`; what is varied is the corner (rounded as in the case,
+The case is `cases/billet125/thermal.toml`; what is varied is the corner (rounded as in the case,
 or sharp), the mesh, and the time stepping.
 """
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-CASE = Path(__file__).parents[1] / "cases" / "billet125" / "idealised.toml"
+CASE = Path(__file__).parents[1] / "cases" / "billet125" / "thermal.toml"
 RADIUS = {"rounded": 5.0, "sharp": 0.0}  # mm
 EVERY = 0.5  # s between the instants at which results are compared; every scheme hits them exactly
 END = 10.0  # s, the exit of the mould
@@ -228,8 +228,8 @@ def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
         *(np.array([1e3 * r.shell.get(n, np.nan) for r in kept]) for n in ("mid_face", "corner")),
         vertices,
         cells,
-        march.steps,
-        march.rejected,
+        march.counts.steps,
+        march.counts.rejected,
         scene.problem.iterations,
         wall,
         {n: t for n, t in sections.items() if t > 0.0 and not n.startswith("setup")},

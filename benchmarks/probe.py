@@ -15,10 +15,12 @@ import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from benchmarks.billet import Settings
 from benchmarks.report import ROOT
+
+if TYPE_CHECKING:
+    from benchmarks.billet import Settings
 
 
 def main() -> None:
@@ -26,7 +28,7 @@ def main() -> None:
     given = json.loads(sys.argv[1])
     from mpi4py import MPI
 
-    from benchmarks.billet import run
+    from benchmarks.billet import Settings, run
 
     comm = MPI.COMM_WORLD
     before = peak()
@@ -61,13 +63,22 @@ def peak() -> float:
 
 
 def measure(settings: Settings, ranks: int = 1, repeats: int = 1) -> dict[str, Any]:
-    """Run `main` in a process of its own, or under mpirun.
+    """Run `main` in a process of its own, or under mpirun."""
+    return launch("benchmarks.probe", {"settings": asdict(settings), "repeats": repeats}, ranks)
+
+
+def launch(module: str, given: dict[str, Any], ranks: int = 1) -> dict[str, Any]:
+    """Run `module` in a process of its own, or under mpirun.
+
+    Args:
+        module: Takes its argument as JSON and prints "RESULT " and JSON.
+        given: Its argument.
+        ranks: Processes.
 
     Raises:
         RuntimeError: It failed; holds what it wrote.
     """
-    given = json.dumps({"settings": asdict(settings), "repeats": repeats})
-    command = [sys.executable, "-m", "benchmarks.probe", given]
+    command = [sys.executable, "-m", module, json.dumps(given)]
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PMIX_", "PMI_"))}
     if ranks > 1:
         command = [shutil.which("mpirun") or "mpirun", "-n", str(ranks), *command]
@@ -78,6 +89,9 @@ def measure(settings: Settings, ranks: int = 1, repeats: int = 1) -> dict[str, A
             "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         }
         clean.setdefault("OMPI_MCA_btl", "^tcp")
+        # A rank that waits gives way: the cores may have other work.
+        clean.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
+        clean.setdefault("PRTE_MCA_rmaps_default_mapping_policy", ":oversubscribe")
     done = subprocess.run(
         command, cwd=ROOT, env=clean, capture_output=True, text=True, timeout=600, check=False
     )

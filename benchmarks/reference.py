@@ -205,7 +205,7 @@ def compute(say: Callable[[str], None] = print) -> dict[str, Reference]:
     """Compute and store the references of both variants."""
     strip = one_dimensional()
     stored: dict[str, Any] = {
-        "what": "125 mm billet in the idealised mould (cases/billet125/idealised.toml), 0 to 10 s",
+        "what": "125 mm billet in the idealised mould (cases/billet125/thermal.toml), 0 to 10 s",
         "how": " ".join((__doc__ or "").split()),
         "made by": "python -m benchmarks reference",
         "instants_s": INSTANTS.tolist(),

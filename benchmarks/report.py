@@ -1,4 +1,4 @@
-"""Where the benchmarks put their results: CSV files, figures, and tables in docs/benchmarks.md."""
+"""Where the benchmarks put their results: CSV files, figures, and tables in a page of docs/."""
 
 from __future__ import annotations
 
@@ -19,18 +19,20 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A folder laid out as docs/: data/*.csv, figures/*.png, benchmarks.md.
+    """A folder laid out as docs/: data/*.csv, figures/*.png, and the page with the tables.
 
     Attributes:
         folder: docs/ itself, or any other place: the page is copied there when it is missing.
+        name: Of the page.
     """
 
     folder: Path = PAGE.parent
+    name: str = PAGE.name
 
     @property
     def page(self) -> Path:
         """The page with the tables."""
-        return self.folder / PAGE.name
+        return self.folder / self.name
 
     def csv(self, name: str, rows: Sequence[Row]) -> None:
         """Write data/NAME.csv; the keys of the first row are the columns."""
@@ -56,13 +58,25 @@ class Output:
         """
         if not self.page.exists():
             self.folder.mkdir(parents=True, exist_ok=True)
-            self.page.write_text(PAGE.read_text(encoding="utf-8"), encoding="utf-8")
+            original = PAGE.with_name(self.name)
+            self.page.write_text(original.read_text(encoding="utf-8"), encoding="utf-8")
         page = self.page.read_text(encoding="utf-8")
         pattern = re.compile(rf"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)
         if not pattern.search(page):
             raise KeyError(f"{self.page.name} has no place for '{name}'")
         page = pattern.sub(lambda m: f"{m[1]}{text.rstrip()}\n{m[2]}", page)
         self.page.write_text(page, encoding="utf-8")
+
+
+def front(rows: Sequence[Row], key: str) -> tuple[list[float], list[float]]:
+    """Time and error of the runs that no other run beats in both."""
+    best, times, found = float("inf"), [], []
+    for r in sorted(rows, key=lambda r: r["seconds"]):
+        if r[key] < best:
+            best = r[key]
+            times.append(r["seconds"])
+            found.append(best)
+    return times, found
 
 
 def table(rows: Sequence[Row], columns: Mapping[str, str], formats: Mapping[str, str]) -> str:

@@ -98,19 +98,26 @@ def assemble_into(matrix: Any, form: fem.Form, conditions: list[fem.DirichletBC]
 
 
 class Tabulation:
-    """A UFL expression at points of the reference cell, on all cells of this rank.
+    """A UFL expression at points of the reference cell, on all cells of this rank or on some.
 
     Args:
         mesh: Mesh.
         expression: Of any shape; with an argument (rank 1) its derivative by that.
         points: Reference points (n, 2).
+        cells: Local cells; all that this rank owns if None.
     """
 
-    def __init__(self, mesh: dmesh.Mesh, expression: Any, points: npt.NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        mesh: dmesh.Mesh,
+        expression: Any,
+        points: npt.NDArray[np.float64],
+        cells: npt.NDArray[np.int32] | None = None,
+    ) -> None:
         self._mesh, self._points = mesh, len(points)
         self._expression = fem.Expression(expression, points)
         owned = mesh.topology.index_map(2).size_local
-        self._cells = np.arange(owned, dtype=np.int32)
+        self._cells = np.arange(owned, dtype=np.int32) if cells is None else cells
 
     def values(self) -> npt.NDArray[np.float64]:
         """Values (cells, points, components x degrees of freedom); 0.9 returns them flat."""

@@ -70,10 +70,15 @@ def to_file(path: Path, *, append: bool = False) -> None:
     """
     if not logger.isEnabledFor(logging.CRITICAL):
         return
-    _drop([it for it in logger.handlers if isinstance(it, logging.FileHandler)])
+    end_file()
     handler = logging.FileHandler(path, mode="a" if append else "w", encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
     logger.addHandler(handler)
+
+
+def end_file() -> None:
+    """Close the log file; the terminal stays."""
+    _drop([it for it in logger.handlers if isinstance(it, logging.FileHandler)])
 
 
 def close() -> None:

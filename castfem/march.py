@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,24 +12,51 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem import log, reductions
+from castfem.coupling import Leg, StrandState, take_interval
 from castfem.errors import RunFailure
 from castfem.measure import Measure, Reading
 from castfem.output.folder import OutputFolder
 from castfem.output.summary import Quantity
 from castfem.parallel import on_root
-from castfem.recorder import STATE, Recorder
+from castfem.recorder import Recorder
 from castfem.report import quantities, summarise
 from castfem.scene import Scene, build_scene
 from castfem.stopwatch import peak_memory, profile_table
-from castfem.thermal.stepper import StepResult, ThermalState
 from castfem.timestep import same_instant
 
 if TYPE_CHECKING:
     from castfem.case import Case
+    from castfem.mechanics.archive import Archive
+    from castfem.mechanics.state import MechanicalResult
     from castfem.output.summary import Summary
     from castfem.progress import Progress
 
 Array = npt.NDArray[np.float64]
+
+# Arrays of the thermal state that a checkpoint holds, by their name in it.
+STATE = ("enthalpy", "rate")
+
+
+@dataclass(slots=True)
+class Counts:
+    """What the march has done.
+
+    Attributes:
+        steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
+            the second-order scheme left the physical bounds.
+        intervals: Of temperature and mechanics. cut_back: Tried and not kept.
+    """
+
+    steps: int = 0
+    rejected: int = 0
+    limited: int = 0
+    intervals: int = 0
+    cut_back: int = 0
+
+    @property
+    def taken(self) -> int:
+        """Commits so far: intervals, or thermal steps in a scene without mechanics."""
+        return self.intervals or self.steps
 
 
 class March:
@@ -45,8 +73,14 @@ class March:
     ) -> None:
         self.scene, self.recorder, self.progress = scene, recorder, progress
         self.measure = Measure(scene)
-        self.state: ThermalState = scene.stepper.initial(scene.start_temperature)
-        self.steps = self.rejected = self.limited = 0
+        self.archive = make_archive(scene)
+        thermal = scene.stepper.initial(scene.start_temperature)
+        self.state: StrandState = (
+            StrandState(thermal, None, np.zeros(0))
+            if scene.mechanics is None
+            else scene.coupler.start(thermal)
+        )
+        self.counts = Counts()
         self.reading: Reading | None = None
         # Results at the positions the case has references for, short of the end.
         self.snapshots: dict[float, dict[str, Quantity]] = {}
@@ -59,9 +93,9 @@ class March:
             RunFailure: If a step cannot be saved; the committed state stays as it was.
         """
         control = self.scene.control
-        if self.steps == 0:
+        if self.counts.taken == 0:
             self._enter_zone()
-            self._record(None, 0.0)
+            self._record(None, None)
         while self.state.time < control.end:
             self._enter_zone()
             self.advance()
@@ -74,47 +108,41 @@ class March:
         if zone != self._zone:
             self.scene.problem.set_cooling(self.scene.zones.cooling(zone))
             if self._zone >= 0:
-                self.scene.control.restart()
+                self.scene.steps.control.restart()
             self._zone = zone
 
     def advance(self) -> None:
-        """Take one step: try, cut back if need be, commit.
+        """Take one step, or with mechanics one interval: try, cut back if need be, commit.
 
         Raises:
             RunFailure: At the smallest step.
         """
-        control, stepper = self.scene.control, self.scene.stepper
-        while True:
-            end = control.propose(self.state.time)
-            dt = end - self.state.time
-            result = stepper.step(self.state, end)
-            if not result.converged:
-                log.logger.debug(
-                    "t = %.6g s: step %.3g s fails: %s", self.state.time, dt, result.reason
-                )
-                control.failed(dt, result.reason)
-            elif not control.accepts(result.error):
-                control.learn(dt, result.error)
-            else:
-                break
-            self.rejected += 1
-        self.state = result.state
-        control.learn(dt, result.error)
-        self.steps += 1
-        self.limited += result.limited
-        self._record(result, dt)
+        scene, counts, mechanical = self.scene, self.counts, None
+        if scene.mechanics is None:
+            leg = scene.steps.one(self.state.thermal)
+            state = replace(self.state, thermal=leg.state)
+        else:
+            taken, failed = take_interval(scene.coupler, self.state, scene.control)
+            leg, mechanical, state = taken.leg, taken.mechanical, taken.state
+            counts.intervals += 1
+            counts.cut_back += failed
+        self.state = state
+        counts.steps += leg.steps
+        counts.rejected += leg.rejected
+        counts.limited += leg.limited
+        self._record(leg, mechanical)
 
-    def _record(self, result: StepResult | None, dt: float) -> None:
+    def _record(self, leg: Leg | None, mechanical: MechanicalResult | None) -> None:
         with self.scene.watch.section("results"):
-            self.reading = self.measure.read(self.state, result, dt)
+            self.reading = self.measure.read(self.state, leg, mechanical)
             self._keep_snapshot(self.reading)
         if self.recorder is not None:
             with self.scene.watch.section("output"):
                 self.recorder.step(self, self.reading)
         if self.progress is not None:
-            self.progress.update(
-                self.reading.position, self.reading.time, self.reading.newton, dt, self._note()
-            )
+            reading = self.reading
+            newton = reading.newton + (reading.mechanics.newton if reading.mechanics else 0)
+            self.progress.update(reading.position, reading.time, newton, reading.step, self._note())
 
     def _keep_snapshot(self, reading: Reading) -> None:
         for position in self.scene.stations:
@@ -124,15 +152,26 @@ class March:
     def _note(self) -> str:
         return self.scene.zones.spans[max(self._zone, 0)].name
 
+    def arrays(self) -> dict[str, Array | None]:
+        """The arrays of the committed state, whole on rank 0 (collective)."""
+        gather, state = self.scene.section.gather, self.state
+        found = {name: gather(getattr(state.thermal, name)) for name in STATE}
+        if self.archive is not None and state.mechanical is not None:
+            found |= self.archive.arrays(state.mechanical)
+            if self.scene.case.coupling.dissipation:
+                found["heating"] = gather(state.heating)
+        return found
+
     def description(self) -> dict[str, Any]:
         """All of the committed state that is not an array; what a checkpoint holds beside them."""
-        return {
-            "time": self.state.time,
-            "removed": self.state.removed,
-            "steps": self.steps,
-            "rejected": self.rejected,
-            "limited": self.limited,
+        thermal, mechanical = self.state.thermal, self.state.mechanical
+        found: dict[str, Any] = {
+            "time": thermal.time,
+            "removed": thermal.removed,
+            "generated": thermal.generated,
+            "counts": asdict(self.counts),
             "step": self.scene.control.step,
+            "substep": self.scene.steps.control.step,
             "zone": self._zone,
             "measure": self.measure.memory(),
             "snapshots": [
@@ -140,14 +179,25 @@ class March:
                 for position, found in self.snapshots.items()
             ],
         }
+        if self.archive is not None and mechanical is not None:
+            found["mechanical"] = self.archive.description(mechanical)
+        return found
 
     def restore(self, meta: dict[str, Any], arrays: dict[str, Array]) -> None:
         """Go on from a checkpoint: `description` and the arrays by node (on every rank)."""
         nodes = self.scene.section.node_of_owned
         enthalpy, rate = (np.asarray(arrays[name])[nodes] for name in STATE)
-        self.state = self.scene.stepper.state_from(meta["time"], enthalpy, rate, meta["removed"])
-        self.steps, self.rejected, self.limited = meta["steps"], meta["rejected"], meta["limited"]
+        thermal = self.scene.stepper.state_from(
+            meta["time"], enthalpy, rate, meta["removed"], meta["generated"]
+        )
+        mechanical = None
+        if self.archive is not None:
+            mechanical = self.archive.state(meta["mechanical"], arrays)
+        heating = np.asarray(arrays["heating"])[nodes] if "heating" in arrays else np.zeros(0)
+        self.state = StrandState(thermal, mechanical, heating)
+        self.counts = Counts(**meta["counts"])
         self.scene.control.step = meta["step"]
+        self.scene.steps.control.step = meta["substep"]
         self._zone = meta["zone"]
         if self._zone >= 0:
             self.scene.problem.set_cooling(self.scene.zones.cooling(self._zone))
@@ -156,7 +206,16 @@ class March:
             position: {name: Quantity(*parts) for name, parts in found.items()}
             for position, found in meta["snapshots"]
         }
-        self.reading = self.measure.read(self.state, None, 0.0)
+        self.reading = self.measure.read(self.state, None)
+
+
+def make_archive(scene: Scene) -> Archive | None:
+    """What takes the mechanical state apart for checkpoints; None in a scene without mechanics."""
+    if scene.mechanics is None:
+        return None
+    from castfem.mechanics.archive import Archive
+
+    return Archive(scene.mechanics.problem)
 
 
 def run(
@@ -243,7 +302,7 @@ def _finish(march: March, output: OutputFolder, status: str, reason: str = "") -
             "reached": {
                 "time": march.state.time,
                 "position": march.state.time * march.scene.case.casting.speed,
-                "step": march.steps,
+                "step": march.counts.steps,
             },
         }
         if status == "finished":

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
 from castfem import reductions
+from castfem.coupling import Leg, StrandState
 from castfem.probes import Profile
 from castfem.scene import Scene
-from castfem.thermal.stepper import StepResult, ThermalState
+from castfem.thermal.stepper import ThermalState
+
+if TYPE_CHECKING:
+    from castfem.mechanical_measure import MechanicalMeasure, MechanicalReading
+    from castfem.mechanics.state import MechanicalResult
 
 Array = npt.NDArray[np.float64]
 
@@ -28,6 +34,7 @@ class Reading:
         flux: Heat flux at the probe's surface point, W/m2.
         removed: Heat removed from the whole section since the meniscus, J per m of strand.
         temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
+        mechanics: The strained slice; None in a scene without mechanics.
     """
 
     time: float
@@ -41,6 +48,7 @@ class Reading:
     removed: float
     temperature_range: tuple[float, float]
     balance: float
+    mechanics: MechanicalReading | None = None
 
 
 @dataclass(slots=True)
@@ -48,12 +56,14 @@ class Measure:
     """Reads results off a scene and keeps what the summary needs over the whole run.
 
     Attributes:
+        mechanics: What reads the strained slice; None without mechanics.
         worst_balance: Largest relative heat balance error of a step.
         metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
             left.
     """
 
     scene: Scene
+    mechanics: MechanicalMeasure | None = None
     worst_balance: float = 0.0
     metallurgical_length: float | None = None
     _hottest: float = np.inf
@@ -62,6 +72,12 @@ class Measure:
 
     def __post_init__(self) -> None:
         """Find the surface vertex nearest to the start of each probe."""
+        if self.scene.mechanics is not None:
+            from castfem.mechanical_measure import MechanicalMeasure
+
+            self.mechanics = MechanicalMeasure(
+                self.scene.mechanics, self.scene.probes, self.scene.centred_probes
+            )
         section = self.scene.section
         space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
         share = self.scene.zones.perimeter_share()
@@ -78,19 +94,27 @@ class Measure:
                 dof = int(on_surface[int(distance.argmin())])
                 self._surface[name] = (dof, float(share[dof]))
 
-    def read(self, state: ThermalState, result: StepResult | None, step: float) -> Reading:
-        """Read everything off the committed `state` (collective)."""
-        scene = self.scene
+    def read(
+        self, strand: StrandState, leg: Leg | None, mechanical: MechanicalResult | None = None
+    ) -> Reading:
+        """Read everything off the committed state (collective).
+
+        Args:
+            strand: The state.
+            leg: Thermal steps that led to it; None at the start.
+            mechanical: The mechanical step that led to it, likewise.
+        """
+        scene, state = self.scene, strand.thermal
         profiles = scene.probes.sample(state.point.temperature)
         steel = scene.steel
         self._note_closing(state, state.extremes[1])
-        balance = 0.0 if result is None else result.balance
+        balance = 0.0 if leg is None else leg.balance
         self.worst_balance = max(self.worst_balance, abs(balance))
         return Reading(
             time=state.time,
             position=state.time * scene.case.casting.speed,
-            step=step,
-            newton=0 if result is None else result.newton,
+            step=0.0 if leg is None else leg.step,
+            newton=0 if leg is None else leg.newton,
             profiles=profiles,
             shell={n: p.isotherm_depth(steel.solidus) for n, p in profiles.items()},
             liquidus={n: p.isotherm_depth(steel.liquidus) for n, p in profiles.items()},
@@ -98,7 +122,15 @@ class Measure:
             removed=state.removed * scene.section.multiplicity,
             temperature_range=state.extremes,
             balance=balance,
+            mechanics=self._read_mechanics(strand, mechanical),
         )
+
+    def _read_mechanics(
+        self, strand: StrandState, result: MechanicalResult | None
+    ) -> MechanicalReading | None:
+        if self.mechanics is None or strand.mechanical is None:
+            return None
+        return self.mechanics.read(strand.mechanical, result)
 
     def memory(self) -> dict[str, float | None]:
         """What a checkpoint must hold of the measures over the whole run."""

@@ -136,7 +136,11 @@ class LineProbes:
         return np.flatnonzero(-reductions.largest_of(comm, -rank) == comm.rank)
 
     def sample(self, owned: Array) -> dict[str, Profile]:
-        """Profiles of a vertex field (owned,) along every line, on every rank."""
+        """Temperature profiles of a vertex field (owned,) along every line, on every rank."""
+        return {name: Profile(self.depth[name], v) for name, v in self.along(owned).items()}
+
+    def along(self, owned: Array) -> dict[str, Array]:
+        """A vertex field (owned,) along every line, surface first, on every rank."""
         self._field.setArray(owned)
         self._matrix.mult(self._field, self._samples)
         local = self._samples.getArray(readonly=True)
@@ -146,10 +150,7 @@ class LineProbes:
             else np.concatenate(self.section.comm.allgather(local))
         )
         pieces = np.split(values, len(self.lines)) if self.lines else []
-        return {
-            name: Profile(self.depth[name], np.array(piece))
-            for name, piece in zip(self.lines, pieces, strict=True)
-        }
+        return {n: np.array(piece) for n, piece in zip(self.lines, pieces, strict=True)}
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import time as clock
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from castfem import log
-from castfem.measure import CELSIUS, Reading
+from castfem.columns import columns, row
+from castfem.measure import Reading
 from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
 from castfem.output.folder import OutputFolder
 from castfem.output.history import HISTORY_NAME, History
@@ -22,9 +24,6 @@ if TYPE_CHECKING:
     from castfem.scene import Scene
 
 Array = npt.NDArray[np.float64]
-
-# Arrays of the committed thermal state that a checkpoint holds, by their name in it.
-STATE = ("enthalpy", "rate")
 
 
 class Recorder:
@@ -50,9 +49,9 @@ class Recorder:
 
     def _open(self) -> None:
         """Begin history and fields."""
-        self._history = History(self.folder / HISTORY_NAME, columns(tuple(self.scene.probes.lines)))
+        self._history = History(self.folder / HISTORY_NAME, columns(self.scene))
         source = self.scene.section.source
-        if self.scene.case.output.fields and source is not None:
+        if self.scene.case.output_fields and source is not None:
             steel = self.scene.steel
             facts: dict[str, float | str] = {"solidus": steel.solidus, "liquidus": steel.liquidus}
             symmetry = getattr(self.scene.case.section, "symmetry", None)
@@ -72,10 +71,8 @@ class Recorder:
         physics = self.scene.case.physics_hash()
         self.checkpoint = load_checkpoint(self.folder / CHECKPOINT_NAME, physics=physics)
         time = float(self.checkpoint[0]["time"])
-        self._history = History.resume(
-            self.folder / HISTORY_NAME, time, columns(tuple(self.scene.probes.lines))
-        )
-        if self.scene.case.output.fields:
+        self._history = History.resume(self.folder / HISTORY_NAME, time, columns(self.scene))
+        if self.scene.case.output_fields:
             self._fields = FieldWriter.resume(self.folder.path, time)
 
     def step(self, march: March, reading: Reading) -> None:
@@ -86,9 +83,10 @@ class Recorder:
         """
         fields = self._due_fields(march, reading)
         state: dict[str, Array | None] = {}
-        checkpoint = self._every > 0 and march.steps > 0 and march.steps % self._every == 0
+        taken = march.counts.taken
+        checkpoint = self._every > 0 and taken > 0 and taken % self._every == 0
         if checkpoint:
-            state = self._gathered(march)
+            state = march.arrays()
 
         def write() -> None:
             assert self._history is not None
@@ -102,28 +100,24 @@ class Recorder:
 
     def _due_fields(self, march: March, reading: Reading) -> dict[str, Array] | None:
         """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
-        output = self.scene.case.output
-        if not output.fields or not self._is_due(reading.time):
+        names = self.scene.case.output_fields
+        if not names or not self._is_due(reading.time):
             return None
-        kelvin = self.scene.section.gather(march.state.point.temperature)
-        if kelvin is None:
-            return {}
-        made = {"temperature": lambda: kelvin, "solid_fraction": lambda: self._fraction(kelvin)}
-        return {name: made[name]() for name in output.fields}
-
-    def _fraction(self, kelvin: Array) -> Array:
-        return np.asarray(self.scene.steel.solid_fraction(kelvin))
+        state, gather = march.state, self.scene.section.gather
+        kelvin = state.thermal.point.temperature
+        owned = {"temperature": kelvin}
+        if "solid_fraction" in names:
+            owned["solid_fraction"] = np.asarray(self.scene.steel.solid_fraction(kelvin))
+        if march.measure.mechanics is not None and state.mechanical is not None:
+            owned |= march.measure.mechanics.fields(state.mechanical, names)
+        gathered = {name: _by_component(gather, owned[name]) for name in names}
+        return {name: values for name, values in gathered.items() if values is not None}
 
     def _is_due(self, time: float) -> bool:
         """Whether `time` is the meniscus, a multiple of the output interval, or the end."""
         every, end = self.scene.case.output.every, self.scene.control.end
         nearest = round(time / every) * every
         return time == 0.0 or same_instant(time, nearest, end) or same_instant(time, end, end)
-
-    def _gathered(self, march: March) -> dict[str, Array | None]:
-        """The committed state by node of the section, on rank 0 (collective)."""
-        gather = self.scene.section.gather
-        return {name: gather(getattr(march.state, name)) for name in STATE}
 
     def _save(self, march: March, state: dict[str, Array | None]) -> None:
         """Save a checkpoint and note how far the run has come (rank 0)."""
@@ -134,13 +128,13 @@ class Recorder:
             reached={
                 "time": march.state.time,
                 "position": march.state.time * self.scene.case.casting.speed,
-                "step": march.steps,
+                "step": march.counts.steps,
             }
         )
 
     def save(self, march: March) -> None:
         """Save a checkpoint of the committed state now (collective)."""
-        state = self._gathered(march)
+        state = march.arrays()
         on_root(self.comm, lambda: self._save(march, state))
 
     def close(self) -> None:
@@ -151,49 +145,10 @@ class Recorder:
         log.logger.debug("files closed after %.1f s", clock.perf_counter() - self._marked)
 
 
-def columns(probes: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Names and units of the history's columns."""
-    found = [("time", "s"), ("position", "m"), ("step", "s"), ("newton", "-")]
-    for name in probes:
-        found += [
-            (f"surface_temperature_{name}", "degC"),
-            (f"shell_{name}", "mm"),
-            (f"liquidus_depth_{name}", "mm"),
-            (f"heat_flux_{name}", "kW/m^2"),
-        ]
-    return [
-        *found,
-        ("heat_removed", "J/m"),
-        ("cooling_power", "kW"),
-        ("temperature_core", "degC"),
-        ("temperature_min", "degC"),
-        ("temperature_max", "degC"),
-        ("energy_error", "-"),
-    ]
-
-
-def row(march: March, reading: Reading) -> dict[str, float]:
-    """One row of the history in its units."""
-    speed = march.scene.case.casting.speed
-    cells = {
-        "time": reading.time,
-        "position": reading.position,
-        "step": reading.step,
-        "newton": float(reading.newton),
-    }
-    for name, profile in reading.profiles.items():
-        cells[f"surface_temperature_{name}"] = float(profile.temperature[0]) - CELSIUS
-        cells[f"shell_{name}"] = 1e3 * reading.shell[name]
-        cells[f"liquidus_depth_{name}"] = 1e3 * reading.liquidus[name]
-        cells[f"heat_flux_{name}"] = 1e-3 * reading.flux[name]
-    core = next((float(p.temperature[-1]) for p in reading.profiles.values()), np.nan)
-    low, high = reading.temperature_range
-    return {
-        **cells,
-        "heat_removed": reading.removed,
-        "cooling_power": 1e-3 * reading.removed * speed,
-        "temperature_core": core - CELSIUS,
-        "temperature_min": low - CELSIUS,
-        "temperature_max": high - CELSIUS,
-        "energy_error": reading.balance,
-    }
+def _by_component(gather: Callable[[Array], Array | None], owned: Array) -> Array | None:
+    """Vertex values (owned, ...) of all ranks on rank 0, a component at a time (collective)."""
+    if owned.ndim == 1:
+        return gather(owned)
+    parts = [gather(np.ascontiguousarray(component)) for component in owned.T]
+    whole = [part for part in parts if part is not None]
+    return np.column_stack(whole) if whole else None

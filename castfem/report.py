@@ -9,6 +9,7 @@ from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zon
 if TYPE_CHECKING:
     from castfem.march import March
     from castfem.measure import Reading
+    from castfem.mechanical_measure import MechanicalReading
 
 
 PROBES = {"mid_face": "mid-face", "narrow_face": "narrow face", "corner": "corner"}
@@ -23,16 +24,29 @@ def summarise(march: March, status: str) -> Summary:
         status=status,
         quantities=found,
         references=_comparisons(march, found),
-        balances={"heat": _heat_balance(march)},
-        steps={
-            "accepted": march.steps,
-            "rejected": march.rejected,
-            "limited to backward Euler": march.limited,
-            "Newton iterations": scene.problem.iterations,
-        },
+        balances={"heat": _heat_balance(march), **_force_balances(reading)},
+        steps=_steps(march),
         wall_time=dict(scene.watch.seconds),
         zones=tuple(Zone(s.name, s.start, s.end) for s in scene.zones.spans),
     )
+
+
+def _steps(march: March) -> dict[str, float]:
+    """Counts of the march."""
+    scene, counts = march.scene, march.counts
+    found = {
+        "accepted": counts.steps,
+        "rejected": counts.rejected,
+        "limited to backward Euler": counts.limited,
+        "Newton iterations": scene.problem.iterations,
+    }
+    if scene.mechanics is not None:
+        found |= {
+            "intervals": counts.intervals,
+            "intervals cut back": counts.cut_back,
+            "Newton iterations, mechanics": scene.mechanics.problem.iterations,
+        }
+    return {name: float(count) for name, count in found.items()}
 
 
 def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
@@ -78,6 +92,8 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
         ),
         "temperature_max": Quantity(reading.temperature_range[1], "degC", "hottest spot"),
     }
+    if reading.mechanics is not None:
+        found |= _mechanical_quantities(reading.mechanics)
     closed = march.measure.metallurgical_length
     if closed is not None:
         found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")
@@ -85,20 +101,64 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
 
 
 def _heat_balance(march: March) -> dict[str, Quantity]:
-    scene, state = march.scene, march.state
+    scene, state = march.scene, march.state.thermal
     gained = march.measure.heat_gained(state)
+    open_ = abs(state.removed + gained - state.generated)
     return {
         "removed": Quantity(state.removed, "kJ/m", "heat out, modelled part"),
         "lost": Quantity(-gained, "kJ/m", "decrease of enthalpy, modelled part"),
+        "generated": Quantity(state.generated, "kJ/m", "viscoplastic work, modelled part"),
         "worst_step": Quantity(
             march.measure.worst_balance, "-", "largest relative error of a step"
         ),
         "whole": Quantity(
-            abs(state.removed + gained) / max(abs(state.removed), 1e-300) if state.removed else 0.0,
+            open_ / max(abs(state.removed), 1e-300) if state.removed else 0.0,
             "-",
             "relative error over the run",
         ),
         "multiplicity": Quantity(
             float(scene.section.multiplicity), "-", "modelled parts in the section"
         ),
+    }
+
+
+def _mechanical_quantities(reading: MechanicalReading) -> dict[str, Quantity]:
+    """Stress and shape of the slice."""
+    x, y = (1e3 * c for c in reading.peak_at)
+    found = {
+        "von_mises_max": Quantity(
+            reading.peak, "MPa", f"largest von Mises stress, at x = {x:.1f}, y = {y:.1f} mm"
+        )
+    }
+    for name, stress in reading.surface_stress.items():
+        where = PROBES.get(name, name.replace("_", " "))
+        found[f"von_mises_{name}"] = Quantity(stress, "MPa", f"von Mises stress, {where}")
+        found[f"displacement_{name}"] = Quantity(
+            reading.moved[name], "mm", f"outward displacement, {where}"
+        )
+    for name, size in reading.across.items():
+        what = "diagonal" if name == "corner" else f"size at {PROBES.get(name, name)}"
+        found[f"size_{name}"] = Quantity(size, "mm", what)
+    found["axial_strain"] = Quantity(reading.strain, "-", "axial strain")
+    return found
+
+
+def _force_balances(reading: Reading | None) -> dict[str, dict[str, Quantity]]:
+    """Forces of the slice at the end of the run."""
+    if reading is None or reading.mechanics is None or reading.mechanics.balance is None:
+        return {}
+    balance = reading.mechanics.balance
+    along, moment_x, moment_y = (float(v) for v in balance.axial)
+    return {
+        "axial force": {
+            "force": Quantity(along, "kN", "axial force of the stress, modelled part"),
+            "moment_x": Quantity(moment_x, "kN m", "its moment with x"),
+            "moment_y": Quantity(moment_y, "kN m", "its moment with y"),
+            "error": Quantity(balance.axial_error, "-", "relative error of the free motions"),
+        },
+        "forces in the plane": {
+            "support_x": Quantity(float(balance.support[0]), "kN/m", "supports along x"),
+            "support_y": Quantity(float(balance.support[1]), "kN/m", "supports along y"),
+            "error": Quantity(balance.forces_error, "-", "largest relative error of a node"),
+        },
     }

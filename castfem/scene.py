@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from castfem.coupling import Coupler, ThermalSteps
 from castfem.materials.curve import ThermalCurve
 from castfem.parallel import on_root
 from castfem.probes import LineProbes
@@ -24,10 +25,12 @@ from castfem.timestep import Adaptive, StepControl
 if TYPE_CHECKING:
     from castfem.case import Case
     from castfem.materials import Steel
+    from castfem.mechanics.stepper import MechanicalStepper
     from castfem.meshes import SectionMesh
 
 # T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
 ROOM, MARGIN = 280.0, 2.0  # K
+CENTRED = 1e-9  # of its length, how near the centre a probe ends that ends there
 
 
 @dataclass(slots=True)
@@ -38,8 +41,9 @@ class Scene:
         case: The case. steel: Its steel. section: The distributed mesh.
         stepper: Thermal time stepping (with the problem and its curve).
         zones: The machine's cooling. probes: Lines at which results are read.
-        control: Choice of the step. start_temperature: At the meniscus, K.
-        watch: Where the time goes.
+        control: Choice of the step: thermal, or with mechanics the interval of both.
+        steps: Thermal steps. mechanics: The mechanical step; None for a case without.
+        start_temperature: At the meniscus, K. watch: Where the time goes.
     """
 
     case: Case
@@ -49,6 +53,8 @@ class Scene:
     zones: Zones
     probes: LineProbes
     control: StepControl
+    steps: ThermalSteps
+    mechanics: MechanicalStepper | None
     start_temperature: float
     watch: Stopwatch
 
@@ -62,9 +68,26 @@ class Scene:
         """The thermal problem."""
         return self.stepper.problem
 
+    @property
+    def centred_probes(self) -> tuple[str, ...]:
+        """Probes that end in the centre of the section, so that they measure half of its size."""
+        return tuple(
+            name
+            for name, (start, end) in self.probes.lines.items()
+            if np.linalg.norm(end) <= CENTRED * np.linalg.norm(start)
+        )
+
+    @property
+    def coupler(self) -> Coupler:
+        """Takes the intervals of a scene with mechanics."""
+        assert self.mechanics is not None
+        return Coupler(self.steps, self.mechanics, self.case.coupling.dissipation)
+
     def destroy(self) -> None:
         """Free the PETSc objects; many scenes may be made in one process."""
         self.problem.destroy()
+        if self.mechanics is not None:
+            self.mechanics.problem.destroy()
         self.probes.destroy()
 
 
@@ -86,9 +109,31 @@ def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> S
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch)
         probes = LineProbes(section)
     stepping = case.thermal.time
-    control = step_control(case, zones)
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
-    return Scene(case, steel, section, stepper, zones, probes, control, start, watch)
+    with watch.section("setup: mechanics"):
+        mechanics = _mechanics(case, steel, section, watch)
+    milestones = _milestones(case, zones)
+    if mechanics is None:
+        control = thermal = step_control(case, milestones)
+    else:
+        interval = case.coupling.interval
+        control = StepControl(case.casting.duration, milestones, fixed=interval)
+        thermal = step_control(case, [])
+    steps = ThermalSteps(stepper, thermal)
+    return Scene(
+        case, steel, section, stepper, zones, probes, control, steps, mechanics, start, watch
+    )
+
+
+def _mechanics(
+    case: Case, steel: Steel, section: Section, watch: Stopwatch
+) -> MechanicalStepper | None:
+    """The mechanics of a case that has some; a thermal scene does not even import them."""
+    if case.mechanics is None:
+        return None
+    from castfem.mechanical_scene import build_mechanics
+
+    return build_mechanics(case, steel, section, watch)
 
 
 def case_steel(case: Case) -> Steel:
@@ -127,15 +172,19 @@ def stations(case: Case) -> list[float]:
     return sorted({r.at for r in case.reference if r.at is not None and r.at < length})
 
 
-def step_control(case: Case, zones: Zones) -> StepControl:
-    """Step control of the case; it hits the changes of cooling and the output times exactly."""
+def _milestones(case: Case, zones: Zones) -> list[float]:
+    """Instants to be hit exactly: changes of the cooling, stations, output times; s."""
+    found = list(zones.changes)
+    found += [position / case.casting.speed for position in stations(case)]
+    if case.output_fields:
+        every = case.output.every
+        found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]
+    return found
+
+
+def step_control(case: Case, milestones: list[float]) -> StepControl:
+    """Thermal step control of the case; it hits the milestones (s) exactly."""
     duration, stepping = case.casting.duration, case.thermal.time
-    milestones = list(zones.changes)
-    milestones += [position / case.casting.speed for position in stations(case)]
-    if case.output.fields:
-        milestones += [
-            i * case.output.every for i in range(1, int(duration / case.output.every) + 1)
-        ]
     if stepping.step is not None:
         return StepControl(duration, milestones, fixed=stepping.step)
     given = stepping.adaptive

@@ -72,9 +72,10 @@ class StepControl:
         """The first milestone after `time`, or the end."""
         return self._stops[min(bisect_right(self._stops, time + self._tiny), len(self._stops) - 1)]
 
-    def propose(self, time: float) -> float:
-        """End of the step to try from `time`, never past the next milestone, s."""
+    def propose(self, time: float, limit: float | None = None) -> float:
+        """End of the step to try from `time`, never past the next milestone or `limit`, s."""
         stop = self.next_stop(time)
+        stop = stop if limit is None else min(stop, limit)
         left = stop - time
         self._clipped = left <= self.step * (1 + 1e-9)
         if self._clipped:

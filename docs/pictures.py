@@ -1,10 +1,11 @@
-"""Makes the README's picture: runs the shipped billet and shrinks what `castfem show` draws.
+"""Makes the pictures of the README and of docs/mould.md: draws them and shrinks the files.
 
-Run it by `.castfem/bin/python docs/pictures.py`.
+Run it by `.castfem/bin/python docs/pictures.py`, or with the names of the pictures to make.
 """
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from PIL import Image
 
 from castfem import march
 from castfem.case import load_case
+from castfem.case.wall import build_mould
+from castfem.mould.draw import draw as draw_mould
 from castfem.output.figures import draw_figures
 
 HERE = Path(__file__).parent
@@ -19,7 +22,20 @@ WIDTH, COLOURS = 900, 96  # pixels in all, and a palette that keeps the file sma
 PAIR = ("temperature", "shell")
 
 
-def main() -> None:
+# The tapers the thesis reads off its idealised billet, (302) and (303).
+MOULD = {
+    "title": "125 mm billet, tapers of (302) and (303)",
+    "mould": {
+        "length": "600 mm",
+        "taper": {
+            "face": "-0.53 %/m",
+            "corner": [{"to": "125 mm", "taper": "0 %/m"}, {"taper": "0.57 %/m"}],
+        },
+    },
+}
+
+
+def billet() -> None:
     """Put the temperature at the mould's exit and the growth of the shell side by side."""
     case = load_case(HERE.parent / "cases" / "billet125" / "idealised.toml")
     with tempfile.TemporaryDirectory() as folder:
@@ -33,9 +49,31 @@ def main() -> None:
         for picture in scaled:
             sheet.paste(picture, (left, 0))
             left += picture.width
-        size = (WIDTH, round(sheet.height * WIDTH / sheet.width))
-        small = sheet.resize(size, Image.Resampling.LANCZOS).quantize(COLOURS)
-        small.save(HERE / "figures" / "billet.png", optimize=True)
+        shrink(sheet, "billet")
+
+
+def mould() -> None:
+    """Draw what `castfem mould` draws."""
+    case = load_case(HERE.parent / "cases" / "billet125" / "base.toml").with_(MOULD)
+    assert case.mould is not None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "mould.png"
+        draw_mould(build_mould(case.mould, case.section), path, case.title)
+        shrink(Image.open(path).convert("RGB"), "mould")
+
+
+def shrink(picture: Image.Image, name: str) -> None:
+    """Save a picture at its final size and with few colours."""
+    size = (WIDTH, round(picture.height * WIDTH / picture.width))
+    small = picture.resize(size, Image.Resampling.LANCZOS).quantize(COLOURS)
+    small.save(HERE / "figures" / f"{name}.png", optimize=True)
+
+
+def main() -> None:
+    """Make the pictures named on the command line, or all."""
+    pictures = {"billet": billet, "mould": mould}
+    for name in sys.argv[1:] or pictures:
+        pictures[name]()
 
 
 if __name__ == "__main__":

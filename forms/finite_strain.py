@@ -111,6 +111,20 @@ def _change(now: Deformation, old: Deformation, by: Direction) -> tuple[Expr, Ex
     return _rotated(mandel(dg, dzz), 0.5 * spin), angle
 
 
+def law_change(now: Deformation, old: Deformation, by: Direction) -> tuple[Expr, Expr]:
+    """Variation of the strain increment but for its turning with the material, and of that angle.
+
+    For an isotropic law d sigma = C : (the first) + (the second) times the stress' own turning.
+    """
+    strain, angle = _change(now, old, by)
+    return _with_material(now, old, strain, angle), angle
+
+
+def _with_material(now: Deformation, old: Deformation, strain: Expr, angle: Expr) -> Expr:
+    """Variation of the strain increment as the turning material sees it."""
+    return strain - 0.5 * angle * _turned(ufl.as_vector([*increment(now, old)][:4]))
+
+
 def virtual_work(
     at: Deformation,
     deviator: Expr,
@@ -164,7 +178,7 @@ def stiffness(
     """
     tangent, bulk, deviator, mean, pressure = material
     strain, angle = _change(now, old, by)
-    turned = strain - 0.5 * angle * _turned(ufl.as_vector([*increment(now, old)][:4]))
+    turned = _with_material(now, old, strain, angle)
     rate = virtual_rate(now, virtual)
     volume = ufl.det(now.gradient) * now.thickness
     shape = ufl.inner(tangent * turned + angle * _turned(deviator), rate)

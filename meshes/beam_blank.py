@@ -64,7 +64,7 @@ def beam_blank(
         check_radius("shoulder_radius", shoulder_radius),
         check_radius("corner_radius", corner_radius),
     )
-    faces = _faces((a, b, c), flange_thickness, root_thickness, radii)
+    faces = surface_pieces((a, b, c), flange_thickness, root_thickness, radii)
     checked = check_sizes(min(c, 0.5 * flange_thickness), max(a, b), **{"core_depth": c, **sizes})
     outline = quarter(faces)
     quarters = 4 // MULTIPLICITY[symmetry]
@@ -75,7 +75,7 @@ def beam_blank(
     return assemble(points, cells, cell, order, outline, _probes(faces, (a, b, c)), symmetry)
 
 
-def _faces(
+def surface_pieces(
     halves: tuple[float, float, float],
     tip: float,
     root: float,

@@ -13,7 +13,7 @@ from castfem.case.cooling import (
     Spray,
     Zone,
 )
-from castfem.case.load import Reading, from_document, load_case, read_case
+from castfem.case.load import AnyCase, Reading, from_document, load_any, load_case, read_case
 from castfem.case.model import Case, Span
 from castfem.case.section import (
     BeamBlank,
@@ -26,10 +26,12 @@ from castfem.case.section import (
     outer_groups,
 )
 from castfem.case.table import Table
+from castfem.case.tensile import TensileCase
 from castfem.case.thermal import Adaptive, Stepping, Thermal
 
 __all__ = [
     "Adaptive",
+    "AnyCase",
     "BeamBlank",
     "Case",
     "Casting",
@@ -52,10 +54,12 @@ __all__ = [
     "Stepping",
     "Strip",
     "Table",
+    "TensileCase",
     "Thermal",
     "Zone",
     "cooled_groups",
     "from_document",
+    "load_any",
     "load_case",
     "outer_groups",
     "read_case",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
@@ -10,8 +10,14 @@ from castfem import units
 from castfem.case.base import TableModel, written
 from castfem.quantities import Length, Percent, Speed, Superheat, Temperature, Time
 
-FieldName = Literal["temperature", "solid_fraction"]
+ThermalField = Literal["temperature", "solid_fraction"]
+MechanicalField = Literal[
+    "displacement", "stress", "von_mises", "strain", "viscoplastic_strain", "pressure"
+]
+FieldName = Literal[ThermalField, MechanicalField]
 """Fields that can be written."""
+THERMAL_FIELDS: tuple[FieldName, ...] = get_args(ThermalField)
+MECHANICAL_FIELDS: tuple[FieldName, ...] = get_args(MechanicalField)
 
 
 class Casting(TableModel):
@@ -55,8 +61,11 @@ class Steel(TableModel):
 class Output(TableModel):
     """What a run writes, and how often."""
 
-    fields: tuple[FieldName, ...] = Field(
-        ("temperature", "solid_fraction"), description="fields in fields.xdmf; [] for none"
+    fields: tuple[FieldName, ...] | None = Field(
+        None,
+        description="fields in fields.xdmf, [] for none; by default those of the temperature, and "
+        "with [mechanics] displacement, stress, von_mises and viscoplastic_strain",
+        examples=[["temperature", "displacement"]],
     )
     every: Time = Field(written("0.5 s"), description="time between two states of the fields")
     figures: bool = Field(True, strict=True, description="draw the figures at the end of the run")

@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from castfem.case.casting import MECHANICAL_FIELDS
 from castfem.case.cooling import PrescribedTemperature
 from castfem.case.model import Case
 from castfem.case.problems import Problem, choices
 from castfem.case.section import BeamBlank, Rectangle, Round, Strip, cooled_groups, outer_groups
+from castfem.case.wall import check_mould
 from castfem.units import format, nearest
 
 
@@ -24,6 +26,8 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _zones(case)
     yield from _laws(case)
     yield from _stepping(case)
+    yield from _mechanics(case)
+    yield from check_mould(case.mould, case.section)
     yield from _output(case)
 
 
@@ -211,3 +215,17 @@ def _output(case: Case) -> Iterator[Problem]:
     for index, name in enumerate(fields or ()):
         if name in (fields or ())[:index]:
             yield Problem(("output", "fields"), f"'{name}' stands there twice")
+        if name in MECHANICAL_FIELDS and "mechanics" not in case.model_fields_set:
+            yield Problem(
+                ("output", "fields"), f"'{name}' needs the table [mechanics], which is missing"
+            )
+
+
+def _mechanics(case: Case) -> Iterator[Problem]:
+    table = case.mechanics
+    if table is None or case.section is None or not _complete(case.section):
+        return
+    known = outer_groups(case.section)
+    for index, held in enumerate(table.held or ()):
+        if held is not None and held.on is not None:
+            yield from _names(held.on, known, ("mechanics", "held", index, "on"))

@@ -24,7 +24,18 @@ _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
     (("casting",), "superheat", "temperature"),
     (("thermal", "time"), "step", "adaptive"),
 )
+# A table whose shape or law changes is another table; [mechanics] has more to it than its law.
 _KINDS = ("shape", "law")
+_MANY_SIDED: tuple[Keys, ...] = (("mechanics",),)
+# What may be written in several ways that do not mix.
+_UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"),)
+PROPERTY_FILES: tuple[tuple[str, str], ...] = (
+    ("steel", "name"),
+    ("mechanics", "law"),
+    ("mechanics", "elasticity"),
+    ("tensile", "material"),
+    ("tensile", "elasticity"),
+)
 
 
 @dataclass
@@ -124,16 +135,17 @@ def _syntax(message: str, text: str) -> str:
 def _anchor(data: dict[str, Any], folder: Path) -> None:
     """Make the paths written in a file independent of where castfem is started.
 
-    Those are the name of a steel file and every `file` of a table.
+    Those are the names of property files (`PROPERTY_FILES`) and every `file` of a table.
     """
-    steel = data.get("steel")
-    if isinstance(steel, dict) and isinstance(steel.get("name"), str):
-        steel["name"] = anchored_steel(steel["name"], folder)
+    for table, key in PROPERTY_FILES:
+        inner = data.get(table)
+        if isinstance(inner, dict) and isinstance(inner.get(key), str):
+            inner[key] = anchored_set(inner[key], folder)
     _anchor_files(data, folder)
 
 
-def anchored_steel(name: str, folder: Path) -> str:
-    """Return the absolute path of a steel file; the name of a shipped set as it is."""
+def anchored_set(name: str, folder: Path) -> str:
+    """Return the absolute path of a property file; the name of a shipped set as it is."""
     if name.endswith(".toml") or "/" in name or name.startswith("."):
         return os.path.abspath(folder / name)
     return name
@@ -157,13 +169,15 @@ def _merge(
     for where, one, other in _EXCLUSIVE:
         if path == where and (one in over) != (other in over):
             under.pop(other if one in over else one, None)
-    if any(kind in over and over[kind] != under.get(kind) for kind in _KINDS):
+    changed = any(kind in over and over[kind] != under.get(kind) for kind in _KINDS)
+    if changed and path not in _MANY_SIDED:
         under.clear()
         _forget(document, path)
         document.origins[path] = label
     for key, value in over.items():
         here = (*path, key)
-        if isinstance(value, dict) and isinstance(under.get(key), dict):
+        tables = isinstance(value, dict) and isinstance(under.get(key), dict)
+        if tables and here not in _UNDIVIDED:
             _merge(document, under[key], value, here, label)
         else:
             _forget(document, here)
@@ -212,8 +226,8 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
         document.faults.append(f"{label}: {key}: {_no_entry(place, path, parts[-1])}")
         return
     if isinstance(place, dict):
-        if path == ("steel",) and last == "name" and isinstance(value, str):
-            value = anchored_steel(value, Path.cwd())
+        if (*path, last) in PROPERTY_FILES and isinstance(value, str):
+            value = anchored_set(value, Path.cwd())
         _merge(document, place, {str(last): copy.deepcopy(value)}, path, label)
     else:
         place[last] = value

@@ -10,10 +10,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from castfem.case import checks, document, problems
+from castfem.case import checks, document, names, problems, tensile
 from castfem.case.base import LENIENT
 from castfem.case.model import Case
+from castfem.case.tensile import TensileCase
 from castfem.errors import InputError
+
+AnyCase = Case | TensileCase
+"""A strand, or a tensile test."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,16 +28,17 @@ class Reading:
         case: The case; with problems, what is sound of it: whatever is faulty is None in it.
             None if not even the files could be read.
         problems: One line each.
-        steel: Where the steel was chosen ("billet.toml: steel"), for its own messages.
+        steel: Where the steel was chosen ("billet.toml: steel"), for its own messages; of a tensile
+            test, where its material was.
     """
 
-    case: Case | None
+    case: AnyCase | None
     problems: tuple[str, ...]
     steel: str = "steel"
 
 
 def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
-    """Read and validate a case file.
+    """Read and validate the case file of a strand.
 
     Args:
         path: The case file.
@@ -42,6 +47,11 @@ def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
     Raises:
         InputError: Something is wrong; it holds every problem found, one line each.
     """
+    return _or_raise(read_case(path, overrides))
+
+
+def load_any(path: str | Path, overrides: Iterable[str] = ()) -> AnyCase:
+    """Read and validate a case file of either kind; as `load_case`."""
     reading = read_case(path, overrides)
     if reading.problems or reading.case is None:
         raise InputError(reading.problems)
@@ -66,39 +76,54 @@ def from_document(data: Mapping[str, Any], label: str = "case") -> Case:
     return _or_raise(_validate(document.Document(copy.deepcopy(dict(data)), label)))
 
 
-def changed(case: Case, changes: Mapping[str, Any]) -> Case:
-    """Return the case with some dotted keys changed; see `Case.with_`."""
+def changed(case: Case, changes: Mapping[str, Any], label: str = "with_") -> Case:
+    """Return the case with some keys changed; see `Case.with_`.
+
+    Args:
+        case: The case.
+        changes: Dotted or bare key (`castfem.case.names`) and new value.
+        label: Where the changes were written, for messages.
+    """
     written = document.Document(case.document(), "case")
     for key, value in changes.items():
-        document.put(written, key, value, "with_")
+        try:
+            full = names.full_key(Case, written.data, key)
+        except ValueError as error:
+            written.faults.append(f"{label}: {key}: {error}")
+            continue
+        document.put(written, full, value, label)
     return _or_raise(_validate(written))
 
 
 def _or_raise(reading: Reading) -> Case:
     if reading.problems or reading.case is None:
         raise InputError(reading.problems)
+    if isinstance(reading.case, TensileCase):
+        raise InputError(f"{reading.case.title}: is a tensile test; a strand is needed here")
     return reading.case
 
 
 def _validate(written: document.Document) -> Reading:
     """Validate a document, check across keys, and collect the problems with their files."""
-    case, found = _build(written.data)
-    found += list(checks.check(case))
+    kind: type[AnyCase] = TensileCase if tensile.TABLE in written.data else Case
+    case, found = _build(kind, written.data)
+    found += list(tensile.check(case) if isinstance(case, TensileCase) else checks.check(case))
     lines = [*written.faults, *(_line(written, problem) for problem in found)]
-    steel = f"{written.origin(('steel', 'name'))}: steel"
+    table, key = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
+    steel = f"{written.origin((table, key))}: {table}"
     return Reading(case, tuple(dict.fromkeys(lines)), steel)
 
 
-def _build(data: dict[str, Any]) -> tuple[Case, list[problems.Problem]]:
+def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[problems.Problem]]:
     """Return the case, faulty values None, and the problems within single keys."""
     try:
-        return Case.model_validate(data), []
+        return kind.model_validate(data), []
     except ValidationError as error:
-        found = problems.from_validation(error, data)
+        found = problems.from_validation(error, data, kind)
         sound = copy.deepcopy(data)
         for problem in found:
             _mend(sound, problem)
-        return Case.model_validate(sound, context=LENIENT), found
+        return kind.model_validate(sound, context=LENIENT), found
 
 
 def _mend(data: dict[str, Any], problem: problems.Problem) -> None:

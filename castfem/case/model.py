@@ -13,8 +13,11 @@ from typing import Any
 from pydantic import Field
 
 from castfem.case.base import TableModel
-from castfem.case.casting import Casting, Output, Reference, Steel
+from castfem.case.casting import THERMAL_FIELDS, Casting, FieldName, Output, Reference, Steel
 from castfem.case.cooling import HeatLaw, Zone
+from castfem.case.document import PROPERTY_FILES
+from castfem.case.mechanics import Coupling, Mechanics
+from castfem.case.mould import Mould
 from castfem.case.section import Mesh, Section, cooled_groups
 from castfem.case.thermal import Thermal
 
@@ -48,6 +51,13 @@ class Case(TableModel):
     mesh: Mesh
     cooling: tuple[Zone, ...] = Field(min_length=1)
     thermal: Thermal = Field(default_factory=lambda: Thermal.model_validate({}))
+    mechanics: Mechanics | None = Field(
+        None, description="the mechanical problem; left out: temperatures alone"
+    )
+    mould: Mould | None = Field(
+        None, description="the rigid mould; left out: an idealised one, without contact forces"
+    )
+    coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
     output: Output = Field(default_factory=lambda: Output.model_validate({}))
     reference: tuple[Reference, ...] = ()
 
@@ -63,6 +73,19 @@ class Case(TableModel):
             if end >= self.casting.length:
                 break
         return tuple(spans)
+
+    @property
+    def output_fields(self) -> tuple[FieldName, ...]:
+        """The fields to write: those asked for, or what the scene has."""
+        if self.output.fields is not None:
+            return self.output.fields
+        usual: tuple[FieldName, ...] = (
+            "displacement",
+            "stress",
+            "von_mises",
+            "viscoplastic_strain",
+        )
+        return THERMAL_FIELDS + (usual if self.mechanics is not None else ())
 
     def expected(self) -> tuple[Reference, ...]:
         """Return the reference numbers that hold where the run ends."""
@@ -82,9 +105,13 @@ class Case(TableModel):
             (tables["steel"], "overrides"),
             (tables["thermal"], "solver"),
             (tables, "reference"),
+            (tables.get("mechanics", {}), "solver"),
+            (tables.get("mechanics", {}), "held"),
         ):
-            if not table[key]:
+            if key in table and not table[key]:
                 del table[key]
+        if self.mechanics is None:
+            del tables["coupling"]
         return tables
 
     def resolved_toml(self) -> str:
@@ -97,13 +124,16 @@ class Case(TableModel):
         """Return a hash of all that the computed fields depend on.
 
         It leaves out the title, the output settings, the reference numbers and the followed
-        length (a run may be resumed further down the strand); a steel file counts by its content.
+        length (a run may be resumed further down the strand); property files count by content.
         """
         physics = self.model_dump(mode="json", exclude_none=True, exclude=_NOT_PHYSICS)
-        path = Path(self.steel.name)
-        if path.suffix == ".toml":
-            content = path.read_bytes() if path.is_file() else b""
-            physics["steel"]["name"] = hashlib.sha256(content).hexdigest()
+        if self.mechanics is None:
+            del physics["coupling"]
+        for table, key in PROPERTY_FILES:
+            path = Path(str(physics.get(table, {}).get(key, "")))
+            if path.suffix == ".toml":
+                content = path.read_bytes() if path.is_file() else b""
+                physics[table][key] = hashlib.sha256(content).hexdigest()
         text = json.dumps(physics, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
@@ -112,8 +142,10 @@ class Case(TableModel):
 
         Args:
             changes: Dotted key and new value, as it would be written in a case file. A zone or
-                another entry of an array is named by its index or its name.
-            dotted: The same for keys of the top level: `case.with_(title="slower")`.
+                another entry of an array is named by its index or its name. A bare name will do
+                for a key that only one table of the case has: speed for casting.speed.
+            dotted: The same for bare names and keys of the top level:
+                `case.with_(speed="3 m/min", title="slower")`.
 
         Raises:
             InputError: The changed case is not valid; all problems at once.

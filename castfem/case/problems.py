@@ -70,17 +70,17 @@ def at(data: Any, path: Path) -> Any:
     return data
 
 
-def from_validation(error: ValidationError, data: Mapping[str, Any]) -> list[Problem]:
-    """Return the problems pydantic found, their paths those of the document."""
-    from castfem.case.model import Case
-
+def from_validation(
+    error: ValidationError, data: Mapping[str, Any], root: type[TableModel]
+) -> list[Problem]:
+    """Return the problems pydantic found in a `root`, their paths those of the document."""
     found = []
     for details in error.errors(include_url=False):
         path, kind = _path_in(data, details["loc"]), details["type"]
         value = at(data, path)
         if kind == "too_short" and value:  # pydantic counts the sound entries only
             continue
-        found.append(Problem(path, _text(details, path, value, Case, data), kind))
+        found.append(Problem(path, _text(details, path, value, root, data), kind))
     return found
 
 

@@ -21,9 +21,21 @@ from castfem.case.cooling import (
     Spray,
     Zone,
 )
+from castfem.case.mould import (
+    Copper,
+    Coulomb,
+    Limited,
+    Mould,
+    NoFriction,
+    Touch,
+    Tresca,
+    Viscous,
+)
 from castfem.case.problems import submodels
 from castfem.case.section import BeamBlank, Mesh, Rectangle, Round, Strip, outer_groups
 from castfem.case.table import Curve
+from castfem.case.taper import TaperMark
+from castfem.case.tensile import Segment, Tensile
 from castfem.case.thermal import Adaptive, Stepping, Thermal
 from castfem.quantities import Kind
 
@@ -42,8 +54,8 @@ accepted only where there is none. A divisor of several units stands in brackets
 `W/m^2 K`. Temperatures are `"160 degC"`, `"433.15 K"` or `"320 degF"`; a *difference* of
 temperatures is written in kelvin, `"40 K"`.
 
-Where a quantity may depend on temperature or time, a table may stand in its place: two columns,
-their units named once (or a unit in each entry, `["20 degC", "100 degC"]`),
+Where a quantity may depend on temperature, time or position, a table may stand in its place: two
+columns, their units named once (or a unit in each entry, `["20 degC", "100 degC"]`),
 
 ```toml
 [cooling.surface.coefficient]
@@ -63,7 +75,7 @@ beyond.
 `extends = "base.toml"` takes over another case file (relative to this one), which may extend a
 third. Tables merge key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Of two
 keys that exclude each other (`superheat` and `temperature`, `step` and `adaptive`) the later one
-wins; a `[section]` of another `shape` replaces the inherited one.
+wins; a `[section]` of another `shape` replaces the inherited one, and so does any `mould.taper`.
 
 On the command line `--set key=value` changes single keys, `--set casting.length="20 m"`. An entry
 of an array is addressed by its index or, if it has one, by its name:
@@ -101,8 +113,18 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[thermal]", Thermal),
     ("[thermal.time]", Stepping),
     ("[thermal.time.adaptive]", Adaptive),
+    ("[mould]", Mould),
+    ("[mould.copper]", Copper),
+    ("[mould.contact]", Touch),
+    ('[mould.friction], law = "none"', NoFriction),
+    ('[mould.friction], law = "coulomb"', Coulomb),
+    ('[mould.friction], law = "limited"', Limited),
+    ('[mould.friction], law = "tresca"', Tresca),
+    ('[mould.friction], law = "viscous"', Viscous),
     ("[output]", Output),
     ("[[reference]]", Reference),
+    ("[tensile]", Tensile),
+    ("[[tensile.segment]]", Segment),
 )
 
 _TOP = """
@@ -143,6 +165,8 @@ def _takes(field: FieldInfo) -> str:
     for mark in field.metadata:
         if isinstance(mark, Kind | Curve):
             return _mark(mark, example)
+        if isinstance(mark, TaperMark):
+            return mark.takes
     return _type(field.annotation, example)
 
 

@@ -6,8 +6,11 @@ import json
 from typing import Any
 
 from castfem.case.model import Case
+from castfem.case.tensile import TABLE, TensileCase
 
-_INHERITED = ("Case", "Casting", "Steel", "Mesh", "Thermal", "Stepping", "Adaptive", "Output")
+_INHERITED = (
+    *("Case", "Casting", "Steel", "Mesh", "Mould", "Thermal", "Stepping", "Adaptive", "Output"),
+)
 
 
 def case_schema() -> dict[str, Any]:
@@ -18,6 +21,11 @@ def case_schema() -> dict[str, Any]:
     """
     schema = Case.model_json_schema()
     tables = schema["$defs"]
+    test = TensileCase.model_json_schema()
+    for name in ("Tensile", "Segment"):
+        tables[name] = test["$defs"][name]
+    tables["Tensile"].pop("required", None)
+    schema["properties"][TABLE] = test["properties"][TABLE]
     _plain(schema)
     for name in _INHERITED:
         tables.get(name, schema if name == "Case" else {}).pop("required", None)
@@ -34,7 +42,11 @@ def case_schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "castfem case",
         **{key: value for key, value in schema.items() if key != "title"},
-        "anyOf": [{"required": ["extends"]}, {"required": whole}],
+        "anyOf": [
+            {"required": ["extends"]},
+            {"required": whole},
+            {"required": ["title", TABLE]},
+        ],
     }
 
 

@@ -29,7 +29,11 @@ if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
     from pydantic_core import CoreSchema
 
-_ARGUMENTS = {"temperature": Kind("K", "degC"), "time": Kind("s", "s", least=0.0)}
+_ARGUMENTS = {
+    "temperature": Kind("K", "degC"),
+    "time": Kind("s", "s", least=0.0),
+    "position": Kind("m", "mm", least=0.0),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +41,7 @@ class Table:
     """A quantity given in rows, linear between them and constant beyond.
 
     Attributes:
-        over: What it depends on, "temperature" or "time".
+        over: What it depends on, "temperature", "time" or "position".
         arguments: Increasing, K or s.
         values: SI, as many as arguments, at least two.
     """
@@ -63,7 +67,7 @@ class Curve:
 
     Attributes:
         kind: Unit and bounds of the value.
-        over: What a table of it depends on, "temperature" or "time".
+        over: What a table of it depends on, "temperature", "time" or "position".
     """
 
     kind: Kind

@@ -24,8 +24,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _on_all_ranks(words: Sequence[str]) -> bool:
-    """Return whether it is done by all ranks: a run is, everything else by rank 0 alone."""
-    return words[:1] == ["run"]
+    """Return whether it is done by all ranks: runs are, everything else by rank 0 alone."""
+    return words[:1] in (["run"], ["sweep"])
 
 
 def execute(arguments: Sequence[str] | None = None) -> int:
@@ -49,18 +49,18 @@ def execute(arguments: Sequence[str] | None = None) -> int:
     try:
         status = app(args=words, prog_name="castfem", standalone_mode=False)
         if status == _INTERRUPTED:
-            return _interrupted(rank)
+            return _interrupted(rank, words)
         return status if isinstance(status, int) else 0
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)
     except click.exceptions.Abort:
-        return _interrupted(rank)
+        return _interrupted(rank, words)
     except click.ClickException as error:
         if rank == 0:
             error.show()
         return InputError.exit_status
     except KeyboardInterrupt:
-        return _interrupted(rank)
+        return _interrupted(rank, words)
     except Exception as error:
         if rank == 0:
             return report(error, verbose=_verbose(words))
@@ -115,7 +115,9 @@ def _verbose(words: Sequence[str]) -> bool:
     return any(word == "--verbose" or re.fullmatch("-q?v+", word) for word in words)
 
 
-def _interrupted(rank: int) -> int:
+def _interrupted(rank: int, words: Sequence[str]) -> int:
     if rank == 0:
-        print("castfem: interrupted; `castfem run ... --resume` goes on", file=sys.stderr)
+        sweep = words[:1] == ["sweep"]
+        mend = "the same command again" if sweep else "`castfem run ... --resume`"
+        print(f"castfem: interrupted; {mend} goes on", file=sys.stderr)
     return _INTERRUPTED

@@ -85,15 +85,66 @@ def run(
 
 
 @app.command()
+def sweep(
+    case: CaseName,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE,...",
+            help="Values of a key; several keys: all combinations.",
+        ),
+    ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option(help="CSV file with a row for each run; its header names keys and units."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder; by default results/<family>/<name>_sweep."),
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("-j", help="How many runs at once; by default one a core.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option(help="Go on from the checkpoints of runs that were not finished.")
+    ] = False,
+    overwrite: Annotated[
+        bool, typer.Option(help="Run all anew, and replace runs of other cases.")
+    ] = False,
+    figures: Annotated[bool, typer.Option(help="Draw the figures of each run.")] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a case with several values, in parallel. What is finished is not run again."""
+    from castfem.cli.sweeping import Options, sweep_case
+
+    if resume and overwrite:
+        raise InputError("--resume and --overwrite exclude each other")
+    status = sweep_case(
+        Options(
+            name=case,
+            folder=output,
+            assignments=tuple(set_ or ()),
+            table=table,
+            processes=jobs,
+            resume=resume,
+            overwrite=overwrite,
+            figures=figures,
+            quiet=quiet,
+        )
+    )
+    if status:
+        raise typer.Exit(status)
+
+
+@app.command()
 def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
     """Check a case, its steel and its mesh without running it."""
-    from castfem.cli.checking import checked, describe
-    from castfem.cli.drawing import build_mesh
+    from castfem.cli.checking import check_case
 
-    sound, steel = checked(catalogue.find(case), set_ or ())
-    mesh = build_mesh(sound)
+    text = check_case(case, catalogue.find(case), set_ or ())
     if not quiet:
-        print(describe(case, sound, steel, len(mesh.cells)))
+        print(text)
 
 
 @app.command()
@@ -134,6 +185,30 @@ def show(
 
 
 @app.command()
+def compare(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders of runs, or of a sweep.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder; by default `compare` beside the runs."),
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option(help="Run the others are measured by; by default idealised, or the first."),
+    ] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="All quantities, not only the chief ones.")
+    ] = False,
+    figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
+) -> None:
+    """Print runs side by side and draw their histories over one another."""
+    from castfem.cli.comparing import compare_runs
+
+    compare_runs(folders, output, base, everything=everything, figures=figures)
+
+
+@app.command()
 def mesh(
     case: CaseName,
     output: Annotated[
@@ -147,6 +222,22 @@ def mesh(
 
     path = catalogue.find(case)
     draw_mesh(load_case(path, set_ or ()), output or Path(f"{path.stem}_mesh.png"))
+
+
+@app.command()
+def mould(
+    case: CaseName,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_mould.png.")
+    ] = None,
+    set_: Overrides = None,
+) -> None:
+    """Print size and taper of a case's mould, and draw it."""
+    from castfem.case import load_case
+    from castfem.cli.mould import draw_mould
+
+    path = catalogue.find(case)
+    draw_mould(load_case(path, set_ or ()), output or Path(f"{path.stem}_mould.png"), case)
 
 
 @app.command()

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import Case, read_case
+from castfem.case import AnyCase, Case, Reading, TensileCase, read_case
 from castfem.errors import InputError
 from castfem.units import convert
 
@@ -16,38 +16,79 @@ if TYPE_CHECKING:
 
 def problems_of(
     path: Path, overrides: Iterable[str]
-) -> tuple[Case | None, Steel | None, list[str]]:
-    """Return a case, its steel and all the problems of both; None for what is not sound."""
+) -> tuple[AnyCase | None, Steel | None, list[str]]:
+    """Return a case, its steel and all the problems of both; None for what is not sound.
+
+    A tensile test has a law instead of a steel.
+    """
     reading = read_case(path, overrides)
     problems = list(reading.problems)
     steel = None
-    table = reading.case.steel if reading.case else None
-    if table is not None and None not in (table.name, table.composition, table.overrides):
-        from castfem.materials import load_steel
-
-        try:
-            steel = load_steel(
-                table.name,
-                Path.cwd(),
-                composition=table.composition,
-                overrides=table.overrides,
-                origin=reading.steel,
-            )
-        except InputError as error:
-            problems += error.problems
+    try:
+        if isinstance(reading.case, TensileCase):
+            _try_law(reading, reading.case)
+        else:
+            steel = _steel(reading)
+    except InputError as error:
+        problems += error.problems
     return (None if problems else reading.case), steel, problems
 
 
-def checked(path: Path, overrides: Iterable[str]) -> tuple[Case, Steel]:
-    """Return a sound case and its steel.
+def _steel(reading: Reading) -> Steel | None:
+    """Return the steel of a case as far as it is sound."""
+    table = reading.case.steel if isinstance(reading.case, Case) else None
+    if table is None or None in (table.name, table.composition, table.overrides):
+        return None
+    from castfem.materials import load_steel
+
+    return load_steel(
+        table.name,
+        Path.cwd(),
+        composition=table.composition,
+        overrides=table.overrides,
+        origin=reading.steel,
+    )
+
+
+def _try_law(reading: Reading, case: TensileCase) -> None:
+    """Make the law of a tensile test, if all of the test is sound."""
+    if not reading.problems:
+        from castfem.tensile_run import TensileTest
+
+        TensileTest(case, reading.steel)
+
+
+def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
+    """Check a case of either kind with all that belongs to it; return a few lines on it.
+
+    Args:
+        name: As the user calls it.
+        path: Its file.
+        overrides: Assignments of --set.
 
     Raises:
-        InputError: All problems of the case and of its steel.
+        InputError: All problems.
     """
     case, steel, problems = problems_of(path, overrides)
-    if problems or case is None or steel is None:
+    if problems or case is None:
         raise InputError(problems)
-    return case, steel
+    if isinstance(case, TensileCase):
+        return describe_test(name, case)
+    from castfem.cli.drawing import build_mesh
+
+    assert steel is not None
+    return describe(name, case, steel, len(build_mesh(case).cells))
+
+
+def describe_test(name: str, case: TensileCase) -> str:
+    """Return a few lines on a sound tensile test."""
+    table = case.tensile
+    material = table.material
+    law = material if isinstance(material, str) else material.get("law", "")
+    lines = [f"{name}: sound", f"  {case.title}", f"  law {law}, {table.steps} steps a segment"]
+    for segment in table.segment:
+        lines.append(f"  {segment.duration:7.4g} s at {segment.rate:.4g} 1/s")
+    return "\n".join(lines)
 
 
 def describe(name: str, case: Case, steel: Steel, cells: int) -> str:

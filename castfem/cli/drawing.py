@@ -37,8 +37,8 @@ def draw_mesh(case: Case, picture: Path) -> None:
     from castfem.meshes.draw import draw
 
     mesh = build_mesh(case)
-    _print_rows(mesh_rows(mesh))
-    with _drawing(picture):
+    print_rows(mesh_rows(mesh))
+    with drawing(picture):
         draw(mesh, picture)
 
 
@@ -75,20 +75,21 @@ def draw_material(name: str, composition: Iterable[str], picture: Path | None) -
     from castfem.materials.plot import plot_steel
 
     steel = load_steel(name, Path.cwd(), composition=amounts, origin="castfem material")
-    _print_rows(describe_steel(steel))
+    print_rows(describe_steel(steel))
     target = picture or Path(f"{Path(name).stem}.png")
-    with _drawing(target):
+    with drawing(target):
         plot_steel(steel, target)
 
 
-def _print_rows(rows: list[tuple[str, str]]) -> None:
+def print_rows(rows: list[tuple[str, str]]) -> None:
+    """Print rows of label and value."""
     width = max(len(label) for label, _ in rows)
     for label, text in rows:
         print(f"{label:{width}}  {text}")
 
 
 @contextmanager
-def _drawing(picture: Path) -> Iterator[None]:
+def drawing(picture: Path) -> Iterator[None]:
     """Say where the picture is, or why it cannot be there.
 
     Raises:

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from castfem.case import Case, read_case
+from castfem.case import AnyCase, read_case
 from castfem.errors import InputError
 
 
-def check(folder: Path, case: Case, *, resume: bool, overwrite: bool) -> None:
+def check(folder: Path, case: AnyCase, *, resume: bool, overwrite: bool) -> None:
     """Refuse a folder whose run is of other physics than the case.
 
     Raises:

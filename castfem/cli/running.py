@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from castfem import log
-from castfem.case import Case
+from castfem.case import AnyCase, TensileCase
 from castfem.cli import catalogue, folder, parallel
 from castfem.cli.checking import problems_of
 from castfem.errors import CastfemError, InputError
@@ -64,7 +65,7 @@ def run_case(options: Options) -> None:
         log.close()
 
 
-def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[Case, Path]:
+def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, Path]:
     """Return the case and its folder, which rank 0 has looked at.
 
     Every rank reads and validates; if any finds a problem, all raise the same InputError.
@@ -89,9 +90,13 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[Case, Path
     return case, target
 
 
-def _march(case: Case, target: Path, comm: MPI.Intracomm | None, options: Options) -> None:
+def _march(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: Options) -> None:
     """Hand the case to the engine; on rank 0 print the table of the run and draw its figures."""
-    from castfem.march import run
+    run: Callable[..., Any]
+    if isinstance(case, TensileCase):
+        from castfem.tensile_run import run
+    else:
+        from castfem.march import run
 
     root = parallel.rank_of(comm) == 0
     progress = Progress(options.verbosity) if root else None

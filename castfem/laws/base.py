@@ -7,10 +7,13 @@ of the tensor is that of the vector, and a tangent is an ordinary 4 x 4 matrix. 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from castfem.laws.elasticity import Elasticity
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -66,9 +69,23 @@ class Response:
             np.empty(points, dtype=np.bool_),
         )
 
+    def part(self, rows: slice) -> Response:
+        """The response at some of the points; it shares their memory."""
+        return Response(
+            self.stress[rows],
+            self.tangent[rows],
+            self.state[rows],
+            self.dissipation[rows],
+            self.flows[rows],
+        )
+
 
 class Law(Protocol):
     """A constitutive law of an isotropic material."""
+
+    @property
+    def elasticity(self) -> Elasticity:
+        """Elastic part; flow leaves the volume unchanged, so the mean stress is its alone."""
 
     @property
     def state_names(self) -> tuple[str, ...]:

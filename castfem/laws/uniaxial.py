@@ -111,6 +111,7 @@ def pull(
     control: Literal["strain", "stress"] = "strain",
     thermal_strain: npt.ArrayLike = 0.0,
     tolerance: float = 1e-12,
+    done: Callable[[Tension, int], None] | None = None,
 ) -> Tension:
     """Run a tensile test.
 
@@ -123,6 +124,7 @@ def pull(
         thermal_strain: Isotropic, one, (m+1,) or (m+1, n).
         tolerance: Of stresses that must vanish or have a value, over the stiffness of the specimen
             times a strain of 1e-3, or over its stress.
+        done: Called after each step with the history and the index of what was added to it.
 
     Raises:
         RunFailure: If the free sides cannot be found; it names the time.
@@ -143,6 +145,8 @@ def pull(
     for k in range(1, len(times)):
         dt = times[k] - times[k - 1]
         rate = machine.advance(record, k, rate * dt) / dt
+        if done is not None:
+            done(record, k)
     return record
 
 

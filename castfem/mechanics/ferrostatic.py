@@ -30,19 +30,28 @@ class Ferrostatic:
     to gamma D times the projected length of the front whatever the mesh does in between, since the
     shape functions add up to one.
 
+    Where liquid reaches the surface, as it does below the meniscus before a shell has formed, there
+    is nothing in the slice that could hold it: its stand-in stiffness would, and the section
+    would swell by millimetres that freeze into the shell.  There the pressure is held from outside,
+    by the mould or whatever the liquid is in, and the slice feels the front alone.
+
     Attributes:
         head: gamma D over time, Pa.
         solid_fraction: Over temperature, K.
         mush: In the mushy zone: "proportional" to the liquid (219), "full" until all is solid,
             or "none" as soon as anything is (Fig. 63).
+        outside: Where the surface is liquid, the pressure is "held" there, or it is "free".
     """
 
     head: Course
     solid_fraction: Callable[[Array], Array]
     mush: Literal["proportional", "full", "none"] = "proportional"
+    outside: Literal["held", "free"] = "held"
 
     def __post_init__(self) -> None:
-        """Check the name."""
+        """Check the names."""
+        if self.outside not in ("held", "free"):
+            raise InputError(f'ferrostatic.outside: "{self.outside}"; one of held, free')
         if self.mush not in SHARES:
             raise InputError(f'ferrostatic.mush: "{self.mush}"; one of {", ".join(SHARES)}')
 

@@ -6,6 +6,7 @@ Both kinds offer the same: `increments` for the law, and compiled forms for what
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,9 @@ from castfem.laws.base import Response
 from castfem.mechanics.points import Points
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.section import Section
+
+if TYPE_CHECKING:
+    from castfem.contact.touch import WallContact
 
 Array = npt.NDArray[np.float64]
 
@@ -113,6 +117,79 @@ class Forms:
 
 
 @dataclass(frozen=True, slots=True)
+class Motions:
+    """Motions the forms are written for.
+
+    Attributes:
+        nodal: Virtual displacement. moved: Displacement.
+        one: Along the generalized strains `Fields.one`. other: Along `Fields.other`.
+    """
+
+    nodal: mechanics.Direction
+    moved: mechanics.Direction
+    one: mechanics.Direction
+    other: mechanics.Direction
+
+    @classmethod
+    def of(cls, fields: Fields, mesh: ufl.Mesh) -> Motions:
+        """Motions of a section."""
+        space = fields.u.function_space
+        return cls(
+            mechanics.of_displacement(ufl.TestFunction(space)),
+            mechanics.of_displacement(ufl.TrialFunction(space)),
+            mechanics.of_modes(fields.one, mesh),
+            mechanics.of_modes(fields.other, mesh),
+        )
+
+    @property
+    def all(self) -> tuple[mechanics.Direction, ...]:
+        """All four."""
+        return self.nodal, self.moved, self.one, self.other
+
+
+@dataclass(slots=True)
+class Terms:
+    """Forms before they are compiled; see `Forms`."""
+
+    work: ufl.Form
+    matrix: ufl.Form
+    along: ufl.Form
+    column: ufl.Form | None
+    row: ufl.Form | None
+    corner: ufl.Form | None
+
+    def touching(self, contact: WallContact | None, motions: Motions) -> Terms:
+        """The same with what a wall does; its work on the modes is the wall's own affair."""
+        if contact is None:
+            return self
+        nodal, moved, one, other = motions.all
+        self.work += contact.virtual_work(nodal)
+        self.matrix += contact.tangent(moved, nodal)
+        if self.column is not None:
+            self.column += contact.tangent(one, nodal)
+        if self.row is not None:
+            self.row += contact.tangent(nodal, one)
+        if self.corner is not None:
+            self.corner += contact.tangent(other, one)
+        return self
+
+    def compiled(self, section: Section) -> Forms:
+        """Compile the forms; those of free modes only if there are any."""
+
+        def maybe(name: str, form: ufl.Form | None) -> fem.Form | None:
+            return None if form is None else section.compile(name, form)
+
+        return Forms(
+            section.compile("mechanics.work", self.work),
+            section.compile("mechanics.stiffness", self.matrix),
+            section.compile("mechanics.mode_work", self.along),
+            maybe("mechanics.column", self.column),
+            maybe("mechanics.row", self.row),
+            maybe("mechanics.corner", self.corner),
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class SurfaceLoads:
     """Loads on groups and the constants that carry their values.
 
@@ -120,15 +197,19 @@ class SurfaceLoads:
         tractions: Tag-restricted measure tags, constant and course of each traction.
         pressures: Likewise.
         measure: Perimeter measure with the boundary tags.
+        liquid: Pressure at the vertices of liquid that is held from outside; None if none is.
     """
 
     tractions: list[tuple[tuple[int, ...], fem.Constant, Traction]]
     pressures: list[tuple[tuple[int, ...], fem.Constant, SurfacePressure]]
     measure: ufl.Measure
+    liquid: fem.Function | None
 
     @classmethod
-    def on(cls, section: Section, loads: list[Traction | SurfacePressure]) -> SurfaceLoads:
-        """Prepare the loads."""
+    def on(
+        cls, section: Section, loads: list[Traction | SurfacePressure], liquid: bool
+    ) -> SurfaceLoads:
+        """Prepare the loads; with `liquid` the surface is held where it is liquid."""
         mesh = section.mesh
         measure = ufl.Measure(
             "ds",
@@ -136,7 +217,8 @@ class SurfaceLoads:
             subdomain_data=section.facet_tags,
             metadata={"quadrature_rule": "default", "quadrature_degree": 5},
         )
-        found = cls([], [], measure)
+        held = fem.Function(section.vertex_space) if liquid else None
+        found = cls([], [], measure, held)
         for load in loads:
             tags = tuple(section.matching(load.on))
             if isinstance(load, Traction):
@@ -152,16 +234,28 @@ class SurfaceLoads:
         for _, scalar, pressure in self.pressures:
             scalar.value = pressure.value(time)
 
+    def pressing(self, section: Section) -> list[tuple[tuple[int, ...], Any]]:
+        """Tags and value of all that presses on the surface."""
+        found: list[tuple[tuple[int, ...], Any]] = [(tags, p) for tags, p, _ in self.pressures]
+        if self.liquid is not None:
+            found.append((tuple(section.matching(section.outer_groups)), self.liquid))
+        return found
+
 
 class SmallStrain:
-    """Strain linear in the displacement; the tangent is symmetric as long as the law's is."""
-
-    symmetric = True
+    """Strain linear in the displacement; the tangent is symmetric if those of law and wall are."""
 
     def __init__(
-        self, section: Section, points: Points, fields: Fields, loads: SurfaceLoads, modes: bool
+        self,
+        section: Section,
+        points: Points,
+        fields: Fields,
+        loads: SurfaceLoads,
+        modes: bool,
+        contact: WallContact | None = None,
     ) -> None:
-        self._points, self._fields = points, fields
+        self._points, self._fields, self._contact = points, fields, contact
+        self.symmetric = contact is None or contact.symmetric
         x, y = points.position.T
         # Strain of each generalized strain at the points, rows [xx, yy, zz, xy] that are not 0.
         self._thickness = np.column_stack([np.ones_like(x), x, y])
@@ -173,24 +267,23 @@ class SmallStrain:
         v = ufl.TestFunction(space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        nodal, moved = (
-            mechanics.strain(mechanics.of_displacement(w), mesh)
-            for w in (v, ufl.TrialFunction(space))
-        )
-        one, other = (
-            mechanics.strain(mechanics.of_modes(d, mesh), mesh) for d in (fields.one, fields.other)
-        )
+        motions = Motions.of(fields, mesh)
+        nodal, moved, one, other = (mechanics.strain(m, mesh) for m in motions.all)
         work = mechanics.virtual_work(fields.deviator, stress, nodal, *rules)
         for tags, traction, _ in loads.tractions:
             work -= mechanics.traction_work(traction, v, loads.measure(tags))
-        for tags, pressure, _ in loads.pressures:
+        for tags, pressure in loads.pressing(section):
             work -= mechanics.pressure_work(pressure, v, mesh, loads.measure(tags))
         material = (fields.tangent, fields.bulk)
         matrix = mechanics.stiffness(*material, moved, nodal, *rules)
         along = mechanics.virtual_work(fields.deviator, stress, one, *rules)
         column = mechanics.stiffness(*material, one, nodal, *rules) if modes else None
+        row = None
+        if modes and not self.symmetric:
+            row = mechanics.stiffness(*material, nodal, one, *rules)
         corner = mechanics.stiffness(*material, other, one, *rules) if modes else None
-        return _compiled(section, work, matrix, along, column, None, corner)
+        terms = Terms(work, matrix, along, column, row, corner)
+        return terms.touching(self._contact, motions).compiled(section)
 
     def increments(self, stress_old: Array) -> tuple[Array, Array]:
         """Strain increments of the step (points, 4) and the old stress as the law is to see it."""
@@ -209,9 +302,15 @@ class LargeStrain:
     symmetric = False
 
     def __init__(
-        self, section: Section, points: Points, fields: Fields, loads: SurfaceLoads, modes: bool
+        self,
+        section: Section,
+        points: Points,
+        fields: Fields,
+        loads: SurfaceLoads,
+        modes: bool,
+        contact: WallContact | None = None,
     ) -> None:
-        self._points, self._fields = points, fields
+        self._points, self._fields, self._contact = points, fields, contact
         self._now = finite_strain.deformation(fields.u, fields.modes, section.mesh)
         self._old = finite_strain.deformation(fields.u_old, fields.modes_old, section.mesh)
         step = finite_strain.increment(self._now, self._old)
@@ -223,11 +322,11 @@ class LargeStrain:
     def _compile(self, section: Section, loads: SurfaceLoads, modes: bool) -> Forms:
         fields, points, mesh = self._fields, self._points, section.mesh
         space, now, old = fields.u.function_space, self._now, self._old
-        v, w = ufl.TestFunction(space), ufl.TrialFunction(space)
+        v = ufl.TestFunction(space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        nodal, moved = (mechanics.of_displacement(q) for q in (v, w))
-        one, other = (mechanics.of_modes(d, mesh) for d in (fields.one, fields.other))
+        motions = Motions.of(fields, mesh)
+        nodal, moved, one, other = motions.all
         material = (fields.tangent, fields.bulk, fields.deviator, fields.mean, fields.pressure)
 
         def derivative(by: mechanics.Direction, virtual: mechanics.Direction) -> ufl.Form:
@@ -238,7 +337,7 @@ class LargeStrain:
         column = derivative(one, nodal) if modes else None
         for tags, traction, _ in loads.tractions:
             work -= mechanics.traction_work(traction, v, loads.measure(tags))
-        for tags, pressure, _ in loads.pressures:
+        for tags, pressure in loads.pressing(section):
             ds = loads.measure(tags)
             work -= finite_strain.pressure_work(now, pressure, v, mesh, ds)
             matrix -= finite_strain.pressure_stiffness(now, pressure, moved, v, mesh, ds)
@@ -247,7 +346,8 @@ class LargeStrain:
         along = finite_strain.virtual_work(now, fields.deviator, stress, one, *rules)
         row = derivative(nodal, one) if modes else None
         corner = derivative(other, one) if modes else None
-        return _compiled(section, work, matrix, along, column, row, corner)
+        terms = Terms(work, matrix, along, column, row, corner)
+        return terms.touching(self._contact, motions).compiled(section)
 
     def increments(self, stress_old: Array) -> tuple[Array, Array]:
         """Midpoint strain increments (points, 4) and the old stress, turned with the material."""
@@ -264,27 +364,3 @@ def turned(stress: Array, angle: Array) -> Array:
     half, shear = 0.5 * (stress[:, 0] - stress[:, 1]), stress[:, 3] / mechanics.SQRT2
     new, slant = c * half - s * shear, s * half + c * shear
     return np.column_stack([centre + new, centre - new, stress[:, 2], mechanics.SQRT2 * slant])
-
-
-def _compiled(
-    section: Section,
-    work: ufl.Form,
-    matrix: ufl.Form,
-    along: ufl.Form,
-    column: ufl.Form | None,
-    row: ufl.Form | None,
-    corner: ufl.Form | None,
-) -> Forms:
-    """Compile the forms of a scene; those of free modes only if it has any."""
-
-    def maybe(name: str, form: ufl.Form | None) -> fem.Form | None:
-        return None if form is None else section.compile(name, form)
-
-    return Forms(
-        section.compile("mechanics.work", work),
-        section.compile("mechanics.stiffness", matrix),
-        section.compile("mechanics.mode_work", along),
-        maybe("mechanics.column", column),
-        maybe("mechanics.row", row),
-        maybe("mechanics.corner", corner),
-    )

@@ -17,9 +17,10 @@ from dolfinx import fem, la
 
 from castfem import reductions
 from castfem.compat import assemble_into, create_matrix
-from castfem.laws.base import MaterialStep, Response
+from castfem.contact.touch import WallContact
 from castfem.mechanics.border import Border
 from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
+from castfem.mechanics.material import Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.planes import ScaledMotions, check_modes
 from castfem.mechanics.points import Integration, Points, displacement_element
@@ -33,6 +34,8 @@ from castfem.snes import Options, Outcome, SnesSolver
 from castfem.stopwatch import Stopwatch
 
 Array = npt.NDArray[np.float64]
+
+PATIENCE = 8  # Newton steps in which contact may overshoot
 
 
 @dataclass(slots=True)
@@ -65,6 +68,7 @@ class MechanicalProblem:
 
     Attributes:
         space: Space of the displacement. points: Quadrature points. scales: Sizes.
+        contact: Contact with the wall, or None.
         owned: This rank's own displacement unknowns. free: Free motions of the planes.
         iterations: Newton iterations since the start.
 
@@ -93,7 +97,8 @@ class MechanicalProblem:
         self._build_forms()
         self._target = np.zeros_like(self.fields.u.x.array)
         self._work = fem.Function(self.space)
-        self.response = Response.empty(self.points.count, len(slice_.law.state_names))
+        self._material = Material(slice_.law, self.points)
+        self.response = self._material.response
         self._build_solver(options or {})
         self.iterations = 0
         self.trial: Trial | None = None
@@ -102,9 +107,15 @@ class MechanicalProblem:
         section, slice_ = self.section, self.slice
         pressed = slice_.ferrostatic is not None
         self.fields = Fields.on(section, self.space, self.points, pressed)
-        self._loads = SurfaceLoads.on(section, list(slice_.loads))
+        held_outside = slice_.ferrostatic is not None and slice_.ferrostatic.outside == "held"
+        self._loads = SurfaceLoads.on(section, list(slice_.loads), held_outside)
+        self.contact: WallContact | None = None
+        if slice_.contact is not None:
+            self.contact = WallContact(section, slice_.contact, slice_, self.fields)
         kind = LargeStrain if slice_.large_strain else SmallStrain
-        self.kinematics = kind(section, self.points, self.fields, self._loads, self.free > 0)
+        self.kinematics = kind(
+            section, self.points, self.fields, self._loads, self.free > 0, self.contact
+        )
         held = [*symmetry_supports(section.groups), *slice_.held]
         pins = rigid_pins(section.groups) if slice_.pin else []
         self.constraints = Constraints(section, self.space, held, pins)
@@ -141,15 +152,14 @@ class MechanicalProblem:
 
     def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
         """Prepare a step from the committed state `old` to `time` and new temperatures."""
-        law, fields, slice_ = self.slice.law, self.fields, self.slice
+        fields, slice_ = self.fields, self.slice
         before, after = self.at_points(old.temperature), self.at_points(temperature)
+        self.old, self.dt = old, time - old.time
         with self.watch.section("law"):
             strain = slice_.thermal_strain
-            self._thermal = np.asarray(strain(after)) - np.asarray(strain(before))
+            thermal = np.asarray(strain(after)) - np.asarray(strain(before))
             stiff = self.points.stiffness_temperature
-            self._temperatures = stiff(before), stiff(after)
-            self._coefficients = law.coefficients(*self._temperatures)
-        self.old, self.dt = old, time - old.time
+            self._material.begin(stiff(before), stiff(after), thermal, self.dt)
         fields.u_old.x.array[:] = old.displacement
         fields.modes_old.value[:] = old.modes
         self._motions = ScaledMotions.of(slice_.planes, time, self.scales.length)
@@ -157,6 +167,13 @@ class MechanicalProblem:
         if slice_.ferrostatic is not None and fields.pressure is not None:
             self.pressure = slice_.ferrostatic.pressure(after[self.points.split :], time)
             self.points.mean.fill(fields.pressure, self.pressure)
+            if (liquid := self._loads.liquid) is not None:
+                pressure = slice_.ferrostatic.pressure(temperature, time)
+                liquid.x.array[: self.section.owned] = pressure
+                liquid.x.scatter_forward()
+        if self.contact is not None:
+            assert old.contact is not None
+            self.contact.begin(old.contact, old.time, time, old.temperature, temperature)
         self._loads.set(time)
         self.constraints.set(time, self._target)
         self.trial, self._first = None, 0.0
@@ -214,13 +231,14 @@ class MechanicalProblem:
         with self.watch.section("kinematics"):
             strain, stress_old = self.kinematics.increments(self.old.stress)
         with self.watch.section("law"):
-            step = MaterialStep(strain, self._thermal, *self._temperatures, self.dt)
-            self.slice.law.integrate(
-                step, stress_old, self.old.internal, coefficients=self._coefficients, out=response
-            )
+            self._material.integrate(strain, stress_old, self.old.internal)
+        noise = 0.0
+        if self.contact is not None:
+            with self.watch.section("contact"):
+                noise = self.contact.evaluate()
         parts = *fields.take_stress(points, response), self.pressure
         forces, balance = self._forces()
-        scale = self.scales.stress(parts, response, local[: self.owned], self._first)
+        scale = self.scales.stress(parts, response, local[: self.owned], self._first, noise)
         self._first = self._first or scale.typical
         return Trial(local.copy(), modes, forces, balance, scale)
 
@@ -230,6 +248,8 @@ class MechanicalProblem:
         with self.watch.section("assembly"):
             forces = self._assemble(compiled.work).copy()
             balance = self.work_on(self._motions.closing) - self._motions.load
+            if self.contact is not None:
+                balance += self.contact.work_on(self._motions.closing)
         return forces, balance
 
     def _assemble(self, form: fem.Form) -> Array:
@@ -276,10 +296,18 @@ class MechanicalProblem:
         if self.constraints.moving and reductions.largest(comm, np.array([missing])) > 0.0:
             return False  # supports must get to where they belong first
 
-        def work(share: float) -> float:
-            return reductions.total(comm, float(self._residual(local - share * step) @ step))
-
         first = reductions.total(comm, float(self._residual(local) @ step))
+        base = None if self.contact is None else self.contact.now
+
+        def work(share: float) -> float:
+            found = reductions.total(comm, float(self._residual(local - share * step) @ step))
+            if self.contact is None or base is None or share < 1.0:
+                return found
+            if self.solver.snes.getIterationNumber() >= PATIENCE:
+                return found
+            # Points that come into contact make a kink, no overshoot: full steps find them.
+            return found + self.contact.kink(base)
+
         share = step_share(first, work)
         if share < 1.0:
             correction.scale(share)

@@ -75,6 +75,7 @@ class Scales:
         response: Response,
         moved: Array,
         before: float,
+        noise: float = 0.0,
     ) -> StressScale:
         """Size of the stress at the points (collective).
 
@@ -84,6 +85,7 @@ class Scales:
             response: Of the law at all points.
             moved: This rank's displacements, m.
             before: Typical stress at the start of the step, before equilibrium was sought, Pa.
+            noise: Stress that rounding makes elsewhere, at a contact, Pa.
         """
         deviator, mean, pressure = parts
         split, volume = self._points.split, np.abs(self._points.volume)
@@ -97,6 +99,6 @@ class Scales:
         sizes = reductions.largest_of(self._comm, [stiff, farthest])
         typical = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
         # Never so much that a displacement which has run away would count as good enough.
-        rounding = ROUNDING * (float(sizes[0] * sizes[1]) / self._finest + before)
+        rounding = ROUNDING * (float(sizes[0] * sizes[1]) / self._finest + before) + noise
         rounding = min(rounding, MOST * max(typical, before)) + NO_STRAIN * float(sizes[0])
         return StressScale(typical, float(sums[1]), rounding)

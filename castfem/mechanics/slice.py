@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from castfem.contact.contact import Contact
 from castfem.laws.base import Law
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, Planes
@@ -31,6 +32,7 @@ class Slice:
         large_strain: Objective update on the deformed slice.
         pin: Hold what symmetry leaves of the motions as a rigid body.
         integration: Quadrature rules; the usual ones if None.
+        contact: With a rigid wall; None for none.
     """
 
     law: Law
@@ -42,3 +44,4 @@ class Slice:
     large_strain: bool = False
     pin: bool = True
     integration: Integration | None = None
+    contact: Contact | None = None

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from castfem.contact.state import ContactState
+
 Array = npt.NDArray[np.float64]
 
 
@@ -27,6 +29,7 @@ class MechanicalState:
             own rule alone, the deviator at those of the other.
         internal: What the law remembers (points, states).
         pressure: Ferrostatic pressure at the points of the mean stress, Pa; empty without one.
+        contact: Contact with a wall; None without one.
     """
 
     time: float
@@ -40,6 +43,7 @@ class MechanicalState:
     stress: Array
     internal: Array
     pressure: Array
+    contact: ContactState | None = None
 
 
 @dataclass(frozen=True, slots=True)

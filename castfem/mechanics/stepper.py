@@ -44,6 +44,7 @@ class MechanicalStepper:
             stress=np.zeros((points, 4)),
             internal=law.initial_state(points),
             pressure=np.zeros(0),
+            contact=None if problem.contact is None else problem.contact.initial(),
         )
 
     def step(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalResult:
@@ -93,6 +94,7 @@ class MechanicalStepper:
             stress=problem.response.stress.copy(),
             internal=problem.response.state.copy(),
             pressure=problem.pressure,
+            contact=None if problem.contact is None else problem.contact.state(),
         )
 
     def _unsteadiness(self, before: Array, now: Array) -> float:

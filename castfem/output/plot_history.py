@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.output.plot_section import Steel
+from castfem.output.plot_tensile import draw_tensile
 from castfem.output.style import (
     CELSIUS,
     LIQUIDUS_COLOUR,
@@ -240,4 +241,5 @@ HISTORY_FIGURES: dict[str, Callable[[pandas.DataFrame, Course, Steel | None], Fi
     "shell": draw_shell,
     "heat": draw_heat,
     "steps": draw_steps,
+    "tensile": draw_tensile,
 }

@@ -22,7 +22,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from castfem import reductions
+from castfem import log, reductions
 from castfem.compat import assemble_matrix, assemble_owned, without_zeros
 from castfem.forms.heat import conduction, slice_measure, storage
 from castfem.materials.curve import CurvePoint, ThermalCurve
@@ -34,32 +34,29 @@ from castfem.thermal.surface import Cooling
 Array = npt.NDArray[np.float64]
 
 # Newton's full step on the enthalpy needs no line search.
-DEFAULT_OPTIONS = {
-    "snes_linesearch_type": "basic",
-    "snes_max_it": 100,
-    "ksp_type": "preonly",
-    "pc_type": "lu",
-}
-# For a plane scalar problem PETSc's own LU is the fastest. Several ranks each factor all of a
-# section of moderate size: that costs less than what a distributed factor has to communicate.
+NEWTON = {"snes_linesearch_type": "basic", "snes_max_it": 100}
+# The Jacobian is a symmetric positive matrix with its columns scaled, and as well conditioned as a
+# time step makes it: a few iterations on an incomplete factorisation of each rank's own part
+# solve it to the accuracy that Newton's method can use, at any size (docs/benchmarks.md).
+ITERATIVE = {"ksp_type": "bcgs", "ksp_rtol": 1e-9, "ksp_max_it": 300}
+# Where they do not, which a step a thousand times too long can bring about, it is factored.
+DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
 SERIAL_LU = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
-REDUNDANT_LU = {
-    "pc_type": "redundant",
-    "redundant_pc_type": "lu",
-    "redundant_pc_factor_mat_solver_type": "petsc",
-    "redundant_pc_factor_mat_ordering_type": "nd",
-}
-DISTRIBUTED_LU = {"pc_factor_mat_solver_type": "mumps"}
-MODERATE = 100_000  # vertices
+PARALLEL_LU = {"pc_factor_mat_solver_type": "mumps"}
 
 
-def default_options(ranks: int, vertices: int) -> dict[str, object]:
-    """Solver options for a section of so many vertices on so many ranks."""
-    if ranks == 1:
-        return {**DEFAULT_OPTIONS, **SERIAL_LU}
-    return {**DEFAULT_OPTIONS, **(REDUNDANT_LU if vertices <= MODERATE else DISTRIBUTED_LU)}
+def default_options(ranks: int) -> dict[str, object]:
+    """Solver options on so many ranks."""
+    incomplete = {"pc_type": "ilu"} if ranks == 1 else {"pc_type": "bjacobi", "sub_pc_type": "ilu"}
+    return {**NEWTON, **ITERATIVE, **incomplete}
 
 
+def direct_options(ranks: int) -> dict[str, object]:
+    """Options of the solver that takes over where the iterative one fails."""
+    return {**NEWTON, **DIRECT, **(SERIAL_LU if ranks == 1 else PARALLEL_LU)}
+
+
+LINEAR_FAILURE = "DIVERGED_LINEAR_SOLVE"
 BALANCE = 1e-7  # of the heat stored in a stage: what Newton's method may leave open of the whole
 SPREAD = 10 * BALANCE  # largest relative correction that closes the heat balance
 ROUNDING = 64 * np.finfo(float).eps
@@ -130,16 +127,19 @@ class ThermalProblem:
         self._assemble_operators()
         self._work = self._laplacian.createVecLeft()
         self._theta = self._laplacian.createVecRight()
-        vertices = section.vertex_space.dofmap.index_map.size_global
-        chosen = {**default_options(section.comm.size, vertices), **(options or {})}
-        matrix = self._laplacian.copy()
-        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        self.solver = SnesSolver(self, self._theta, matrix, "thermal_", chosen, self.watch)
+        chosen = {**default_options(section.comm.size), **(options or {})}
+        self.solver = self._make_solver("thermal_", chosen)
+        self._direct: SnesSolver | None = None
         self.iterations = self.stages = 0
         self._base, self._tau, self._time = np.zeros_like(self.area), 1.0, 0.0
         self._source, self.heated = np.zeros_like(self.area), False
         self.set_cooling(Cooling([], []))
         self._state = self._evaluate(np.zeros_like(self.area))
+
+    def _make_solver(self, prefix: str, options: Options) -> SnesSolver:
+        matrix = self._laplacian.copy()
+        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        return SnesSolver(self, self._theta, matrix, prefix, options, self.watch)
 
     def _assemble_operators(self) -> None:
         """Vertex areas and the constant Laplacian, from the forms."""
@@ -189,14 +189,28 @@ class ThermalProblem:
         self._base, self._tau, self._time = base, tau, time
         start = guess.copy()
         start[self._fixed] = self._fixed_value
-        self.solver.x.setArray(start)
-        outcome = self.solver.solve()
+        solver = self.solver
+        solver.x.setArray(start)
+        outcome = solver.solve()
         self.iterations += outcome.iterations
+        if outcome.reason == LINEAR_FAILURE:
+            solver = self._factoring()
+            solver.x.setArray(start)
+            outcome = solver.solve()
+            self.iterations += outcome.iterations
         self.stages += 1
-        solution = self.solver.x.getArray(readonly=True)
+        solution = solver.x.getArray(readonly=True)
         if not np.array_equal(solution, self._state.enthalpy):
             self._state = self._evaluate(solution)
         return self._close(solution, outcome)
+
+    def _factoring(self) -> SnesSolver:
+        """The direct solver, made when it is needed first."""
+        if self._direct is None:
+            log.logger.debug("the iterative linear solver has failed: factorising instead")
+            options = direct_options(self.section.comm.size)
+            self._direct = self._make_solver("thermal_direct_", options)
+        return self._direct
 
     def _close(self, solution: Array, outcome: Outcome) -> Stage:
         """Close the heat balance of the whole section over the solved stage, to rounding.
@@ -302,5 +316,7 @@ class ThermalProblem:
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self.solver.destroy()
+        if self._direct is not None:
+            self._direct.destroy()
         for thing in (self._laplacian, self._work, self._theta):
             thing.destroy()

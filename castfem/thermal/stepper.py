@@ -38,6 +38,7 @@ class ThermalState:
         point: T(H) and its companions. removed: Heat removed since the meniscus from the modelled
             part, J/m.
         extremes: Coldest and hottest vertex of the section, K.
+        generated: Heat generated inside the modelled part since the meniscus, J/m.
     """
 
     time: float
@@ -46,6 +47,7 @@ class ThermalState:
     point: CurvePoint
     removed: float
     extremes: tuple[float, float]
+    generated: float = 0.0
 
 
 @dataclass(slots=True)
@@ -90,10 +92,13 @@ class ThermalStepper:
         enthalpy = np.broadcast_to(curve.enthalpy(temperature), area.shape).copy()
         return self.state_from(0.0, enthalpy, np.zeros_like(area), 0.0)
 
-    def state_from(self, time: float, enthalpy: Array, rate: Array, removed: float) -> ThermalState:
+    def state_from(
+        self, time: float, enthalpy: Array, rate: Array, removed: float, generated: float = 0.0
+    ) -> ThermalState:
         """A state from its stored arrays (checkpoint)."""
         point = self.problem.curve.at(enthalpy)
-        return ThermalState(time, enthalpy, rate, point, removed, self._extremes(point))
+        extremes = self._extremes(point)
+        return ThermalState(time, enthalpy, rate, point, removed, extremes, generated)
 
     def _extremes(self, point: CurvePoint) -> tuple[float, float]:
         """Coldest and hottest vertex over all ranks, K."""
@@ -154,8 +159,7 @@ class ThermalStepper:
         # A step in which next to nothing happens is measured against all heat so far.
         size = max(abs(out), abs(gained), abs(generated), IDLE * abs(removed), 1e-300)
         balance = (out + gained - generated) / size
-        point = self.problem.curve.at(last.enthalpy)
-        state = ThermalState(time, last.enthalpy, last.rate, point, removed, self._extremes(point))
+        state = self.state_from(time, last.enthalpy, last.rate, removed, old.generated + generated)
         error = self._error(old, stages, dt) if self.estimate else 0.0
         return StepResult(True, state, error, newton, limited, last.outcome.reason, balance)
 

@@ -42,7 +42,7 @@ def _mpirun(tmp_path: Path, body: str, *words: str, ranks: int = 2):
     return done, time.monotonic() - begun
 
 
-RUN = ("run", "billet125/idealised", "-o", "out")
+RUN = ("run", "billet125/thermal", "-o", "out")
 
 
 def test_one_voice(tmp_path):
@@ -83,6 +83,6 @@ def test_rank_that_fails_alone_ends_all(tmp_path):
 
 
 def test_check_runs_on_one_rank(tmp_path):
-    done, _ = _mpirun(tmp_path, "return ''", "check", "billet125/idealised")
+    done, _ = _mpirun(tmp_path, "return ''", "check", "billet125/thermal")
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("billet125/idealised: sound") == 1

@@ -27,7 +27,7 @@ def test_figures_are_left_out_if_the_case_says_so(castfem, engine, case_file):
 @pytest.mark.parametrize(
     ("name", "folder"),
     [
-        ("billet125/idealised", "results/billet125/idealised"),
+        ("billet125/thermal", "results/billet125/thermal"),
         ("mine/billet.toml", "results/mine/billet"),
         ("mine/billet", "results/mine/billet"),
         ("here.toml", "results/here"),

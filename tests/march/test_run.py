@@ -28,7 +28,7 @@ COARSE = (
 
 
 def billet(*overrides: str) -> Case:
-    return load_case(CASES / "billet125" / "idealised.toml", (*COARSE, *overrides))
+    return load_case(CASES / "billet125" / "thermal.toml", (*COARSE, *overrides))
 
 
 def run(case: Case, folder: Path, **options: object) -> Summary:
@@ -80,6 +80,8 @@ def test_heat_removed_agrees_with_the_flux_integrated(tmp_path: Path) -> None:
     assert by_flux == pytest.approx(by_balance, rel=2e-3)
 
 
+STEPS = 'thermal.time.step="0.1 s"'
+
 KILLED = """
 import os, signal, sys
 from castfem.case import load_case
@@ -95,12 +97,12 @@ march.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2], progress=Killer())
 
 
 def test_killed_and_resumed_is_the_run_that_was_never_killed(tmp_path: Path) -> None:
-    overrides = (*COARSE, "output.checkpoint_every=10")
-    arguments = [str(CASES / "billet125" / "idealised.toml"), str(tmp_path / "killed"), *overrides]
+    overrides = (*COARSE, "output.checkpoint_every=10", STEPS)
+    arguments = [str(CASES / "billet125" / "thermal.toml"), str(tmp_path / "killed"), *overrides]
     done = subprocess.run([sys.executable, "-c", KILLED, *arguments], check=False)
     assert done.returncode == -9
     assert json.loads((tmp_path / "killed" / "run.json").read_text())["status"] == "running"
-    case = billet("output.checkpoint_every=10")
+    case = billet("output.checkpoint_every=10", STEPS)
     resumed = run(case, tmp_path / "killed", resume=True)
     whole = run(case, tmp_path / "whole")
     for name, quantity in whole.quantities.items():
@@ -179,7 +181,7 @@ print("LOADED", unwanted)
 
 
 def test_thermal_scene_loads_no_mechanics_and_nothing_to_draw_with(tmp_path: Path) -> None:
-    case = str(CASES / "billet125" / "idealised.toml")
+    case = str(CASES / "billet125" / "thermal.toml")
     overrides = [*COARSE, 'casting.length="60 mm"']
     run(billet('casting.length="60 mm"'), tmp_path / "first")  # the mesh is in the cache
     done = subprocess.run(

@@ -26,8 +26,10 @@ def nodal_forces(scene: SliceScene, temperature: Any) -> Array:
     return -trial.forces.reshape(-1, 2)
 
 
-def scene_on(shape: Map, cell: str, mush: str, cells: int = 9, order: int = 1) -> SliceScene:
-    pressure = Ferrostatic(lambda t: HEAD, fraction, mush)  # type: ignore[arg-type]
+def scene_on(
+    shape: Map, cell: str, mush: str, cells: int = 9, order: int = 1, outside: str = "free"
+) -> SliceScene:
+    pressure = Ferrostatic(lambda t: HEAD, fraction, mush, outside)  # type: ignore[arg-type]
     mesh = mapped(cells, cells, shape, cell, order)
     return SliceScene(mesh, elastic(), given={"ferrostatic": pressure}, start=1600.0)
 
@@ -103,6 +105,38 @@ def test_shares_of_the_mush() -> None:
     assert list(SHARES["none"](solid)) == [1, 0, 0, 0, 0]
     with pytest.raises(InputError, match=r"ferrostatic\.mush"):
         Ferrostatic(lambda t: 0.0, fraction, "half")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"ferrostatic\.outside"):
+        Ferrostatic(lambda t: 0.0, fraction, outside="open")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_liquid_at_the_surface_is_held_from_outside(cell: str) -> None:
+    """Before there is a shell the slice feels nothing; then the front alone."""
+    scene = scene_on(skewed(0.1, 0.06), cell, "proportional", 8, outside="held")
+    place = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+    outside = (place[:, 0] > 1e-9) & (place[:, 1] > 1e-9)
+    assert np.abs(nodal_forces(scene, 1780.0)[outside]).max() < 1e-12 * HEAD
+    # Liquid up to the upper face, a shell at the right: gamma D times the height on the shell.
+    force = nodal_forces(scene, lambda x, y: np.where(x < 0.062, 1780.0, 1600.0))
+    assert force[place[:, 0] > 1e-9, 0].sum() == pytest.approx(HEAD * 0.06, rel=1e-10)
+    upper = (place[:, 1] > 0.06 - 1e-9) & (place[:, 0] < 0.03) & (place[:, 0] > 1e-9)
+    assert np.abs(force[upper]).max() < 1e-12 * HEAD
+
+
+def test_liquid_is_held_on_the_deformed_surface() -> None:
+    """The same blown up to 1.3 times its size."""
+    given = {"ferrostatic": Ferrostatic(lambda t: HEAD, fraction), "large_strain": True}
+    scene = SliceScene(mapped(2, 2, box(0.1, 0.1)), elastic(), given=given, start=1780.0)
+    problem = scene.problem
+    problem.begin(scene.state, 1.0, scene.field(1780.0))
+    places = problem.space.tabulate_dof_coordinates()[:, :2]
+    local = np.concatenate([0.3 * places.ravel(), [0.0]])
+    pressed = problem._evaluate(local).forces.reshape(-1, 2)
+    problem.points.mean.fill(problem.fields.pressure, 0.0 * problem.pressure)
+    problem._loads.liquid.x.array[:] = 0.0
+    free = problem._evaluate(local).forces.reshape(-1, 2)
+    inner = (places > 1e-9).all(axis=1)
+    assert np.abs(pressed - free)[inner].max() < 1e-10 * HEAD * 0.1
 
 
 def test_head_of_a_vertical_machine() -> None:
@@ -116,7 +150,7 @@ def test_pressure_follows_the_walls_at_large_strain() -> None:
         mapped(2, 2, box(0.1, 0.1)),
         elastic(),
         given={
-            "ferrostatic": Ferrostatic(lambda t: HEAD, fraction),
+            "ferrostatic": Ferrostatic(lambda t: HEAD, fraction, outside="free"),
             "large_strain": True,
         },
         start=1780.0,

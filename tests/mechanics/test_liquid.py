@@ -30,7 +30,9 @@ def soft(ratio: float, poisson: float = 0.3) -> ThermoElastic:
 
 def pressed(head: float) -> Ferrostatic:
     return Ferrostatic(
-        lambda t: head, lambda T: np.clip((LIQUIDUS - T) / (LIQUIDUS - SOLIDUS), 0, 1)
+        lambda t: head,
+        lambda T: np.clip((LIQUIDUS - T) / (LIQUIDUS - SOLIDUS), 0, 1),
+        outside="free",
     )
 
 

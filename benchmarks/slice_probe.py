@@ -1,0 +1,149 @@
+"""One march of a freezing slice, timed step by step; by itself in a process of its own.
+
+    python -m benchmarks.slice_probe '{"cells": 900}'          (mpirun -n 2 before it)
+
+prints times, memory and sizes as JSON.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass, field
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from benchmarks.probe import peak
+from benchmarks.slices import CoolingSlice, Heat
+from castfem import meshes
+from castfem.laws.elasticity import Solidity
+from castfem.laws.library import load_elasticity, load_law
+from castfem.materials import load_steel
+from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mechanics.planes import PlainPlanes, allowed_modes
+from castfem.mechanics.slice import Slice
+from castfem.thermal.laws import Contact
+
+SECTIONS = {
+    "quarter": {"width": 0.125, "height": 0.125, "symmetry": "quarter"},
+    "half": {"width": 1.2, "height": 0.22, "symmetry": "half"},
+}
+FACTOR = ("MatCholFctrSym", "MatCholFctrNum", "MatLUFactorSym", "MatLUFactorNum")
+SOLVE = ("MatSolve", "MatMatSolve")
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What to run.
+
+    Attributes:
+        cells: About how many. section: Of `SECTIONS`: a billet's quarter, half a slab.
+        before: Steps of 1 s that grow a shell first, not timed. steps: Steps that are timed.
+        step: Their length, s. options: PETSc options of the mechanics.
+        large: Large strain.
+    """
+
+    cells: int = 900
+    section: str = "quarter"
+    before: int = 4
+    steps: int = 20
+    step: float = 0.25
+    options: dict[str, Any] = field(default_factory=dict, hash=False)
+    large: bool = False
+
+
+def mesh_of(run: Run) -> meshes.SectionMesh:
+    """The section with sizes from 1 to 10 (surface to core) and about as many cells as wanted."""
+    low, high = 0.02, 5.0
+
+    def made(factor: float) -> meshes.SectionMesh:
+        sizes = {"surface_size": 1e-3 * factor, "core_size": 1e-2 * factor}
+        given = SECTIONS[run.section] | sizes
+        return meshes.build("rectangle", cell="quadrilateral", **given)
+
+    for _ in range(24):
+        middle = float(np.sqrt(low * high))
+        if len(made(middle).cells) > run.cells:
+            low = middle
+        else:
+            high = middle
+        if high < 1.002 * low:
+            break
+    return made(high)
+
+
+def scene(run: Run, comm: MPI.Comm = MPI.COMM_SELF) -> CoolingSlice:
+    """The freezing slice of the tests: contact with a cold wall, ferrostatic pressure."""
+    steel = load_steel("carbon_042")
+    mesh = mesh_of(run)
+    start = steel.liquidus + 20.0
+    names = [g for g in mesh.groups if not g.startswith("symmetry")]
+    heat = Heat(
+        steel, start, (400.0, start + 2.0), {n: Contact(1600.0, 433.15, 0.15) for n in names}
+    )
+    elasticity = load_elasticity("elastic_steel", Solidity.of(steel, stiffness_ratio=1e-5))
+    slice_ = Slice(
+        load_law("norton_hoff_kozlowski", elasticity),
+        steel.thermal_strain,
+        PlainPlanes(allowed_modes(mesh.groups)),
+        ferrostatic=Ferrostatic(vertical_head(7000.0, 0.06), steel.solid_fraction),
+        large_strain=run.large,
+    )
+    return CoolingSlice(mesh, heat, slice_, comm, run.options)
+
+
+def events(names: tuple[str, ...]) -> float:
+    """Seconds PETSc has spent in these events on this rank."""
+    return float(sum(PETSc.Log.Event(n).getPerfInfo()["time"] for n in names))
+
+
+def measure(run: Run, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
+    """March and time; the seconds are those of the mechanics alone unless said otherwise."""
+    PETSc.Log.begin()
+    slice_ = scene(run, comm).march(float(run.before), 1.0)
+    slice_.watch.seconds.clear()
+    slice_.watch.calls.clear()
+    first, heating = len(slice_.times), slice_.heating
+    factor, solve = events(FACTOR), events(SOLVE)
+    slice_.march(run.before + run.steps * run.step, run.step)
+    times, newton = slice_.times[first:], slice_.newton[first:]
+    problem, section = slice_.problem, slice_.section
+    found = {
+        "cells": section.mesh.topology.index_map(2).size_global,
+        "unknowns": problem.space.dofmap.index_map.size_global * 2 + problem.free,
+        "points": problem.points.count,
+        "step_s": float(np.mean(times)),
+        "median_s": float(np.median(times)),
+        "newton": float(np.mean(newton)),
+        "newton_s": float(np.sum(times) / max(np.sum(newton), 1)),
+        "heat_s": (slice_.heating - heating) / run.steps,
+        "factor_s": (events(FACTOR) - factor) / run.steps,
+        "solve_s": (events(SOLVE) - solve) / run.steps,
+        "sections": {n: t / run.steps for n, t in slice_.watch.seconds.items()},
+        "calls": {n: c / run.steps for n, c in slice_.watch.calls.items()},
+        "modes": slice_.state.modes.tolist(),
+    }
+    slice_.destroy()
+    return found
+
+
+def main() -> None:
+    """March and print."""
+    given = json.loads(sys.argv[1])
+    comm = MPI.COMM_WORLD
+    before = peak()
+    repeats = given.pop("repeats", 1)
+    runs = [measure(Run(**given), comm) for _ in range(repeats)]
+    best = min(runs, key=lambda r: r["step_s"])
+    best["memory_mb"] = 1e-6 * comm.allreduce(peak())
+    best["memory_before_mb"] = 1e-6 * comm.allreduce(before)
+    if comm.rank == 0:
+        print("RESULT " + json.dumps(best))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,257 @@
+"""castfem for those who script: load a case, change it, run it, and have the results as arrays.
+
+    import castfem
+
+    case = castfem.load("billet125/idealised")
+    result = castfem.run(case.with_(speed="3 m/min"))
+    result.quantities["shell_mid_face"]      # m
+    result.history                           # pandas
+
+DOLFINx is imported by the first `run`, pandas and h5py when they are needed.
+"""
+
+from __future__ import annotations
+
+import gc
+import shutil
+import tempfile
+import weakref
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.errors import InputError
+from castfem.output.summary import Summary
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    import pandas
+
+    from castfem.case import Case
+    from castfem.output.fields import Fields
+
+
+def load(name: str | Path) -> Case:
+    """Return a case: that of a file (with or without .toml), or one shipped with castfem.
+
+    Raises:
+        InputError: There is none, or something is wrong in it; all problems, one line each.
+    """
+    from castfem.case import load_case
+    from castfem.cli.catalogue import find
+
+    return load_case(find(str(name)))
+
+
+def run(
+    case: Case | str | Path,
+    folder: Path | str | None = None,
+    *,
+    resume: bool = False,
+    comm: MPI.Intracomm | None = None,
+    progress: bool = False,
+) -> Result:
+    """Run a case and return its result (collective).
+
+    Args:
+        case: A case, or what `load` takes.
+        folder: Where the files go (docs/output.md); a run in it is replaced. None takes a temporary
+            folder, which goes when the result is closed or no longer used.
+        resume: Go on from the checkpoint in `folder`.
+        comm: Ranks of the run; all when None.
+        progress: Draw a bar, or write lines where there is no terminal.
+
+    Returns:
+        The result. On ranks other than 0 it has the summary alone.
+
+    Raises:
+        InputError: The case, the folder or the checkpoint cannot be used.
+        RunFailure: The run cannot go on; its last good state is in `folder`.
+    """
+    from mpi4py import MPI
+
+    from castfem import log, march
+    from castfem.parallel import on_root
+    from castfem.progress import Progress
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    sound = load(case) if isinstance(case, str | Path) else case
+    made = None if folder is not None else on_root(comm, tempfile.mkdtemp)
+    # Only rank 0 looks at files; the name of a temporary folder is no concern of the others.
+    target = Path(made or folder or ".")
+    bar = Progress(0 if progress else -1) if comm.rank == 0 else None
+    try:
+        summary = march.run(sound, target, comm=comm, resume=resume, progress=bar)
+    except BaseException:
+        if made is not None:
+            shutil.rmtree(made, ignore_errors=True)
+        raise
+    finally:
+        if bar is not None:
+            bar.stop()
+        log.end_file()
+        # Meshes and their communicators stand in cycles: what waits for the collector is not small,
+        # and freeing it is collective.
+        gc.collect()
+    return Result(target, summary, temporary=made is not None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Snapshot:
+    """The fields of a run at one time.
+
+    Attributes:
+        time: Since the meniscus, s.
+        position: Below the meniscus, m.
+        points: (n, 3) nodes, m.
+        cells: (m, k) nodes of the cells, in VTK order.
+        values: Name to field, in SI: (n,) of a scalar, (n, 3) of a vector, (n, 9) of a tensor; m
+            rows instead of n where a field lives in the cells.
+    """
+
+    time: float
+    position: float
+    points: NDArray[np.float64]
+    cells: NDArray[np.int32]
+    values: dict[str, NDArray[np.float64]]
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        """One field by its name."""
+        if name not in self.values:
+            raise InputError(f"no field {name}; there are {', '.join(self.values) or 'none'}")
+        return self.values[name]
+
+
+class Result:
+    """What a run has found, read from its folder when it is asked for.
+
+    `Result(folder)` looks at a run of an earlier day. With a temporary folder, use it as a context
+    manager, call `close`, or let go of it; `summary` and what has been read stay.
+
+    Attributes:
+        folder: Of the run.
+    """
+
+    def __init__(
+        self, folder: Path | str, summary: Summary | None = None, *, temporary: bool = False
+    ) -> None:
+        """Names the folder; `summary` spares reading it, `temporary` removes the folder later.
+
+        Raises:
+            InputError: The folder holds no summary of a run.
+        """
+        self.folder = Path(folder)
+        found = summary or Summary.load(self.folder)
+        if found is None:
+            raise InputError(f"{self.folder}: holds no run that has ended (no summary.json)")
+        self._summary = found
+        self._remove = (
+            weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
+            if temporary
+            else None
+        )
+
+    @property
+    def summary(self) -> Summary:
+        """Results, references, balances, counts and wall time; values in SI."""
+        return self._summary
+
+    @property
+    def quantities(self) -> dict[str, float]:
+        """Name to result in SI (`summary.quantities` has units and labels too)."""
+        return {name: quantity.value for name, quantity in self._summary.quantities.items()}
+
+    @cached_property
+    def case(self) -> Case:
+        """The case that was run."""
+        from castfem.case import load_case
+
+        return load_case(self.folder / "case.toml")
+
+    @cached_property
+    def history(self) -> pandas.DataFrame:
+        """One row a step; `history.attrs["units"]` has the unit of each column."""
+        from castfem.output.history import HISTORY_NAME, read_history
+
+        return read_history(self.folder / HISTORY_NAME)
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times of the fields, s."""
+        with self._fields() as fields:
+            return fields.times
+
+    @property
+    def positions(self) -> NDArray[np.float64]:
+        """Positions of the fields below the meniscus, m."""
+        with self._fields() as fields:
+            return fields.positions
+
+    def fields(self, *, time: float | None = None, position: float | None = None) -> Snapshot:
+        """The fields at the written time that is nearest; `output.every` says how near that is.
+
+        Args:
+            time: Since the meniscus, s.
+            position: Below the meniscus, m; with neither, the end of the run.
+
+        Raises:
+            InputError: Both are given, one is beyond the run, or there are no fields.
+        """
+        if time is not None and position is not None:
+            raise InputError("fields: give the time or the position, not both")
+        with self._fields() as file:
+            if not len(file.times):
+                raise InputError(f"{self.folder}: the run has written no fields")
+            index = len(file.times) - 1
+            if time is not None:
+                index = _nearest(file.times, time, "time", "s")
+            elif position is not None:
+                index = _nearest(file.positions, position, "position", "m")
+            values = {name: file.values(name, index) for name in file.names}
+            at = float(file.times[index]), float(file.positions[index])
+            return Snapshot(*at, file.points, file.cells, values)
+
+    def close(self) -> None:
+        """Remove the folder if it is a temporary one."""
+        if self._remove is not None:
+            self._remove()
+
+    def __enter__(self) -> Result:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        return f"Result({str(self.folder)!r}: {self._summary.title}, {self._summary.status})"
+
+    def _fields(self) -> Fields:
+        from castfem.output.fields import Fields
+
+        return Fields(self.folder)
+
+
+def _nearest(written: NDArray[np.float64], wanted: float, name: str, unit: str) -> int:
+    """Index of the value nearest to one that was asked for.
+
+    Raises:
+        InputError: It lies outside of what was written.
+    """
+    low, high = float(written[0]), float(written[-1])
+    slack = 1e-9 * max(abs(high), abs(low))
+    if not low - slack <= wanted <= high + slack:
+        raise InputError(
+            f"{name} {wanted:g} {unit}: fields were written from {low:g} to {high:g} {unit}"
+        )
+    return int(np.argmin(np.abs(written - wanted)))

@@ -1,0 +1,171 @@
+"""The tables [mechanics] and [coupling]: what the slice is made of, and how its march is cut up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from castfem.case.base import TableModel, written
+from castfem.case.table import Curve, Table
+from castfem.case.thermal import PetscOption
+from castfem.quantities import Kind, Time
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+FREE = "free"
+
+Share = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="1")]
+Ratio = Annotated[float, Kind("1", above=0.0, most=1.0, label="ratio", sample="1e-5")]
+Solid = Annotated[float, Kind("1", least=0.0, most=0.99, label="solid fraction", sample="0.5")]
+Tolerance = Annotated[float, Kind("1", above=0.0, most=0.1, label="tolerance", sample="1e-8")]
+ForceOfTime = Annotated[
+    float | Table, Curve(Kind("N", "kN", label="force", sample="10 kN"), over="time")
+]
+MomentOfTime = Annotated[
+    float | Table, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), over="time")
+]
+DisplacementOfTime = Annotated[
+    float | Table, Curve(Kind("m", "mm", label="displacement", sample="0.1 mm"), over="time")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Motion(Curve):
+    """Annotation of a field that is "free", a value, or a table over time."""
+
+    over: str = "time"
+
+    def read(self, given: object) -> Any:
+        """Return "free", the value in SI, or a table; raise ValueError if it is none of them."""
+        if given == FREE:
+            return FREE
+        try:
+            return Curve.read(self, given)
+        except ValueError as error:
+            raise ValueError(f'{error}; or "free"') from None
+
+    def write(self, value: Any) -> Any:
+        """Return what reads back to the same value."""
+        return value if value == FREE else Curve.write(self, value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the schema: that of a `Curve`, or the word."""
+        known = Curve.__get_pydantic_json_schema__(self, schema, handler)
+        known["anyOf"] = [{"const": FREE}, *known["anyOf"]]
+        return known
+
+
+AxialStrain = Annotated[str | float | Table, Motion(Kind("1", label="strain", sample="0.001"))]
+Gradient = Annotated[
+    str | float | Table, Motion(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"))
+]
+
+
+class Motions(TableModel):
+    """How the two planes that bound the slice move: e = 1 + a0 + a1 x + a2 y (eq. 37).
+
+    Each motion is free, or imposed as a value or a table over time; what the section's symmetry
+    excludes stays zero.
+    """
+
+    a0: AxialStrain = Field(
+        "free", description='axial strain: "free" or imposed', examples=["free", 0.0]
+    )
+    a1: Gradient | None = Field(
+        None, description="gradient of the axial strain along x; free unless symmetry excludes it"
+    )
+    a2: Gradient | None = Field(
+        None, description="gradient of the axial strain along y; free unless symmetry excludes it"
+    )
+    across: AxialStrain | None = Field(
+        None, description="uniform strain along y, for a strip cut out of something wide"
+    )
+    force: ForceOfTime = Field(written("0 kN"), description="external axial force on the slice")
+    moment_x: MomentOfTime = Field(
+        written("0 kN m"), description="external moment of the axial stress with x"
+    )
+    moment_y: MomentOfTime = Field(
+        written("0 kN m"), description="external moment of the axial stress with y"
+    )
+
+
+class Held(TableModel):
+    """A displacement given on boundary groups, beside the lines of symmetry."""
+
+    on: tuple[str, ...] = Field(
+        min_length=1,
+        description="boundary groups; a name also stands for all groups that begin with it",
+    )
+    component: Literal["x", "y"] = Field(description="direction of the displacement")
+    value: DisplacementOfTime = Field(written("0 mm"), description="the displacement")
+
+
+class Mechanics(TableModel):
+    """The mechanical problem of the slice in generalized plane strain."""
+
+    law: str = Field(
+        "norton_hoff_kozlowski",
+        description="constitutive law: a set shipped with castfem, or a TOML file of your own, "
+        "relative to this file",
+    )
+    elasticity: str | None = Field(
+        None,
+        description="Young's modulus and Poisson's ratio: a shipped set or a TOML file; by "
+        "default the steel's own, or else elastic_steel",
+        examples=["elastic_steel"],
+    )
+    liquid_stiffness: Ratio = Field(
+        1e-5, description="Young's modulus of the liquid over that of the solid"
+    )
+    mush: Literal["geometric", "linear"] = Field(
+        "geometric", description="how the modulus goes with the solid fraction in the mush"
+    )
+    coherency: Solid = Field(
+        0.0, description="solid fraction up to which the mush is as soft as the liquid"
+    )
+    ferrostatic: Literal["proportional", "full", "none", "off"] = Field(
+        "proportional",
+        description="pressure of the liquid in the mush: proportional to the liquid (eq. 219), "
+        "full until all is solid, none as soon as anything is; off: no pressure at all",
+    )
+    strain: Literal["small", "large"] = Field(
+        "small", description="small strain, or an objective update on the deformed slice"
+    )
+    tolerance: Tolerance = Field(
+        1e-8, description="forces left unbalanced, relative to the stress there is"
+    )
+    planes: Motions = Field(
+        default_factory=lambda: Motions.model_validate({}),
+        description="motion of the bounding planes",
+    )
+    held: tuple[Held, ...] = Field((), description="displacements given on the surface")
+    solver: dict[str, PetscOption] = Field(
+        default_factory=dict, description="PETSc options of the nonlinear solver, merged over ours"
+    )
+
+
+class Coupling(TableModel):
+    """How temperature and mechanics take turns."""
+
+    interval: Time = Field(
+        written("0.1 s"), description="time after which the two exchange what they know"
+    )
+    dissipation: Share = Field(
+        1.0, description="share of the viscoplastic work that becomes heat; 0: it is left out"
+    )
+
+
+def free_motions(motions: Motions, allowed: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the free motions; of those that are not given, a1 and a2 as far as `allowed`."""
+    given = {name: getattr(motions, name) for name in ("a0", "a1", "a2", "across")}
+    return tuple(
+        name
+        for name, value in given.items()
+        if value == FREE or (value is None and name in ("a1", "a2") and name in allowed)
+    )

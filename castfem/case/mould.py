@@ -1,0 +1,200 @@
+"""The table [mould]: the rigid mould, how the strand touches it and how it rubs against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from castfem.case.base import TableModel, written
+from castfem.case.mechanics import Share
+from castfem.case.table import Curve, Table
+from castfem.case.taper import Perimeter, TaperMark
+from castfem.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
+from castfem.units import nearest
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
+ExpansionCoefficient = Annotated[float, Kind("1/K", "1/K", above=0.0)]
+Stress = Annotated[float, Kind("Pa", "MPa", above=0.0, label="stress", sample="10 MPa")]
+FrictionCoefficient = Annotated[
+    float, Kind("1", least=0.0, label="friction coefficient", sample="0.3")
+]
+Exponent = Annotated[float, Kind("1", above=0.0, most=1.0, label="exponent", sample="0.5")]
+
+
+@dataclass(frozen=True, slots=True)
+class OneWord:
+    """Annotation of a table that a single word may stand for: that word under its main key.
+
+    Attributes:
+        key: The main key.
+        words: What it may be where nothing else has to be given.
+    """
+
+    key: str
+    words: tuple[str, ...]
+
+    def _table(self, given: Any) -> Any:
+        if not isinstance(given, str):
+            return given
+        if given not in self.words:
+            raise ValueError(
+                f"must be {' or '.join(self.words)}, or a table with '{self.key}'"
+                f"{nearest(given, self.words)}"
+            )
+        return {self.key: given}
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_before_validator_function(self._table, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"enum": list(self.words)}, handler(schema)]}
+
+
+class Touch(TableModel):
+    """How the strand is kept out of the wall: penalty (eq. 239) or Nitsche's method."""
+
+    method: Literal["penalty", "nitsche"] = Field(
+        "penalty",
+        description='method; `contact = "nitsche"` in [mould] says the same in one line',
+    )
+    factor: PositiveNumber | None = Field(
+        None,
+        description="stiffness of the contact over that of the cell behind it; by default the "
+        "method's own",
+        examples=[1000],
+    )
+
+
+class NoFriction(TableModel):
+    """The strand slides freely."""
+
+    law: Literal["none"]
+
+
+class Coulomb(TableModel):
+    """Coulomb: the friction stress is at most the coefficient times the pressure (eq. 231)."""
+
+    law: Literal["coulomb"]
+    coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
+
+
+class Limited(TableModel):
+    """Coulomb, limited where pressure and friction make the surface yield (eq. 233)."""
+
+    law: Literal["limited"]
+    coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
+    yield_stress: Stress = Field(
+        description="yield stress p0 of the weaker of the two, sqrt(p^2 + 3 tau^2) <= p0"
+    )
+
+
+class Tresca(TableModel):
+    """Tresca: the friction stress is at most a share of the yield stress (eq. 234, 235)."""
+
+    law: Literal["tresca"]
+    share: Share = Field(description="share m in m p0 / sqrt(3)")
+    yield_stress: Stress = Field(description="yield stress p0 of the weaker of the two")
+
+
+class Viscous(TableModel):
+    """Friction that goes with a power of the sliding speed, beyond a threshold (eq. 236, 237)."""
+
+    law: Literal["viscous"]
+    stress: Stress = Field(description="friction stress at the given speed", examples=["20 kPa"])
+    speed: Speed = Field(description="sliding speed at which it holds", examples=["3.6 m/min"])
+    exponent: Exponent = Field(1.0, description="exponent n of the speed")
+    coefficient: FrictionCoefficient = Field(
+        0.0, description="friction stress over pressure up to which it sticks; 0: a lubricant"
+    )
+    yield_stress: Stress | None = Field(
+        None,
+        description="yield stress p0: beyond the threshold at most p0 / sqrt(3); needed with one",
+    )
+
+
+def _law(table: Any) -> str | None:
+    if isinstance(table, dict):
+        return table.get("law")
+    return getattr(table, "law", None)
+
+
+Friction = Annotated[
+    Annotated[NoFriction, Tag("none")]
+    | Annotated[Coulomb, Tag("coulomb")]
+    | Annotated[Limited, Tag("limited")]
+    | Annotated[Tresca, Tag("tresca")]
+    | Annotated[Viscous, Tag("viscous")],
+    Discriminator(_law),
+]
+
+
+class Copper(TableModel):
+    """Thermal expansion of the mould, where its sizes are those of the cold mould."""
+
+    expansion: ExpansionCoefficient = Field(
+        written("17e-6 1/K"), description="mean expansion coefficient", examples=["17e-6 1/K"]
+    )
+    cold: Temperature = Field(
+        written("25 degC"),
+        description="temperature at which the sizes are given",
+        examples=["25 degC"],
+    )
+    temperature: TemperatureOfPosition | None = Field(
+        None,
+        description="mean temperature of the wall over its thickness; by default wall_temperature",
+        examples=["120 degC"],
+    )
+
+
+class Mould(TableModel):
+    """The rigid mould round the strand; left out: an idealised mould that follows the strand."""
+
+    length: Length = Field(
+        description="from the meniscus to the end of the mould", examples=["600 mm"]
+    )
+    taper: Annotated[Perimeter, TaperMark()] = Field(
+        written("0 %/m"),
+        description="relative change of the section's sizes per metre (eq. 300); positive: the "
+        "mould closes downwards",
+        examples=["1 %/m"],
+    )
+    width: Length | None = Field(
+        None, description="of the cavity at the meniscus; by default that of the strand"
+    )
+    height: Length | None = Field(None, description="likewise, in y")
+    diameter: Length | None = Field(None, description="likewise, of a round")
+    corner_radius: Distance | None = Field(
+        None, description="of the cavity at the meniscus; by default that of the strand"
+    )
+    wall_temperature: TemperatureOfPosition | None = Field(
+        None,
+        description="of the face towards the strand, constant or along the mould",
+        examples=["160 degC"],
+    )
+    condition: Literal["working", "cold"] = Field(
+        "working",
+        description="the mould to which sizes and taper belong: hot as it works, or cold; a cold "
+        "one is expanded by [mould.copper]",
+    )
+    copper: Copper = Field(
+        default_factory=lambda: Copper.model_validate({}),
+        description="thermal expansion of a mould given cold",
+    )
+    contact: Annotated[Touch, OneWord("method", ("penalty", "nitsche"))] = Field(
+        default_factory=lambda: Touch.model_validate({}), description="contact method"
+    )
+    friction: Annotated[Friction, OneWord("law", ("none",))] = Field(
+        default_factory=lambda: NoFriction(law="none"), description="friction law"
+    )

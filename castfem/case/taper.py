@@ -1,0 +1,242 @@
+"""How a taper is written: one value, stretches, a parabola, a table; alike all round or not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any
+
+from castfem.case.table import Curve, Table
+from castfem.mould.taper import Course, Displaced, Stretch, Taper
+from castfem.quantities import Kind
+from castfem.units import nearest
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+TAPER = Kind("1/m", "%/m", label="taper", sample="1 %/m")
+_MOST = 0.5
+_END = Kind("m", "mm", above=0.0)
+_CLOSING = Curve(Kind("m", "mm", label="displacement", sample="0.5 mm"), over="position")
+_FORMS = (
+    '"1 %/m", stretches [{ to = "300 mm", taper = "2 %/m" }, { taper = "1 %/m" }], a parabola '
+    '{ top = "2 %/m", exit = "0.4 %/m" }, or a table over position of how far the wall has moved in'
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A taper as given; `castfem.mould.taper` says what it means.
+
+    Attributes:
+        stretches: In casting order; the last one may have no end.
+        closing: Displacement of the wall over position instead of stretches.
+    """
+
+    stretches: tuple[Stretch, ...] = ()
+    closing: Table | None = None
+
+    def course(self, length: float) -> Course:
+        """Return the course along a mould of that length, m.
+
+        Raises:
+            ValueError: The stretches do not fill the mould, or close it altogether.
+        """
+        if self.closing is not None:
+            return Displaced(self.closing.arguments, self.closing.values)
+        *before, last = self.stretches
+        end = length if last.end is None else last.end
+        inner = before[-1].end if before else 0.0
+        assert inner is not None
+        if inner >= length:
+            raise ValueError(
+                f"a stretch of the taper ends {1e3 * inner:g} mm below the meniscus, where the "
+                f"mould has ended ({1e3 * length:g} mm)"
+            )
+        if abs(end - length) > 1e-9 * length:
+            raise ValueError(
+                f"the last stretch of the taper ends {1e3 * end:g} mm below the meniscus, the "
+                f"mould {1e3 * length:g} mm; leave out its 'to'"
+            )
+        return Taper((*before, Stretch(length, last.top, last.bottom)))
+
+
+@dataclass(frozen=True, slots=True)
+class Perimeter:
+    """The tapers round the section, each None where it is not given.
+
+    Attributes:
+        face: Of all faces (of a round, of its wall).
+        narrow_face: Of the narrow faces: it governs the width.
+        wide_face: Of the wide faces: it governs the height.
+        corner: Of the section at its corners; without it the faces stay plane.
+    """
+
+    face: Given | None = None
+    narrow_face: Given | None = None
+    wide_face: Given | None = None
+    corner: Given | None = None
+
+    @property
+    def parts(self) -> dict[str, Given]:
+        """Those that are given, by key."""
+        found = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {name: taper for name, taper in found.items() if taper is not None}
+
+
+_PARTS = tuple(f.name for f in fields(Perimeter))
+
+
+@dataclass(frozen=True, slots=True)
+class TaperMark:
+    """Annotation of a field that takes a taper."""
+
+    takes: str = 'taper: `"1 %/m"`, or stretches, a parabola, a table over position'
+
+    def read(self, given: object) -> Perimeter:
+        """Return the tapers, or raise ValueError."""
+        if isinstance(given, Perimeter):
+            return given
+        if isinstance(given, Mapping) and set(given) & set(_PARTS):
+            for key in given:
+                if key not in _PARTS:
+                    raise ValueError(
+                        f"unknown key '{key}' beside {', '.join(k for k in given if k in _PARTS)}; "
+                        f"allowed: {', '.join(_PARTS)}{nearest(str(key), _PARTS)}"
+                    )
+            return Perimeter(**{key: _named(key, value) for key, value in given.items()})
+        return Perimeter(face=_read(given))
+
+    def write(self, value: Perimeter) -> Any:
+        """Return what reads back to the same tapers."""
+        parts = {key: _write(given) for key, given in value.parts.items()}
+        return parts["face"] if list(parts) == ["face"] else parts
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(
+            self.read,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                self.write, when_used="json"
+            ),
+        )
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        value, end = TAPER.json_schema(), _END.json_schema()
+        parabola = {"top": value, "exit": value}
+        stretch = _object({"to": end, "taper": value, **parabola})
+        one = [
+            value,
+            {"type": "array", "items": stretch, "minItems": 1},
+            _object(parabola, required=["top", "exit"]),
+            *_CLOSING.__get_pydantic_json_schema__(schema, handler)["anyOf"][1:],
+        ]
+        parts = _object({key: {"anyOf": one} for key in _PARTS})
+        return {"anyOf": [*one, parts], "description": "taper of the mould, as (300) defines it"}
+
+
+def _object(properties: dict[str, Any], required: Sequence[str] = ()) -> dict[str, Any]:
+    found = {"type": "object", "properties": properties, "additionalProperties": False}
+    return {**found, "required": list(required)} if required else found
+
+
+def _named(key: str, given: object) -> Given:
+    try:
+        return _read(given)
+    except ValueError as error:
+        raise ValueError(f"{key}: {error}") from None
+
+
+def _read(given: object) -> Given:
+    """Return one taper, or raise ValueError."""
+    if isinstance(given, Given):
+        return given
+    if isinstance(given, str):
+        value = _value(given)
+        return Given((Stretch(None, value, value),))
+    if isinstance(given, Mapping):
+        if set(given) & {"position", "file", "value"}:
+            table = _CLOSING.read(given)
+            assert isinstance(table, Table)
+            return Given(closing=table)
+        return Given((_stretch(given, ("top", "exit"), ends=False),))
+    if isinstance(given, Sequence) and given:
+        return Given(_stretches(given))
+    raise ValueError(f"a taper is needed: {_FORMS}")
+
+
+def _stretches(given: Sequence[Any]) -> tuple[Stretch, ...]:
+    found: list[Stretch] = []
+    for number, entry in enumerate(given, start=1):
+        try:
+            if not isinstance(entry, Mapping):
+                raise ValueError('must be a table such as { to = "300 mm", taper = "2 %/m" }')
+            keys = ("taper",) if "taper" in entry else ("top", "exit")
+            stretch = _stretch(entry, keys, ends=True)
+            above = found[-1].end if found else 0.0
+            if stretch.end is None and number < len(given):
+                raise ValueError("'to' is missing; only the last stretch may leave it out")
+            if stretch.end is not None and above is not None and stretch.end <= above:
+                raise ValueError(
+                    f"'to' ({1e3 * stretch.end:g} mm) does not lie beyond the end of the stretch "
+                    f"before ({1e3 * above:g} mm)"
+                )
+        except ValueError as error:
+            raise ValueError(f"stretch {number}: {error}") from None
+        found.append(stretch)
+    return tuple(found)
+
+
+def _stretch(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> Stretch:
+    """Read one stretch whose taper stands under `keys`: one of it, or its top and its exit."""
+    allowed = (*(("to",) if ends else ()), *keys)
+    for key in given:
+        if key not in allowed:
+            known = ("to", "taper", "top", "exit") if ends else (*keys, *_PARTS, "position", "file")
+            raise ValueError(f"unknown key '{key}'{nearest(str(key), known)}; a taper is {_FORMS}")
+    values = []
+    for key in keys:
+        if key not in given:
+            raise ValueError(f"'{key}' is missing; a taper is {_FORMS}")
+        try:
+            values.append(_value(given[key]))
+        except ValueError as error:
+            raise ValueError(f"{key}: {error}") from None
+    try:
+        end = _END.read(given["to"]) if "to" in given else None
+    except ValueError as error:
+        raise ValueError(f"to: {error}") from None
+    return Stretch(end, values[0], values[-1])
+
+
+def _value(given: object) -> float:
+    """Return a taper, 1/m; it is a few percent per metre, what is far beyond was a slip."""
+    value = TAPER.read(given)
+    if abs(value) > _MOST:
+        raise ValueError(
+            f"is {100.0 * value:g} %/m; allowed: at most {100.0 * _MOST:g} %/m either way"
+        )
+    return value
+
+
+def _write(given: Given) -> Any:
+    """Return what `_read` reads back to the same taper."""
+    if given.closing is not None:
+        return _CLOSING.write(given.closing)
+    if len(given.stretches) == 1 and given.stretches[0].end is None:
+        entry = _entry(given.stretches[0])
+        return entry.get("taper", entry)
+    return [_entry(stretch) for stretch in given.stretches]
+
+
+def _entry(stretch: Stretch) -> dict[str, Any]:
+    end = {} if stretch.end is None else {"to": _END.write(stretch.end)}
+    if stretch.top == stretch.bottom:
+        return {**end, "taper": TAPER.write(stretch.top)}
+    return {**end, "top": TAPER.write(stretch.top), "exit": TAPER.write(stretch.bottom)}

@@ -1,0 +1,200 @@
+"""`castfem sweep`: plan, look at what is finished, run the rest in parallel, print the table."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.case import load_case
+from castfem.cli import catalogue, folder, parallel
+from castfem.errors import InputError, RunFailure
+from castfem.output.folder import OutputFolder
+from castfem.sweep.plan import Variant, plan
+from castfem.sweep.record import Record
+from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
+from castfem.sweep.work import Job, Outcome
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+_NOISE_NAME = "sweep.log"
+_SOONEST = 2.0  # s between two versions of the table
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user asked for.
+
+    Attributes:
+        name: Case file or name of a shipped case.
+        folder: Where the folders of the runs go, None for the default.
+        assignments: Those of --set, with one or several values each.
+        table: CSV file of runs.
+        processes: How many runs at once; None for one a core.
+        resume: Let runs that were not finished go on from their checkpoints.
+        overwrite: Run all anew, also over runs of other cases.
+        figures: Draw the figures of each run.
+        quiet: Print nothing but errors.
+    """
+
+    name: str
+    folder: Path | None
+    assignments: tuple[str, ...]
+    table: Path | None
+    processes: int | None
+    resume: bool
+    overwrite: bool
+    figures: bool
+    quiet: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Sweep:
+    """A sweep that is sound: its runs, and those of them that are still to be done."""
+
+    record: Record
+    variants: tuple[Variant, ...]
+    jobs: tuple[Job, ...]
+
+
+def sweep_case(options: Options) -> int:
+    """Do a sweep and return the exit status: 2 if a run failed, else 0 (collective).
+
+    Raises:
+        InputError: Something the user wrote cannot be used; nothing has been run.
+        RunFailure: The record of the sweep cannot be written.
+    """
+    comm = parallel.communicator()
+    root = parallel.rank_of(comm) == 0
+    sweep: _Sweep | None = None
+    problems: tuple[str, ...] = ()
+    if root:
+        try:
+            sweep = _prepared(options, comm is not None)
+        except InputError as error:
+            problems = error.problems
+    problems = parallel.agree(comm, problems)
+    if problems:
+        raise InputError(problems)
+    if sweep is None:
+        assert comm is not None
+        from castfem.sweep.ranks import run_on_ranks
+
+        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+        return int(comm.bcast(0))
+    status = _done(sweep, options, comm)
+    return status if comm is None else int(comm.bcast(status))
+
+
+def _nothing(*_: object) -> None:
+    """Stand in for what is told to rank 0."""
+
+
+def _prepared(options: Options, ranks: bool) -> _Sweep:
+    """Plan the sweep and look at its folder.
+
+    Raises:
+        InputError: As `sweep_case`.
+    """
+    if ranks and options.processes is not None:
+        raise InputError("-j is for one machine; under mpirun the ranks do the work")
+    if options.processes is not None and options.processes < 1:
+        raise InputError(f"-j {options.processes}: at least one process is needed")
+    path = catalogue.find(options.name)
+    variants = plan(load_case(path), options.assignments, options.table)
+    target = options.folder or _default_folder(options.name, path)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file, a folder is needed; choose another with -o")
+    record = Record(target)
+    jobs, problems = [], []
+    for variant in variants:
+        place = target / variant.name
+        job = Job(variant.name, place, variant.case, options.resume, options.figures)
+        if not options.overwrite and record.is_finished(job):
+            continue
+        try:
+            folder.check(place, variant.case, resume=False, overwrite=options.overwrite)
+            if place.is_dir() and OutputFolder(place).is_running():
+                raise InputError(f"{place}: a run is at work there; wait for it")
+        except InputError as error:
+            problems += error.problems
+        jobs.append(job)
+    if problems:
+        raise InputError(problems)
+    record.expect(variants)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        record.save()
+    except (OSError, RunFailure) as error:
+        raise InputError(f"{target}: cannot be written ({error}); choose another with -o") from None
+    return _Sweep(record, variants, tuple(jobs))
+
+
+def _default_folder(name: str, path: Path) -> Path:
+    """Return where a sweep goes without -o: beside a run of the case, results/.../NAME_sweep."""
+    alone = catalogue.default_folder(name, path)
+    return alone.with_name(f"{alone.name}_sweep")
+
+
+def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
+    """Run what is to be run (on rank 0), print the table, and return the exit status."""
+    from castfem.sweep.view import View
+
+    before = len(sweep.variants) - len(sweep.jobs)
+    if before and not options.quiet:
+        print(f"{before} of {len(sweep.variants)} runs are finished already", file=sys.stderr)
+    view = View(len(sweep.variants), before, options.quiet)
+    target = sweep.record.folder
+
+    written = 0.0
+
+    def ended(job: Job, outcome: Outcome) -> None:
+        nonlocal written
+        view.ended(job, outcome)
+        sweep.record.note(job, outcome)
+        if time.monotonic() - written > _SOONEST:  # it is written again at the end
+            write_table(target / TABLE_NAME, rows(sweep.variants, sweep.record))
+            written = time.monotonic()
+
+    try:
+        if comm is not None:
+            from castfem.sweep.ranks import run_on_ranks
+
+            run_on_ranks(comm, sweep.jobs, view.begun, ended, view.tick)
+        elif sweep.jobs:
+            from castfem.sweep.local import run_locally
+
+            count = min(options.processes or _cores(), len(sweep.jobs))
+            run_locally(sweep.jobs, count, target / _NOISE_NAME, view.begun, ended, view.tick)
+    finally:
+        view.stop()
+    return _told(sweep, options.quiet)
+
+
+def _told(sweep: _Sweep, quiet: bool) -> int:
+    """Print and write the table of results; return the exit status."""
+    table = rows(sweep.variants, sweep.record)
+    target = sweep.record.folder
+    write_table(target / TABLE_NAME, table)
+    if not quiet:
+        from rich.console import Console
+
+        out = Console(markup=False)
+        out.print(printed(table, out.width), highlight=False)
+        print(f"table in {target / TABLE_NAME}, runs in {target}")
+    failed = [row for row in table if row.status != "finished"]
+    if failed:
+        print(f"castfem: {len(failed)} of {len(table)} runs failed", file=sys.stderr)
+        return RunFailure.exit_status
+    return 0
+
+
+def _cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,87 @@
+"""The columns of history.csv and their values."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.measure import CELSIUS, Reading
+
+if TYPE_CHECKING:
+    from castfem.march import March
+    from castfem.mechanical_measure import MechanicalReading
+    from castfem.scene import Scene
+
+
+def columns(scene: Scene) -> list[tuple[str, str]]:
+    """Names and units of the history's columns: those of what the scene has."""
+    found = [("time", "s"), ("position", "m"), ("step", "s"), ("newton", "-")]
+    for name in scene.probes.lines:
+        found += [
+            (f"surface_temperature_{name}", "degC"),
+            (f"shell_{name}", "mm"),
+            (f"liquidus_depth_{name}", "mm"),
+            (f"heat_flux_{name}", "kW/m^2"),
+        ]
+    return [
+        *found,
+        ("heat_removed", "J/m"),
+        ("cooling_power", "kW"),
+        ("temperature_core", "degC"),
+        ("temperature_min", "degC"),
+        ("temperature_max", "degC"),
+        ("energy_error", "-"),
+        *(_mechanical_columns(scene) if scene.mechanics is not None else ()),
+    ]
+
+
+def _mechanical_columns(scene: Scene) -> list[tuple[str, str]]:
+    found = [("newton_mechanics", "-"), ("von_mises_max", "MPa")]
+    for name in scene.probes.lines:
+        found += [(f"von_mises_{name}", "MPa"), (f"displacement_{name}", "mm")]
+    found += [(f"size_{name}", "mm") for name in scene.centred_probes]
+    return [*found, ("axial_strain", "-"), ("axial_force", "kN"), ("force_error", "-")]
+
+
+def row(march: March, reading: Reading) -> dict[str, float]:
+    """One row of the history in its units."""
+    speed = march.scene.case.casting.speed
+    cells = {
+        "time": reading.time,
+        "position": reading.position,
+        "step": reading.step,
+        "newton": float(reading.newton),
+    }
+    for name, profile in reading.profiles.items():
+        cells[f"surface_temperature_{name}"] = float(profile.temperature[0]) - CELSIUS
+        cells[f"shell_{name}"] = 1e3 * reading.shell[name]
+        cells[f"liquidus_depth_{name}"] = 1e3 * reading.liquidus[name]
+        cells[f"heat_flux_{name}"] = 1e-3 * reading.flux[name]
+    core = next((float(p.temperature[-1]) for p in reading.profiles.values()), np.nan)
+    low, high = reading.temperature_range
+    return {
+        **cells,
+        "heat_removed": reading.removed,
+        "cooling_power": 1e-3 * reading.removed * speed,
+        "temperature_core": core - CELSIUS,
+        "temperature_min": low - CELSIUS,
+        "temperature_max": high - CELSIUS,
+        "energy_error": reading.balance,
+        **(_mechanical_cells(reading.mechanics) if reading.mechanics is not None else {}),
+    }
+
+
+def _mechanical_cells(reading: MechanicalReading) -> dict[str, float]:
+    balance = reading.balance
+    cells = {
+        "newton_mechanics": float(reading.newton),
+        "von_mises_max": 1e-6 * reading.peak,
+        "axial_strain": reading.strain,
+        "axial_force": 0.0 if balance is None else 1e-3 * float(balance.axial[0]),
+        "force_error": 0.0 if balance is None else max(balance.forces_error, balance.axial_error),
+    }
+    for name, stress in reading.surface_stress.items():
+        cells[f"von_mises_{name}"] = 1e-6 * stress
+        cells[f"displacement_{name}"] = 1e3 * reading.moved[name]
+    return cells | {f"size_{name}": 1e3 * size for name, size in reading.across.items()}

@@ -1,0 +1,58 @@
+"""Which of the many results of a run are looked at first."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from castfem.output.summary import Quantity
+
+# In the order in which they are shown; what a run does not have is left out.
+CHIEF = (
+    "shell_mid_face",
+    "shell_narrow_face",
+    "shell_corner",
+    "surface_temperature_mid_face",
+    "surface_temperature_narrow_face",
+    "surface_temperature_corner",
+    "heat_removed",
+    "von_mises_max",
+    "von_mises_mid_face",
+    "von_mises_corner",
+    "gap_max",
+    "penetration_max",
+    "contact_pressure_max",
+    "size_mid_face",
+    "size_corner",
+    "displacement_mid_face",
+    "displacement_corner",
+    "temperature_max",
+    "metallurgical_length",
+)
+_SAME = 1e-6  # relative; faces of a square section differ by less
+
+
+def chief(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
+    """Return the chief quantities that any of the runs has, without those that say nothing new.
+
+    The narrow face is left out where it is in every run as the mid-face.
+    """
+    everything = list(runs)
+    found = [name for name in CHIEF if any(name in run for run in everything)]
+    return [
+        name
+        for name in found
+        if not name.endswith("_narrow_face")
+        or any(not _same_as_mid_face(run, name) for run in everything)
+    ]
+
+
+def _same_as_mid_face(run: Mapping[str, Quantity], name: str) -> bool:
+    this, other = run.get(name), run.get(name.replace("_narrow_face", "_mid_face"))
+    if this is None or other is None:
+        return this is None
+    return abs(this.value - other.value) <= _SAME * abs(other.value)
+
+
+def plain_label(quantity: Quantity) -> str:
+    """Return the label without where in this very run the value was found."""
+    return quantity.label.partition(", at x")[0]

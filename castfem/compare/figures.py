@@ -1,0 +1,182 @@
+"""Which figures a comparison has, as data: columns of the histories grouped by what they measure.
+
+A column is named `quantity_place`: `shell_mid_face`. Columns of one quantity make one figure with a
+panel for each place. A quantity that has no entry in `FIGURES` is drawn under its own name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas
+
+from castfem.compare.runs import Run
+
+_PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
+_NOT_DRAWN = ("time", "position", "step", "cooling_power")
+_NOT_DRAWN_ENDINGS = ("error", "newton", "iterations", "newton_mechanics")
+
+
+@dataclass(frozen=True, slots=True)
+class Definition:
+    """What a figure is called.
+
+    Attributes:
+        quantity: Beginning of the names of its columns; also the name of its file.
+        title: Of the figure.
+        label: Of its axes, without unit.
+        zero: The axis begins at zero.
+    """
+
+    quantity: str
+    title: str
+    label: str
+    zero: bool = False
+
+
+FIGURES = (
+    Definition("surface_temperature", "Surface temperature", "temperature"),
+    Definition("temperature", "Temperature of the slice", "temperature"),
+    Definition("shell", "Shell", "depth of the solidus", zero=True),
+    Definition("liquidus_depth", "Liquidus", "depth of the liquidus", zero=True),
+    Definition("heat_flux", "Heat flux out of the surface", "heat flux", zero=True),
+    Definition("heat_rate", "Heat leaving the strand", "heat per length and time", zero=True),
+    Definition("heat_removed", "Heat removed since the meniscus", "heat per length", zero=True),
+    Definition("heat_share", "Heat removed, compared with the base run", "share of base"),
+    Definition("von_mises", "Von Mises stress", "stress", zero=True),
+    Definition("stress", "Stress", "stress"),
+    Definition("displacement", "Displacement out of the section", "displacement"),
+    Definition("size", "Size of the section", "size"),
+    Definition("gap", "Gap between strand and mould", "gap", zero=True),
+    Definition("contact_pressure", "Contact pressure", "pressure", zero=True),
+    Definition("penetration", "Penetration into the mould", "penetration", zero=True),
+    Definition("contact_share", "Share of the surface in contact", "share"),
+    Definition("axial_strain", "Axial strain", "strain"),
+    Definition("axial_force", "Axial force", "force"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """A column of one run.
+
+    Attributes:
+        run: Whose.
+        position: (n,) below the meniscus, m.
+        values: (n,) in the unit of the panel.
+    """
+
+    run: Run
+    position: np.ndarray
+    values: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One place of a figure.
+
+    Attributes:
+        place: "mid_face", or empty.
+        unit: Of the values.
+        curves: One a run.
+    """
+
+    place: str
+    unit: str
+    curves: tuple[Curve, ...]
+
+
+def figures(runs: Sequence[Run], base: Run) -> list[tuple[Definition, list[Panel]]]:
+    """Return the figures of the columns that all runs have, each with its panels.
+
+    Runs without a history are left out.
+    """
+    tables = {id(run): history for run in runs if (history := run.history()) is not None}
+    drawn = [run for run in runs if id(run) in tables]
+    if len(drawn) < 2:
+        return []
+    for run in drawn:
+        _derive(tables[id(run)], tables.get(id(base)))
+    everything = [tables[id(run)] for run in drawn]
+    common = [c for c in map(str, everything[0].columns) if all(c in t for t in everything)]
+    grouped: dict[str, list[Panel]] = {}
+    for column in common:
+        quantity, place = parts(column, common)
+        if quantity in _NOT_DRAWN or column.endswith(_NOT_DRAWN_ENDINGS):
+            continue
+        unit = str(everything[0].attrs["units"][column])
+        if any(t.attrs["units"][column] != unit or t[column].isna().all() for t in everything):
+            continue
+        curves = tuple(
+            Curve(run, t["position"].to_numpy(), t[column].to_numpy())
+            for run, t in zip(drawn, everything, strict=True)
+        )
+        grouped.setdefault(quantity, []).append(Panel(place, unit, curves))
+    return _ordered(grouped)
+
+
+def parts(column: str, columns: Sequence[str]) -> tuple[str, str]:
+    """Return quantity and place of a column; the places are those that have a temperature, too."""
+    probes = [c.removeprefix("surface_temperature_") for c in columns]
+    places = {p for p, c in zip(probes, columns, strict=True) if p != c} | set(_PLACES)
+    for place in sorted(places, key=len, reverse=True):
+        if column.endswith(f"_{place}"):
+            return column.removesuffix(f"_{place}"), place
+    return column, ""
+
+
+def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Panel]]]:
+    """Return the known figures in their order and the others after them."""
+    known = {d.quantity: d for d in FIGURES}
+    names = [name for name in known if name in grouped]
+    names += [name for name in grouped if name not in known]
+    found = []
+    for name in names:
+        plain = name.replace("_", " ")
+        definition = known.get(name, Definition(name, plain.capitalize(), plain))
+        found.append((definition, _different(grouped[name])))
+    return found
+
+
+def _different(panels: list[Panel]) -> list[Panel]:
+    """Drop panels whose curves are those of one before, as on the faces of a square section."""
+    kept: list[Panel] = []
+    for panel in panels:
+        if panel.unit in (p.unit for p in kept) and any(_same(panel, other) for other in kept):
+            continue
+        kept.append(panel)
+    return kept
+
+
+def _same(one: Panel, other: Panel) -> bool:
+    pairs = zip(one.curves, other.curves, strict=True)
+    return all(
+        np.allclose(a.values, b.values, rtol=0.0, atol=_hair(b.values), equal_nan=True)
+        for a, b in pairs
+    )
+
+
+def _hair(values: np.ndarray) -> float:
+    """A difference that cannot be seen."""
+    finite = values[np.isfinite(values)]
+    return 2e-3 * float(np.ptp(finite)) if len(finite) else 0.0
+
+
+def _derive(table: pandas.DataFrame, base: pandas.DataFrame | None) -> None:
+    """Add the heat that leaves per time, and the heat removed as a share of the base run's."""
+    units = table.attrs["units"]
+    if "heat_removed" not in table or units["heat_removed"] != "J/m":
+        return
+    removed, position = table["heat_removed"].to_numpy(), table["position"].to_numpy()
+    if "heat_rate" not in table:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.diff(removed) / np.diff(table["time"].to_numpy())
+        table["heat_rate"] = np.concatenate([rate[:1], rate])
+        units["heat_rate"] = "W/m"
+    if base is not None and "heat_removed" in base:
+        theirs = np.interp(position, base["position"], base["heat_removed"], right=np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            table["heat_share"] = np.where(theirs > 0, 100.0 * removed / theirs, np.nan)
+        units["heat_share"] = "%"

@@ -1,0 +1,67 @@
+"""What touches the slice, and how contact is to be computed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from castfem.contact.friction import Friction
+from castfem.errors import InputError
+from castfem.mould.wall import Wall
+
+# K_p over bulk modulus / height of the surface cells, see docs/contact.md.
+FACTORS = {"penalty": 1000.0, "nitsche": 100.0}
+
+
+def _still(time: float) -> float:
+    return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Contact of boundary groups with a rigid wall.
+
+    Attributes:
+        wall: The wall.
+        on: Groups; a name covers all that begin with it.
+        position: Of the slice below the meniscus over time (s), m.
+        method: "penalty" (239) or "nitsche".
+        factor: Contact stiffness K_p over bulk modulus (of the place and moment) / mean height of
+            the surface cells; that of `FACTORS` if None.
+        friction: Law; None for a wall without friction.
+        stroke: Displacement of the wall itself along the strand over time (s), m: its oscillation.
+        points: Quadrature points a facet; two for each of the two displacements that a facet adds
+            to the surface is as many as can be met by a wall of any shape.
+
+    Raises:
+        InputError: If a value is not possible.
+    """
+
+    wall: Wall
+    on: tuple[str, ...]
+    position: Callable[[float], float] = _still
+    method: Literal["penalty", "nitsche"] = "penalty"
+    factor: float | None = None
+    friction: Friction | None = None
+    stroke: Callable[[float], float] = _still
+    points: int = 2
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.method not in FACTORS:
+            raise InputError(f'contact.method: "{self.method}"; one of {", ".join(FACTORS)}')
+        if self.factor is not None and not self.factor > 0.0:
+            raise InputError(f"contact.factor: {self.factor}; it must be positive")
+        if self.points not in (2, 3, 4):
+            raise InputError(f"contact.points: {self.points}; 2, 3 or 4")
+
+    @property
+    def strength(self) -> float:
+        """Factor, the method's own if none is given."""
+        return FACTORS[self.method] if self.factor is None else self.factor
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is, at small strain."""
+        return self.method == "penalty" and self.friction is None

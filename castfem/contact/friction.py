@@ -1,0 +1,239 @@
+"""Friction between strand and wall (thesis III.4.2-4.3): thresholds, viscous laws, return mapping.
+
+Friction is a vector of two components, in the plane and along the strand.  As long as it is below
+its threshold the contact sticks, but for an elastic slip tau / K_tau (240); beyond, it slides in
+the direction of the friction, without opening (non-associated, (246)-(248)).  Over a step that is a
+radial return, as in plasticity: fully implicit, where the thesis integrates the rates (261)-(262).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+SQRT3 = 3.0**0.5
+HALVINGS = 80  # of the bracket in which viscous friction is sought: down to rounding
+
+
+class Friction(Protocol):
+    """A law of friction."""
+
+    def threshold(self, pressure: Array) -> tuple[Array, Array]:
+        """tau_c (n,), Pa, up to which the contact sticks, and its derivative by the pressure."""
+
+    def excess(self, rate: Array) -> tuple[Array, Array] | None:
+        """Friction beyond the threshold (n,), Pa, at rates of slip (n,), m/s, and its derivative.
+
+        None for a law without viscosity.
+        """
+
+
+def _check(name: str, value: float, low: float = 0.0, high: float = np.inf) -> None:
+    """Refuse a number outside low ... high, and one that is no number."""
+    if not low <= value <= high:
+        raise ValueError(f"friction: {name} ({value}) must be within {low:g} ... {high:g}")
+
+
+@dataclass(frozen=True, slots=True)
+class Coulomb:
+    """tau_c = mu p + b (231), if asked for within sqrt(p^2 + 3 tau^2) <= p0 (233).
+
+    Attributes:
+        coefficient: mu. cohesion: b, Pa, felt where there is pressure.
+        yield_stress: p0 of the weaker material, Pa; None for no limit.
+    """
+
+    coefficient: float
+    cohesion: float = 0.0
+    yield_stress: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check("coefficient", self.coefficient)
+        _check("cohesion", self.cohesion)
+
+    def threshold(self, pressure: Array) -> tuple[Array, Array]:
+        """See `Friction`."""
+        limit = self.coefficient * pressure + self.cohesion
+        slope = np.full_like(pressure, self.coefficient)
+        if self.yield_stress is None:
+            return limit, slope
+        room = np.sqrt(np.maximum(self.yield_stress**2 - pressure**2, 0.0) / 3.0)
+        over = limit > room
+        fall = -pressure / np.maximum(3.0 * room, 1e-6 * self.yield_stress)
+        return np.where(over, room, limit), np.where(over & (room > 0.0), fall, slope * ~over)
+
+    def excess(self, rate: Array) -> tuple[Array, Array] | None:
+        """See `Friction`."""
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Tresca:
+    """tau_c = m p0 / sqrt(3) (234)-(235), wherever there is contact.
+
+    Attributes:
+        share: m, 0 to 1. yield_stress: p0, Pa.
+    """
+
+    share: float
+    yield_stress: float
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check("share", self.share, 0.0, 1.0)
+        _check("yield_stress", self.yield_stress)
+
+    def threshold(self, pressure: Array) -> tuple[Array, Array]:
+        """See `Friction`."""
+        limit = self.share * self.yield_stress / SQRT3
+        return np.full_like(pressure, limit), np.zeros_like(pressure)
+
+    def excess(self, rate: Array) -> tuple[Array, Array] | None:
+        """See `Friction`."""
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Viscous:
+    """Beyond a threshold tau - tau_c = min(alpha p0/sqrt(3) (|v|/u)^n, p0/sqrt(3)) (236).
+
+    Attributes:
+        base: Law of the threshold. share: alpha. yield_stress: p0, Pa.
+        speed: u, m/s. exponent: n.
+    """
+
+    base: Coulomb | Tresca
+    share: float
+    yield_stress: float
+    speed: float
+    exponent: float
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name in ("share", "yield_stress", "exponent"):
+            _check(name, getattr(self, name))
+        _check("speed", self.speed, 1e-300)
+
+    def threshold(self, pressure: Array) -> tuple[Array, Array]:
+        """See `Friction`."""
+        return self.base.threshold(pressure)
+
+    def excess(self, rate: Array) -> tuple[Array, Array] | None:
+        """See `Friction`."""
+        top = self.yield_stress / SQRT3
+        value, slope = _power(rate, self.share * top / self.speed**self.exponent, self.exponent)
+        return np.minimum(value, top), np.where(value < top, slope, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Lubricant:
+    """tau = beta |v|^n without threshold (237), wherever there is contact.
+
+    Attributes:
+        coefficient: beta, Pa (s/m)^n. exponent: n.
+    """
+
+    coefficient: float
+    exponent: float
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        _check("coefficient", self.coefficient)
+        _check("exponent", self.exponent)
+
+    def threshold(self, pressure: Array) -> tuple[Array, Array]:
+        """See `Friction`."""
+        return np.zeros_like(pressure), np.zeros_like(pressure)
+
+    def excess(self, rate: Array) -> tuple[Array, Array] | None:
+        """See `Friction`."""
+        return _power(rate, self.coefficient, self.exponent)
+
+
+def _power(rate: Array, coefficient: float, exponent: float) -> tuple[Array, Array]:
+    """Coefficient times rate^exponent, and its derivative."""
+    rate = np.maximum(rate, 1e-300)
+    value = coefficient * rate**exponent
+    return value, exponent * value / rate
+
+
+@dataclass(frozen=True, slots=True)
+class Sliding:
+    """Friction at n points at the end of a step.
+
+    Attributes:
+        traction: In the plane and along the strand (n, 2), Pa.
+        by_trial: Its derivative by the trial friction (n, 2, 2). by_pressure: By p (n, 2).
+        slides: Whether the threshold was reached (n,).
+    """
+
+    traction: Array
+    by_trial: Array
+    by_pressure: Array
+    slides: Flags
+
+
+def return_friction(
+    law: Friction, trial: Array, pressure: Array, stiffness: Array, dt: float
+) -> Sliding:
+    """Bring trial friction back to what the law allows, along its own direction.
+
+    Args:
+        law: Law of friction.
+        trial: Friction if the step were all elastic slip (n, 2), Pa.
+        pressure: Contact pressure (n,), Pa; no friction where it is 0.
+        stiffness: K_tau (n,), Pa/m.
+        dt: Length of the step, s.
+    """
+    touches = pressure > 0.0
+    size = np.hypot(*trial.T)
+    limit, slope = law.threshold(pressure)
+    limit, slope = limit * touches, slope * touches
+    slides = touches & (size > limit)
+    direction = trial / np.maximum(size, 1e-300)[:, None]
+    new, by_limit, by_size = np.where(slides, limit, size), np.ones_like(size), np.zeros_like(size)
+    if law.excess(np.zeros(0)) is not None:
+        new, by_limit, by_size = _viscous(law, size, limit, slides, stiffness * dt)
+    along = np.einsum("ni,nj->nij", direction, direction)
+    share = np.where(slides, new / np.maximum(size, 1e-300), 1.0)
+    across = share[:, None, None] * (np.eye(2) - along)
+    by_trial = across + np.where(slides, by_size, 1.0)[:, None, None] * along
+    by_pressure = (np.where(slides, by_limit * slope, 0.0))[:, None] * direction
+    on = touches.astype(float)
+    return Sliding(
+        traction=(new * on)[:, None] * direction,
+        by_trial=by_trial * on[:, None, None],
+        by_pressure=by_pressure,
+        slides=slides,
+    )
+
+
+def _viscous(
+    law: Friction, size: Array, limit: Array, slides: Flags, damping: Array
+) -> tuple[Array, Array, Array]:
+    """Size of friction beyond the threshold, and its derivatives by threshold and trial.
+
+    It solves tau = tau_c + excess((trial - tau) / (K_tau dt)), whose two sides cross once.
+    """
+
+    def excess(tau: Array) -> tuple[Array, Array]:
+        found = law.excess((size - tau) / damping)
+        assert found is not None
+        return found
+
+    low, high = limit.copy(), np.maximum(size, limit)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        below = middle - limit < excess(middle)[0]
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    tau = 0.5 * (low + high)
+    slope = excess(tau)[1] / damping
+    by_limit = 1.0 / (1.0 + slope)
+    return np.where(slides, tau, size), by_limit, 1.0 - by_limit

@@ -1,0 +1,67 @@
+"""The committed state of contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+OPEN, STICK, SLIP = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class ContactState:
+    """State at this rank's facet points; nothing ever writes into its arrays.
+
+    Attributes:
+        friction: On the strand, in the plane along (-n_y, n_x) and along the strand (n, 2), Pa.
+        pull: Axial force that friction has handed down the strand so far, N, and its moments with
+            x and y, N m, (3,).
+        stress: At the points, Mandel (n, 4), Pa; no rows with the penalty, which needs none.
+        internal: What the law remembers there (n, states); likewise.
+        place: Where the points are now (n, 2), m. normal: Of the wall there (n, 2).
+        gap: Distance to the wall along its normal (n,), m; inf where none is met.
+        pressure: Contact pressure (n,), Pa.
+        status: `OPEN`, `STICK` or `SLIP` (n,); without friction what touches slips.
+        weight: Length of surface of each point (n,), m.
+    """
+
+    friction: Array
+    pull: Array
+    stress: Array
+    internal: Array
+    place: Array
+    normal: Array
+    gap: Array
+    pressure: Array
+    status: npt.NDArray[np.int8]
+    weight: Array
+
+
+@dataclass(frozen=True, slots=True)
+class ContactSummary:
+    """Contact of the whole section at one moment.
+
+    Attributes:
+        pressure: Largest contact pressure, Pa. penetration: Largest, m; 0 if nothing touches.
+        gap: Largest gap to a wall that is met, m; 0 if none is open.
+        force: Of the wall on the strand, x and y, N/m, friction included.
+        axial: Friction along the strand, N/m, negative as it holds the strand back.
+        length: Of surface that touches, m. share: Of the surface that could.
+        points: Numbers of points that are open, stick and slip.
+        highest: Where the pressure is largest (2,), m. widest: Where the gap is (2,), m.
+    """
+
+    pressure: float
+    penetration: float
+    gap: float
+    force: Array
+    axial: float
+    length: float
+    share: float
+    points: tuple[int, int, int]
+    highest: Array
+    widest: Array

@@ -1,0 +1,368 @@
+"""Contact of one slice with its wall: where the surface is, what the wall does, how it changes.
+
+Everything is evaluated at the facets' quadrature points with numpy; the forms of
+`castfem.forms.contact` see the results as functions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from castfem import reductions
+from castfem.contact.contact import Contact
+from castfem.contact.facets import FacetFields, Facets
+from castfem.contact.friction import return_friction
+from castfem.contact.state import OPEN, SLIP, STICK, ContactState
+from castfem.contact.stress import SurfaceStress
+from castfem.errors import InputError
+from castfem.forms import contact as forms
+from castfem.forms import finite_strain
+from castfem.forms.mechanics import Direction, of_modes
+from castfem.section import Section
+
+if TYPE_CHECKING:
+    from castfem.mechanics.kinematics import Fields
+    from castfem.mechanics.slice import Slice
+
+Array = npt.NDArray[np.float64]
+
+# Columns of what the forms see.
+TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
+STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
+
+
+@dataclass(slots=True)
+class Touch:
+    """Contact at one set of unknowns, by facet point; most names are those of `ContactState`.
+
+    Attributes:
+        slides: Whether points slide. stretch: Length of surface over undeformed length.
+        seen: What the forms see (n, WIDTH). strain: Increment (n, 4), of Nitsche's law.
+    """
+
+    place: Array
+    normal: Array
+    gap: Array
+    pressure: Array
+    friction: Array
+    slides: npt.NDArray[np.bool_]
+    stretch: Array
+    seen: Array
+    strain: Array
+
+
+class WallContact:
+    """Contact of a slice, one step at a time.
+
+    Args:
+        section: The distributed section.
+        slice_: Material, and the contact wanted.
+        fields: Displacement and generalized strains of the mechanical problem.
+
+    Attributes:
+        facets: Points. symmetric: Whether contact leaves a symmetric tangent symmetric.
+        at_vertices: Operator from vertex values to the points.
+        stiffness: K_p of the step at the points (n,), Pa/m.
+        now: What was evaluated last.
+
+    Raises:
+        InputError: If a group does not exist.
+    """
+
+    def __init__(self, section: Section, contact: Contact, slice_: Slice, fields: Fields) -> None:
+        tags = section.matching(contact.on)
+        if not tags:
+            raise InputError(
+                f"contact: {', '.join(contact.on)}: no such boundary group; "
+                f"there are {', '.join(section.groups)}"
+            )
+        self.section, self.contact, self._fields = section, contact, fields
+        self._slice = slice_
+        self.symmetric = contact.symmetric
+        self.facets = facets = Facets(section, tags, contact.points)
+        space, mesh = fields.u.function_space, section.mesh
+        trial = ufl.TrialFunction(space)
+        self._moves = facets.operator(trial, space)
+        self._gradients = facets.operator(ufl.grad(trial), space)
+        vertex = section.vertex_space
+        self.at_vertices = facets.operator(ufl.TrialFunction(vertex), vertex)
+        self._large = slice_.large_strain
+        self._surface, self._stress = self._geometry(mesh)
+        self._given = FacetFields(facets, WIDTH)
+        self._action = self._seen()
+        self._travel = fem.Constant(mesh, np.float64(0.0))
+        self._size = max(1e-300, reductions.largest(section.comm, np.abs(facets.position)))
+        length, area = reductions.totals(
+            section.comm, [facets.weight.sum(), facets.weight @ facets.height]
+        )
+        # One for all points: uniform pressure is then a uniform penetration (patch test).
+        self._height = area / length
+        self._mode_work: fem.Form | None = None
+        self.now: Touch | None = None
+
+    def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
+        """Geometry the forms see, and Nitsche's stress."""
+        fields, law = self._fields, self._slice.law
+        surface: forms.Surface = forms.Undeformed(mesh)
+        step = None
+        if self._large:
+            now = finite_strain.deformation(fields.u, fields.modes, mesh)
+            old = finite_strain.deformation(fields.u_old, fields.modes_old, mesh)
+            surface = forms.Deformed(now, old, mesh)
+            step = (now, old)
+        if self.contact.method != "nitsche":
+            return surface, None
+        return surface, SurfaceStress(self.facets, law, self._gradients, fields, step)
+
+    # What the mechanical problem compiles.
+
+    def virtual_work(self, virtual: Direction) -> ufl.Form:
+        """Work of the wall on a virtual motion."""
+        return forms.virtual_work(
+            self._action, self._surface, virtual, self._travel, self.facets.measure
+        )
+
+    def tangent(self, by: Direction, virtual: Direction) -> ufl.Form:
+        """Its derivative along a motion."""
+        return forms.stiffness(
+            self._action, self._surface, by, virtual, self._travel, self.facets.measure
+        )
+
+    def _seen(self) -> forms.WallAction:
+        """What the forms see."""
+        f, nitsche = self._given.function, self._stress is not None
+        return forms.WallAction(
+            traction=_part(f, TRACTION),
+            by_pressure=_part(f, BY_PRESSURE),
+            by_slip=_part(f, BY_SLIP),
+            normal=_part(f, NORMAL),
+            stiffness=f[STIFFNESS],
+            by_strain=_part(f, BY_STRAIN) if nitsche else None,
+            by_turn=f[BY_TURN] if nitsche and self._large else None,
+        )
+
+    def work_on(self, directions: Array) -> Array:
+        """Work of the wall on directions (4, k) of the generalized strains, less the pull."""
+        if not directions.shape[1]:
+            return np.zeros(0)
+        if self._mode_work is None:
+            form = self.virtual_work(of_modes(self._fields.one, self.section.mesh))
+            self._mode_work = self.section.compile("contact.mode_work", form)
+        work = np.zeros(directions.shape[1])
+        for i, direction in enumerate(directions.T):
+            self._fields.one.value[:] = direction
+            work[i] = fem.assemble_scalar(self._mode_work)
+        handed = directions[:3].T @ self._old.pull
+        return reductions.totals(self.section.comm, work) - handed
+
+    # A step.
+
+    def initial(self) -> ContactState:
+        """Of a strand that has never touched anything."""
+        n, law = self.facets.count, self._slice.law
+        rows = 0 if self._stress is None else n
+        return ContactState(
+            friction=np.zeros((n, 2)),
+            pull=np.zeros(3),
+            stress=np.zeros((rows, 4)),
+            internal=law.initial_state(rows),
+            place=self.facets.position.copy(),
+            normal=self.facets.normal.copy(),
+            gap=np.full(n, np.inf),
+            pressure=np.zeros(n),
+            status=np.zeros(n, np.int8),
+            weight=self.facets.weight.copy(),
+        )
+
+    def begin(
+        self, old: ContactState, start: float, end: float, before: Array, after: Array
+    ) -> None:
+        """Prepare a step.
+
+        Args:
+            old: Committed state.
+            start: Of the step, s.
+            end: Of the step, s.
+            before: Temperatures of the owned vertices at its start, K.
+            after: At its end, K.
+        """
+        contact, slice_ = self.contact, self._slice
+        self._old, self._dt = old, end - start
+        self._position = contact.position(end)
+        travelled = self._position - contact.position(start)
+        self._travel.value = travelled
+        self._slip = travelled - (contact.stroke(end) - contact.stroke(start))
+        temperatures = self._at_points_from(before), self._at_points_from(after)
+        bulk = SurfaceStress.bulk(slice_.law, temperatures, self._dt)
+        self.stiffness = contact.strength * bulk / self._height
+        stiffest = reductions.largest(self.section.comm, self.stiffness)
+        self._noise = 8 * np.finfo(float).eps * max(stiffest, 0.0) * self._size
+        if self._stress is not None:
+            self._stress.begin(old, temperatures, self._dt, slice_, self._liquid(after, end))
+
+    def _liquid(self, temperature: Array, end: float) -> Array:
+        """Ferrostatic pressure at the points that nothing holds but the wall (n,), Pa."""
+        liquid = self._slice.ferrostatic
+        if liquid is None:
+            return np.zeros(self.facets.count)
+        pressure = liquid.pressure(self._at_points_from(temperature), end)
+        if liquid.outside == "held":
+            pressure = pressure - self._at_points_from(liquid.pressure(temperature, end))
+        return pressure
+
+    def _at_points_from(self, owned: Array) -> Array:
+        """Values at the points from those of the owned vertices."""
+        field = fem.Function(self.section.vertex_space)
+        field.x.array[: self.section.owned] = owned
+        field.x.scatter_forward()
+        return np.asarray(self.at_vertices @ field.x.array)
+
+    def evaluate(self) -> float:
+        """Meet the wall with the displacement and the generalized strains the fields hold.
+
+        Returns:
+            Stress that rounding of positions makes at the stiffest point, Pa.
+        """
+        fields = self._fields
+        place, moved = self._where(fields.u.x.array, fields.modes.value)
+        before = self._where(fields.u_old.x.array, fields.modes_old.value)[1]
+        strand, stretch = self.facing(fields.u.x.array, fields.modes.value)
+        reach = self.contact.wall.reach(place, strand, self._position)
+        n = np.asarray(reach.normal)
+        gap = np.asarray(reach.gap) * np.einsum("ni,ni->n", n, strand)
+        near = np.where(np.isfinite(gap), gap, self._size)
+        if self._stress is None:
+            pressure = forms.penalty_pressure(self.stiffness, near)
+        else:
+            stress, by_strain, by_turn = self._stress.evaluate(n)
+            pressure = forms.nitsche_pressure(self.stiffness, near, stress)
+        closed = pressure > 0.0
+        seen = np.zeros((self.facets.count, WIDTH))
+        seen[:, NORMAL], seen[:, STIFFNESS] = n, self.stiffness * closed
+        if self._stress is not None:
+            seen[:, BY_STRAIN] = by_strain * closed[:, None]
+            seen[:, BY_TURN] = by_turn * closed
+        seen[:, TRACTION.start : 2] = -pressure[:, None] * n
+        seen[:, BY_PRESSURE.start : 5] = -n
+        slides, friction = closed, np.zeros((self.facets.count, 2))
+        if self.contact.friction is not None:
+            slides, friction = self._rub(seen, n, moved - before, pressure)
+        self._given.fill(seen)
+        strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
+        self.now = Touch(place, n, gap, pressure, friction, slides, stretch, seen, strain)
+        return self._noise
+
+    def _where(self, u: Array, modes: Array) -> tuple[Array, Array]:
+        """Place and displacement of the points (n, 2), m."""
+        moved = (self._moves @ u).reshape(-1, 2)
+        moved[:, 1] += modes[3] * self.facets.position[:, 1]
+        return self.facets.position + moved, moved
+
+    def facing(self, u: Array, modes: Array) -> tuple[Array, Array]:
+        """Outward normal of the strand (n, 2), and length of surface over undeformed length.
+
+        Args:
+            u: Displacement of this rank's nodes, ghosts included, m.
+            modes: Generalized strains (4,).
+        """
+        normal = self.facets.normal
+        if not self._large:
+            return normal, np.ones(len(normal))
+        f = np.eye(2) + (self._gradients @ u).reshape(-1, 2, 2)
+        f[:, 1, 1] += modes[3]
+        # det F F^-T N
+        turned = np.column_stack(
+            [
+                f[:, 1, 1] * normal[:, 0] - f[:, 1, 0] * normal[:, 1],
+                f[:, 0, 0] * normal[:, 1] - f[:, 0, 1] * normal[:, 0],
+            ]
+        )
+        stretch = np.hypot(*turned.T)
+        return turned / stretch[:, None], stretch
+
+    def _rub(
+        self, seen: Array, n: Array, slip: Array, pressure: Array
+    ) -> tuple[npt.NDArray[np.bool_], Array]:
+        """Add friction to what the forms see; whether points slide, and their friction."""
+        assert self.contact.friction is not None
+        along = np.column_stack([-n[:, 1], n[:, 0]])
+        moved = np.column_stack([np.einsum("ni,ni->n", along, slip), np.full(len(n), self._slip)])
+        trial = self._old.friction - self.stiffness[:, None] * moved
+        answer = return_friction(self.contact.friction, trial, pressure, self.stiffness, self._dt)
+        frame = np.zeros((len(n), 3, 2))
+        frame[:, :2, 0], frame[:, 2, 1] = along, 1.0
+        seen[:, TRACTION] += np.einsum("nij,nj->ni", frame, answer.traction)
+        seen[:, BY_PRESSURE] += np.einsum("nij,nj->ni", frame, answer.by_pressure)
+        by_slip = -self.stiffness[:, None] * answer.by_trial[:, :, 0]
+        seen[:, BY_SLIP] = np.einsum("nij,nj->ni", frame, by_slip)
+        return answer.slides, answer.traction
+
+    def kink(self, base: Touch) -> float:
+        """How far contact is from what its tangent at `base` foresaw for the motion since (N).
+
+        Returns:
+            The work that the forces on the strand do against the motion, as it is, less as
+            foreseen, N/m times m (collective).
+        """
+        now = self.now
+        assert now is not None
+        moved, seen = now.place - base.place, base.seen
+        n = seen[:, NORMAL]
+        rise = seen[:, STIFFNESS] * np.einsum("ni,ni->n", n, moved)
+        if len(now.strain):
+            rise -= np.einsum("ni,ni->n", seen[:, BY_STRAIN], now.strain - base.strain)
+        slip = n[:, 0] * moved[:, 1] - n[:, 1] * moved[:, 0]
+        foreseen = seen[:, TRACTION] + seen[:, BY_PRESSURE] * rise[:, None]
+        foreseen += seen[:, BY_SLIP] * slip[:, None]
+        work = np.einsum("ni,ni->n", (foreseen - now.seen[:, TRACTION])[:, :2], moved)
+        weights = self.facets.weight * now.stretch
+        return reductions.total(self.section.comm, float(weights @ work))
+
+    def state(self) -> ContactState:
+        """The state that was evaluated last (collective)."""
+        now = self.now
+        assert now is not None
+        closed = now.pressure > 0.0
+        weight = self.facets.weight * now.stretch
+        stress = None if self._stress is None else self._stress.response
+        return ContactState(
+            friction=now.friction.copy(),
+            pull=self._old.pull - self._handed_down(now),
+            stress=np.zeros((0, 4)) if stress is None else stress.stress.copy(),
+            internal=self._old.internal if stress is None else stress.state.copy(),
+            place=now.place,
+            normal=now.normal,
+            gap=now.gap,
+            pressure=now.pressure,
+            status=np.where(closed, np.where(now.slides, SLIP, STICK), OPEN).astype(np.int8),
+            weight=weight,
+        )
+
+    def _handed_down(self, now: Touch) -> Array:
+        """What friction over the travel of the step takes from the pull (3,), N and N m."""
+        if self.contact.friction is None:
+            return np.zeros(3)
+        lever = self._lever(now.place)
+        force = now.friction[:, 1] * self.facets.weight * now.stretch * self._thickness(now.place)
+        total = reductions.totals(self.section.comm, lever.T @ force)
+        return total * float(self._travel.value)
+
+    def _lever(self, place: Array) -> Array:
+        x = place if self._large else self.facets.position
+        return np.column_stack([np.ones(len(x)), x])
+
+    def _thickness(self, place: Array) -> Array:
+        """Thickness over the undeformed one, where surface counts as it is now."""
+        if not self._large:
+            return np.ones(len(place))
+        return np.asarray(1.0 + self._lever(place) @ self._fields.modes.value[:3])
+
+
+def _part(function: fem.Function, columns: slice) -> ufl.core.expr.Expr:
+    return ufl.as_vector([function[i] for i in range(columns.start, columns.stop)])

@@ -1,0 +1,202 @@
+"""Thermal substeps, and the intervals in which temperature and mechanics take turns.
+
+Nothing here keeps a state of its own: each step goes from a committed state to a new one, or leaves
+the old one as it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem import log
+from castfem.errors import RunFailure
+from castfem.thermal.stepper import ThermalState, ThermalStepper
+from castfem.timestep import StepControl, same_instant
+
+if TYPE_CHECKING:
+    from castfem.mechanics.state import MechanicalResult, MechanicalState
+    from castfem.mechanics.stepper import MechanicalStepper
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class StrandState:
+    """The committed state of the slice, all of it at one time.
+
+    Attributes:
+        thermal: Temperatures. mechanical: Displacement, stress...; None without mechanics.
+        heating: Heat of the viscoplastic work at the owned vertices (owned,), W/m3; empty without.
+    """
+
+    thermal: ThermalState
+    mechanical: MechanicalState | None
+    heating: Array
+
+    @property
+    def time(self) -> float:
+        """Since the meniscus, s."""
+        return self.thermal.time
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """Thermal steps that were taken one after another.
+
+    Attributes:
+        state: At their end. step: Length of the last, s. newton: Newton iterations of all.
+        balance: Largest relative error of their heat balances. steps: Their number.
+        rejected: Steps that were tried and not kept. limited: Steps taken by backward Euler
+            because the second-order scheme left the physical bounds.
+    """
+
+    state: ThermalState
+    step: float
+    newton: int
+    balance: float
+    steps: int
+    rejected: int
+    limited: int
+
+    def __add__(self, after: Leg) -> Leg:
+        """Both, `after` being the later."""
+        worse = max(self.balance, after.balance, key=abs)
+        return Leg(
+            after.state, after.step, self.newton + after.newton, worse, self.steps + after.steps,
+            self.rejected + after.rejected, self.limited + after.limited,
+        )  # fmt: skip
+
+
+class ThermalSteps:
+    """Thermal steps with error control and cut-back.
+
+    Args:
+        stepper: Takes one step. control: Chooses its length and learns.
+    """
+
+    def __init__(self, stepper: ThermalStepper, control: StepControl) -> None:
+        self.stepper, self.control = stepper, control
+
+    def one(self, state: ThermalState, stop: float | None = None) -> Leg:
+        """One step, not past `stop` (s).
+
+        Raises:
+            RunFailure: At the smallest step.
+        """
+        rejected = 0
+        while True:
+            end = self.control.propose(state.time, stop)
+            dt = end - state.time
+            result = self.stepper.step(state, end)
+            if not result.converged:
+                log.logger.debug("t = %.6g s: step %.3g s: %s", state.time, dt, result.reason)
+                self.control.failed(dt, result.reason)
+            else:
+                self.control.learn(dt, result.error)
+                if self.control.accepts(result.error):
+                    break
+            rejected += 1
+        return Leg(
+            result.state, dt, result.newton, result.balance, 1, rejected, int(result.limited)
+        )
+
+    def to(self, state: ThermalState, end: float) -> Leg:
+        """As many steps as it takes to `end` (s).
+
+        Raises:
+            RunFailure: At the smallest step.
+        """
+        leg = self.one(state, end)
+        while not same_instant(leg.state.time, end, self.control.end):
+            leg += self.one(leg.state, end)
+        return leg
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """One attempted interval.
+
+    Attributes:
+        converged: Whether both sides succeeded. state: The new state, or the old one.
+        leg: The thermal steps. mechanical: The mechanical step.
+    """
+
+    converged: bool
+    state: StrandState
+    leg: Leg
+    mechanical: MechanicalResult
+
+
+class Coupler:
+    """Takes intervals, thermal first (thesis IV): the shell of an instant is cooled, then strained.
+
+    Args:
+        thermal: Thermal steps. mechanics: The mechanical step.
+        dissipation: Share of the viscoplastic work that heats the next interval.
+    """
+
+    def __init__(
+        self, thermal: ThermalSteps, mechanics: MechanicalStepper, dissipation: float
+    ) -> None:
+        self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
+
+    def take(self, old: StrandState, end: float) -> Interval:
+        """One interval from `old` to `end` (s); `old` is left untouched.
+
+        Raises:
+            RunFailure: If no thermal step is short enough.
+        """
+        assert old.mechanical is not None
+        learnt = self.thermal.control.step
+        if self.dissipation:
+            self.thermal.stepper.problem.set_source(old.heating)
+        leg = self.thermal.to(old.thermal, end)
+        result = self.mechanics.step(old.mechanical, end, leg.state.point.temperature)
+        if not result.converged:
+            self.thermal.control.step = learnt
+            return Interval(False, old, leg, result)
+        state = StrandState(leg.state, result.state, self._heating(result, end - old.time))
+        return Interval(True, state, leg, result)
+
+    def _heating(self, result: MechanicalResult, duration: float) -> Array:
+        """Heat of the viscoplastic work of a step, spread over its duration (owned,), W/m3."""
+        if not self.dissipation:
+            return np.zeros(0)
+        problem = self.thermal.stepper.problem
+        work = self.mechanics.problem.points.to_vertices(result.dissipation)
+        return np.asarray(self.dissipation / duration * work / problem.area)
+
+    def start(self, thermal: ThermalState) -> StrandState:
+        """The slice at the meniscus: undeformed and free of stress."""
+        mechanical = self.mechanics.initial(thermal.time, thermal.point.temperature)
+        owned = len(thermal.enthalpy) if self.dissipation else 0
+        return StrandState(thermal, mechanical, np.zeros(owned))
+
+
+def take_interval(
+    coupler: Coupler, state: StrandState, control: StepControl
+) -> tuple[Interval, int]:
+    """An interval that succeeds, cut back as often as it takes, and how often that was.
+
+    Raises:
+        RunFailure: At the smallest interval.
+    """
+    rejected = 0
+    while True:
+        end = control.propose(state.time)
+        taken = end - state.time
+        attempt = coupler.take(state, end)
+        if attempt.converged:
+            control.learn(taken, 0.0)
+            return attempt, rejected
+        reason = attempt.mechanical.reason
+        log.logger.debug("t = %.6g s: interval %.3g s: %s", state.time, taken, reason)
+        try:
+            control.failed(taken, reason)
+        except RunFailure as error:
+            raise RunFailure(f"mechanics: {error}") from None
+        rejected += 1

@@ -1,0 +1,165 @@
+"""What is read off the strained slice: stress, movement of its surface, forces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
+from castfem.mechanics.stepper import MechanicalStepper
+from castfem.probes import LineProbes
+
+if TYPE_CHECKING:
+    from castfem.section import Section
+
+Array = npt.NDArray[np.float64]
+
+SQRT2 = 2.0**0.5
+
+
+@dataclass(frozen=True, slots=True)
+class MechanicalReading:
+    """What is known of the strained slice at one time, in SI.
+
+    Attributes:
+        newton: Newton iterations of the step. flowing: Share of the area that flows.
+        peak: Largest von Mises stress at a point, Pa. peak_at: Where, on the undeformed mesh, m.
+        surface_stress: Von Mises stress at the start of each probe, Pa.
+        moved: Outward displacement of the start of each probe, m.
+        across: Size of the section through each probe that ends in its centre, m.
+        strain: Axial strain of the slice at the origin.
+        balance: Forces of the step; None at the start.
+    """
+
+    newton: int
+    flowing: float
+    peak: float
+    peak_at: tuple[float, float]
+    surface_stress: dict[str, float]
+    moved: dict[str, float]
+    across: dict[str, float]
+    strain: float
+    balance: Balance | None
+
+
+def von_mises(stress: Array) -> Array:
+    """Von Mises stress (n,) of Mandel vectors (n, 4)."""
+    deviator = stress.copy()
+    deviator[:, :3] -= stress[:, :3].mean(axis=1)[:, None]
+    return np.sqrt(1.5 * np.einsum("ij,ij->i", deviator, deviator))
+
+
+class MechanicalMeasure:
+    """Reads the slice of one scene.
+
+    Args:
+        stepper: Its mechanics. probes: Lines inward from its surface.
+        centred: Those of them that end in the centre of the section.
+    """
+
+    def __init__(
+        self, stepper: MechanicalStepper, probes: LineProbes, centred: tuple[str, ...]
+    ) -> None:
+        self.problem, self.probes, self._centred = stepper.problem, probes, centred
+        self.section: Section = self.problem.section
+        self._outward = {
+            name: -np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
+            for name, (start, end) in probes.lines.items()
+        }
+
+    def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalReading:
+        """Read the committed `state` (collective)."""
+        points = self.problem.points
+        stress = von_mises(points.recovered(state.stress))
+        peak, where = self._largest(stress)
+        moved = self._moved(state)
+        surface = self.probes.along(points.at_vertices(stress))
+        return MechanicalReading(
+            newton=0 if result is None else result.newton,
+            flowing=0.0 if result is None else result.flowing,
+            peak=peak,
+            peak_at=where,
+            surface_stress={name: float(values[0]) for name, values in surface.items()},
+            moved=moved,
+            across=self._across(moved),
+            strain=float(state.modes[0]),
+            balance=None if result is None else result.balance,
+        )
+
+    def _largest(self, values: Array) -> tuple[float, tuple[float, float]]:
+        """The largest of values at the deviator's points, and where it is, on every rank."""
+        comm, positions = self.section.comm, self.problem.points.deviator.position
+        best = (-np.inf, 0.0, 0.0)
+        if len(values):
+            # Of equal ones, as symmetry makes them, the same on any number of ranks.
+            ties = np.flatnonzero(values >= values.max() * (1 - 1e-9))
+            first = ties[np.lexsort((positions[ties, 1], positions[ties, 0]))[-1]]
+            x, y = positions[first]
+            best = (float(values[first]), float(x), float(y))
+        found = best if comm.size == 1 else max(comm.allgather(best))
+        return found[0], (found[1], found[2])
+
+    def _moved(self, state: MechanicalState) -> dict[str, float]:
+        """Outward displacement of the start of each probe, m."""
+        nodal = self.problem.points.nodal(state.displacement)
+        parts = [self.probes.along(np.ascontiguousarray(u)) for u in nodal.T]
+        return {
+            name: float(sum(n[i] * parts[i][name][0] for i in range(2)))
+            for name, n in self._outward.items()
+        }
+
+    def _across(self, moved: dict[str, float]) -> dict[str, float]:
+        """Size of the section through the probes that end in its centre, m."""
+        starts = {name: self.probes.lines[name][0] for name in self._centred}
+        return {n: 2.0 * (float(np.linalg.norm(p)) + moved[n]) for n, p in starts.items()}
+
+    def fields(self, state: MechanicalState, names: tuple[str, ...]) -> dict[str, Array]:
+        """Those of `names` that are mechanical, at the owned vertices (collective)."""
+        points = self.problem.points
+        found: dict[str, Array] = {}
+        if "displacement" in names:
+            found["displacement"] = points.nodal(state.displacement)
+        if {"stress", "von_mises"} & set(names):
+            recovered = points.recovered(state.stress)
+            if "stress" in names:
+                found["stress"] = points.at_vertices(recovered)
+            if "von_mises" in names:
+                found["von_mises"] = points.at_vertices(von_mises(recovered))
+        if "strain" in names:
+            found["strain"] = points.at_vertices(self._strain(state))
+        remembered = self.problem.slice.law.state_names
+        if "viscoplastic_strain" in names:
+            column = np.zeros(points.split)
+            if "viscoplastic_strain" in remembered:
+                column = state.internal[: points.split, remembered.index("viscoplastic_strain")]
+            found["viscoplastic_strain"] = points.at_vertices(column)
+        if "pressure" in names:
+            found["pressure"] = self._pressure(state)
+        return {name: in_components(found[name]) for name in names if name in found}
+
+    def _pressure(self, state: MechanicalState) -> Array:
+        """Ferrostatic pressure at the owned vertices, Pa."""
+        ferrostatic = self.problem.slice.ferrostatic
+        if ferrostatic is None:
+            return np.zeros(self.section.owned)
+        return ferrostatic.pressure(state.temperature, state.time)
+
+    def _strain(self, state: MechanicalState) -> Array:
+        """Strain (37) of the undeformed slice at the deviator's points, Mandel (split, 4)."""
+        points = self.problem.points
+        strain = (points.strain @ state.displacement).reshape(-1, 4)[: points.split]
+        x, y = points.deviator.position.T
+        a0, a1, a2, across = state.modes
+        strain[:, 1] += across
+        strain[:, 2] += a0 + a1 * x + a2 * y
+        return np.asarray(strain)
+
+
+def in_components(values: Array) -> Array:
+    """Mandel tensors (n, 4) as [xx, yy, zz, xy]; anything else as it is."""
+    if values.ndim == 2 and values.shape[1] == 4:
+        return values / np.array([1.0, 1.0, 1.0, SQRT2])
+    return values

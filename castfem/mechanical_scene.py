@@ -1,0 +1,128 @@
+"""From the tables of a case to the mechanics of its slice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.case import mechanics as given
+from castfem.case.table import Table
+from castfem.laws.elasticity import Elasticity, Solidity
+from castfem.laws.library import DeltaShare, load_elasticity, load_law
+from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mechanics.planes import Course, PlainPlanes, allowed_modes
+from castfem.mechanics.problem import MechanicalProblem
+from castfem.mechanics.slice import Slice
+from castfem.mechanics.stepper import MechanicalStepper
+from castfem.mechanics.supports import Held
+from castfem.section import Section
+from castfem.stopwatch import Stopwatch
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.materials import Steel
+
+Array = npt.NDArray[np.float64]
+
+HOTTER = 1.0  # K above the liquidus: where the density of the liquid is taken
+
+
+def build_mechanics(
+    case: Case, steel: Steel, section: Section, watch: Stopwatch
+) -> MechanicalStepper | None:
+    """The mechanics of `case` (collective); None for a case without.
+
+    Raises:
+        InputError: If the law, a boundary group or a solver option cannot be had, or the steel
+            lacks a property.
+    """
+    table = case.mechanics
+    if table is None:
+        return None
+    problem = MechanicalProblem(
+        section,
+        make_slice(case, table, steel, section),
+        table.solver,
+        tolerance=table.tolerance,
+        watch=watch,
+    )
+    return MechanicalStepper(problem)
+
+
+def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Section) -> Slice:
+    """What the slice of `case` is made of and how it is held."""
+    solidity = Solidity.of(
+        steel,
+        stiffness_ratio=table.liquid_stiffness,
+        mush=table.mush,
+        coherency=table.coherency,
+    )
+    delta = None if steel.diagram is None else DeltaShare(steel.diagram)
+    law = load_law(
+        table.law,
+        _elasticity(table, steel, solidity),
+        carbon=steel.composition.get("C"),
+        delta_share=delta,
+    )
+    free = given.free_motions(table.planes, allowed_modes(section.groups))
+    return Slice(
+        law=law,
+        thermal_strain=steel.thermal_strain,
+        planes=_planes(table.planes, free),
+        held=tuple(_held(one) for one in table.held),
+        ferrostatic=_ferrostatic(case, table, steel),
+        large_strain=table.strain == "large",
+        pin=not table.held,
+    )
+
+
+def _elasticity(table: given.Mechanics, steel: Steel, solidity: Solidity) -> Elasticity:
+    """The set that is named, the steel's own, or that of plain carbon steel."""
+    own = steel.has("youngs_modulus") and steel.has("poisson_ratio")
+    if table.elasticity is None and own:
+        return Elasticity(steel.youngs_modulus, steel.poisson_ratio, solidity)
+    return load_elasticity(table.elasticity or "elastic_steel", solidity)
+
+
+def _course(value: float | Table) -> Course:
+    """A number or a table as a function of time."""
+    return value if isinstance(value, Table) else lambda time: value
+
+
+def _planes(motions: given.Motions, free: tuple[str, ...]) -> PlainPlanes:
+    imposed = {
+        name: _course(value)
+        for name in ("a0", "a1", "a2", "across")
+        if name not in free and (value := getattr(motions, name)) is not None
+    }
+    return PlainPlanes(
+        free=free,
+        imposed=imposed,
+        force=_course(motions.force),
+        moment_x=_course(motions.moment_x),
+        moment_y=_course(motions.moment_y),
+    )
+
+
+def _held(one: given.Held) -> Held:
+    component = "xy".index(one.component)
+    if one.value == 0.0:
+        return Held(one.on, component)
+    return Held(one.on, component, _everywhere(_course(one.value)))
+
+
+def _everywhere(course: Course) -> Callable[[Array, float], Array]:
+    """A displacement that is the same at all positions."""
+    return lambda positions, time: np.full(len(positions), course(time))
+
+
+def _ferrostatic(case: Case, table: given.Mechanics, steel: Steel) -> Ferrostatic | None:
+    """Pressure of the liquid in a vertical machine; None if it is left out."""
+    if table.ferrostatic == "off":
+        return None
+    density = float(steel.density(steel.liquidus + HOTTER))
+    head = vertical_head(density, case.casting.speed)
+    return Ferrostatic(head, steel.solid_fraction, table.ferrostatic)

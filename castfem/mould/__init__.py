@@ -1,0 +1,55 @@
+"""Rigid moulds: contours of segments, taper along the mould, and the gap to them; numpy only.
+
+Lengths in m, tapers in 1/m (1 %/m is 0.01), temperatures in K.
+
+    mould = Mould(RectangleCavity(0.125, 0.125, 0.005), 0.6, same(Taper.single(0.01, 0.6)))
+    gap = mould.reach(points, normals, position=0.3).gap
+"""
+
+from __future__ import annotations
+
+from castfem.mould.cavity import (
+    Cavity,
+    FreeCavity,
+    RectangleCavity,
+    RoundCavity,
+    Sides,
+    Tapers,
+    circle,
+    rectangle,
+    same,
+)
+from castfem.mould.contour import Contour
+from castfem.mould.mould import Expansion, Mould, Zone
+from castfem.mould.segments import Circular, Parabolic, Segment, Straight
+from castfem.mould.taper import Along, Course, Displaced, Stretch, Taper, taper_between
+from castfem.mould.wall import PlaneWall, Reach, Wall
+
+__all__ = [
+    "Along",
+    "Cavity",
+    "Circular",
+    "Contour",
+    "Course",
+    "Displaced",
+    "Expansion",
+    "FreeCavity",
+    "Mould",
+    "Parabolic",
+    "PlaneWall",
+    "Reach",
+    "RectangleCavity",
+    "RoundCavity",
+    "Segment",
+    "Sides",
+    "Straight",
+    "Stretch",
+    "Taper",
+    "Tapers",
+    "Wall",
+    "Zone",
+    "circle",
+    "rectangle",
+    "same",
+    "taper_between",
+]

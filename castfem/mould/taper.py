@@ -1,0 +1,180 @@
+"""Taper: how the wall closes in along the mould.
+
+Taper is the relative change of a linear dimension w of the cavity in one metre, referred to the
+outlet (300):
+
+    t = (w_in - w_out) / (w_out h),    positive where the mould closes downwards.
+
+A taper over several zones applies (300) to each zone with the zone's own inlet, outlet and height,
+as (303) does. Within a zone the dimension is linear in the position, or a parabola whose local
+taper -w' / w_out goes linearly from one value to another; their mean is then the t of (300).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """A stretch of the mould with one taper.
+
+    Attributes:
+        end: Where it ends, from the meniscus, m; None for the end of the mould.
+        top: Taper (300) at its upper end, 1/m.
+        bottom: Taper at its lower end, 1/m; that at the top where it is linear.
+    """
+
+    end: float | None
+    top: float
+    bottom: float
+
+    @property
+    def mean(self) -> float:
+        """Taper (300) from its inlet to its outlet, 1/m."""
+        return 0.5 * (self.top + self.bottom)
+
+
+class Course(Protocol):
+    """How a linear dimension of the cavity goes with the position below the meniscus."""
+
+    def half(self, position: float, start: float) -> float:
+        """Return half the dimension at a position, m, that is `start` at the meniscus."""
+
+    def knots(self) -> tuple[float, ...]:
+        """Return the positions where its slope jumps, from the meniscus to the end, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taper:
+    """Taper in stretches: one for a single taper, two for a double one, and so on.
+
+    Attributes:
+        stretches: In casting order, each with its end; the last one ends with the mould.
+    """
+
+    stretches: tuple[Stretch, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse stretches that are out of order, or that close the mould altogether."""
+        top = 0.0
+        for number, stretch in enumerate(self.stretches, start=1):
+            if stretch.end is None or not stretch.end > top:
+                raise ValueError(
+                    f"stretch {number} of the taper must end beyond the one before ({top:g} m)"
+                )
+            if not 1.0 + stretch.mean * (stretch.end - top) > 0.0:
+                raise ValueError(
+                    f"a taper of {100.0 * stretch.mean:g} %/m over {stretch.end - top:g} m has no "
+                    "outlet: by (300) it must be above -100 % over its length"
+                )
+            top = stretch.end
+        if not self.stretches:
+            raise ValueError("a taper needs at least one stretch")
+
+    @classmethod
+    def single(cls, taper: float, length: float) -> Taper:
+        """Return one taper (1/m) from the meniscus to `length` (m)."""
+        return cls((Stretch(length, taper, taper),))
+
+    def half(self, position: float, start: float) -> float:
+        """Return half the dimension at a position, m; see `Course`."""
+        size, top = start, 0.0
+        for stretch in self.stretches:
+            assert stretch.end is not None
+            height = stretch.end - top
+            outlet = size / (1.0 + stretch.mean * height)
+            if position < stretch.end:
+                down = max(position - top, 0.0)
+                local = stretch.top + 0.5 * (stretch.bottom - stretch.top) * down / height
+                return size - outlet * local * down
+            size, top = outlet, stretch.end
+        return size
+
+    def knots(self) -> tuple[float, ...]:
+        """Return the ends of the stretches with the meniscus; see `Course`."""
+        return (0.0, *(float(s.end or 0.0) for s in self.stretches))
+
+
+@dataclass(frozen=True, slots=True)
+class Displaced:
+    """A wall that is displaced by a table: a measured profile, or a step.
+
+    Attributes:
+        positions: Below the meniscus, increasing, m.
+        closing: Displacement of the wall into the cavity, m; linear between, constant beyond.
+    """
+
+    positions: tuple[float, ...]
+    closing: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse rows that do not fit."""
+        if len(self.positions) != len(self.closing) or not self.positions:
+            raise ValueError("as many displacements as positions are needed, at least one")
+        if any(b <= a for a, b in itertools.pairwise(self.positions)):
+            raise ValueError("the positions of the wall's displacement must increase")
+
+    def half(self, position: float, start: float) -> float:
+        """Return half the dimension at a position, m; see `Course`.
+
+        The table tells the wall's movement since the meniscus: its value there is taken off.
+        """
+        return start - (self._at(position) - self._at(0.0))
+
+    def knots(self) -> tuple[float, ...]:
+        """Return its positions from the meniscus on; see `Course`."""
+        return (0.0, *(p for p in self.positions if p > 0.0))
+
+    def _at(self, position: float) -> float:
+        return float(np.interp(position, self.positions, self.closing))
+
+
+@dataclass(frozen=True, slots=True)
+class Along:
+    """A quantity along the mould: linear between positions, constant beyond them.
+
+    Attributes:
+        positions: Below the meniscus, increasing, m.
+        values: SI.
+    """
+
+    positions: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse rows that do not fit."""
+        if len(self.positions) != len(self.values) or not self.positions:
+            raise ValueError("as many values as positions are needed, at least one")
+        if any(b <= a for a, b in itertools.pairwise(self.positions)):
+            raise ValueError("the positions along the mould must increase")
+
+    @classmethod
+    def constant(cls, value: float) -> Along:
+        """Return the same value everywhere."""
+        return cls((0.0,), (value,))
+
+    def __call__(self, position: float) -> float:
+        """Return the value at a position."""
+        return float(np.interp(position, self.positions, self.values))
+
+
+def taper_between(inlet: float, outlet: float, height: float) -> float:
+    """Return the taper (300) of a dimension, 1/m."""
+    return (inlet - outlet) / (outlet * height)
+
+
+def stretch_ends(courses: Sequence[Course], length: float) -> list[float]:
+    """Return the ends of all stretches between the meniscus and the end of the mould, m."""
+    ends = [0.0]
+    for knot in sorted({k for course in courses for k in course.knots()} | {length}):
+        if ends[-1] + _ROUNDING * length < knot <= length * (1.0 - _ROUNDING) or knot == length:
+            ends.append(knot)
+    return ends

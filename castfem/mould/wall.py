@@ -1,0 +1,85 @@
+"""What a strand's surface knows of a wall: how far it is and which way it faces."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from castfem.mould.segments import Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reach:
+    """Where n points of the strand's surface meet the wall along their outward normals.
+
+    A displacement u of a point changes its gap by -(normal . u) / (normal . strand normal), as
+    far as the wall is plane there.
+
+    Attributes:
+        gap: Distance (n,), m, from the point along the strand's outward normal to the wall
+            (268)-(273): positive where open, negative where the point has penetrated, infinite
+            where no wall lies that way.
+        normal: Unit normal (n, 2) of the wall where it is met, pointing out of the cavity, so
+            that normal . strand normal > 0; where no wall is met, the strand's own normal.
+    """
+
+    gap: Array
+    normal: Array
+
+
+class Wall(Protocol):
+    """A rigid wall the strand passes."""
+
+    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+        """Return where points meet the wall.
+
+        Args:
+            points: Current points of the surface (n, 2), m; origin in the centre of the section,
+                x along its width, y along its height.
+            normals: Outward unit normals (n, 2) of the strand at them.
+            position: Position below the meniscus, m.
+        """
+
+    def temperature(self, position: float) -> float:
+        """Return the temperature of the wall's face at a position below the meniscus, K."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneWall:
+    """An unbounded plane wall that may move with the position below the meniscus.
+
+    Attributes:
+        point: A point of the wall at position 0, m.
+        normal: Direction out of the cavity, into the wall; of any length.
+        closing: Movement of the wall against its normal for each metre of position, m/m.
+        kelvin: Temperature of its face, K.
+    """
+
+    point: tuple[float, float]
+    normal: tuple[float, float]
+    closing: float = 0.0
+    kelvin: float = 433.15
+
+    def __post_init__(self) -> None:
+        """Refuse a normal of no length."""
+        if not 0.0 < math.hypot(*self.normal) < math.inf:
+            raise ValueError(f"the normal of a plane wall must have a direction, not {self.normal}")
+
+    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+        """Return where points meet the wall; see `Wall`."""
+        p, m = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
+        n = np.array(self.normal) / math.hypot(*self.normal)
+        cosine = m @ n
+        # The wall is unbounded: even a ray that nearly runs along it meets it somewhere.
+        facing = cosine > 1e-9
+        height = (np.array(self.point) - p) @ n - self.closing * position
+        gap = np.where(facing, height / np.where(facing, cosine, 1.0), np.inf)
+        gap[np.isnan(gap)] = np.inf
+        return Reach(gap, np.where(np.isfinite(gap)[:, None], n, m))
+
+    def temperature(self, position: float) -> float:
+        """Return the temperature of the wall's face, K."""
+        return self.kelvin

@@ -1,0 +1,260 @@
+"""Which runs a sweep has: the product of the values of its keys, or the rows of a table."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import itertools
+import json
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from castfem.case import Case
+from castfem.case.load import changed
+from castfem.case.names import full_key
+from castfem.errors import InputError
+
+_LONGEST = 100  # characters of a folder's name
+_NAME = "name"  # of the column that names the runs
+_LABEL = "sweep"  # where a value was written, in messages
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """One run of a sweep.
+
+    Attributes:
+        name: Of its folder, made of what is varied: it stays the same when values are added.
+        given: Key to value as the user wrote it, of what is varied; empty for what is left out.
+        case: The case.
+    """
+
+    name: str
+    given: Mapping[str, str]
+    case: Case
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A row of the table of runs: its name, if it has one, and its values by key."""
+
+    name: str
+    values: Mapping[str, str]
+
+
+def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> tuple[Variant, ...]:
+    """Return the runs of a sweep: each row of the table with each combination of the values.
+
+    Args:
+        base: The case that is varied.
+        assignments: `key=value,value,...`; a key with one value is set in all runs.
+        table: CSV file; its header names the keys, `key [unit]`, and may have the column `name`.
+
+    Raises:
+        InputError: Values or keys that cannot be used, in any of the runs; all of them.
+    """
+    problems: list[str] = []
+    keys: dict[str, tuple[str, ...]] = {}
+    document = base.document()
+    for assignment in assignments:
+        try:
+            key, values = read_assignment(assignment)
+            key = full_key(Case, document, key)
+            if key in keys:
+                raise ValueError(f"{key} is given twice; write all values behind one --set")
+            keys[key] = values
+        except ValueError as error:
+            problems.append(f'--set "{assignment}": {error}')
+    rows = [Row("", {})]
+    if table is not None:
+        try:
+            rows = read_table(table, document)
+        except ValueError as error:
+            problems.append(f"{table}: {error}")
+        twice = keys.keys() & {key for row in rows for key in row.values}
+        problems += [f"{table}: {key} stands behind --set, too" for key in sorted(twice)]
+    if not problems and not keys and table is None:
+        problems.append("nothing to sweep; give --set KEY=VALUE,VALUE or --table RUNS.csv")
+    if problems:
+        raise InputError(problems)
+    return _variants(base, rows, keys)
+
+
+def _variants(
+    base: Case, rows: Sequence[Row], keys: Mapping[str, tuple[str, ...]]
+) -> tuple[Variant, ...]:
+    """Build and validate every case.
+
+    Raises:
+        InputError: Some are not sound, or two runs are the same.
+    """
+    several = [key for key, values in keys.items() if len(values) > 1]
+    varied = [*_differing(rows), *several] or [*rows[0].values, *keys]
+    found: dict[str, Variant] = {}
+    problems: list[str] = []
+    for row, values in itertools.product(rows, itertools.product(*keys.values())):
+        settings = {**row.values, **dict(zip(keys, values, strict=True))}
+        given = {key: settings.get(key, "") for key in varied}
+        named = {key: given[key] for key in (several if row.name else varied)}
+        name = "__".join(part for part in (row.name, run_name(named)) if part)
+        if name in found:
+            problems.append(f"two runs would be the same: {name}")
+            continue
+        try:
+            case = changed(base, {key: value_of(v) for key, v in settings.items()}, _LABEL)
+        except InputError as error:
+            problems += error.problems
+            continue
+        found[name] = Variant(name, given, case)
+    problems += _steel_problems(found.values())
+    if problems:
+        raise InputError(dict.fromkeys(problems))
+    return tuple(found.values())
+
+
+def _steel_problems(variants: Iterable[Variant]) -> list[str]:
+    """Return what is wrong with the steels, each of which is looked at once."""
+    from castfem.materials import load_steel
+
+    problems: list[str] = []
+    different = {
+        json.dumps(v.case.document()["steel"], sort_keys=True): v.case.steel for v in variants
+    }
+    for steel in different.values():
+        try:
+            load_steel(
+                steel.name,
+                composition=steel.composition or None,
+                overrides=steel.overrides or None,
+                origin=f"{_LABEL}: steel",
+            )
+        except InputError as error:
+            problems += error.problems
+    return problems
+
+
+def _differing(rows: Sequence[Row]) -> list[str]:
+    """Return the keys whose values are not the same in all rows of the table."""
+    names = dict.fromkeys(key for row in rows for key in row.values)
+    return [key for key in names if len({row.values.get(key, "") for row in rows}) > 1]
+
+
+def read_assignment(assignment: str) -> tuple[str, tuple[str, ...]]:
+    """Return key and values of `key=value,value`.
+
+    Commas within quotes or brackets part nothing: `output.fields=["temperature"],[]` has two values.
+
+    Raises:
+        ValueError: It is not written so, or a value is missing or comes twice.
+    """
+    key, equals, text = assignment.partition("=")
+    if not equals or not key.strip():
+        raise ValueError('write it as key=value,value, such as casting.speed="3 m/min","4 m/min"')
+    values = split_values(text)
+    if not all(values):
+        raise ValueError("a value is missing")
+    if len(set(values)) < len(values):
+        raise ValueError("a value is given twice")
+    return key.strip(), values
+
+
+def split_values(text: str) -> tuple[str, ...]:
+    """Return the parts between the commas that stand outside of quotes and brackets."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        else:
+            depth += (letter in "[{(") - (letter in "]})")
+            if letter == "," and depth == 0:
+                parts.append("")
+                continue
+        parts[-1] += letter
+    return tuple(part.strip() for part in parts)
+
+
+def value_of(text: str) -> Any:
+    """Return a value as it would stand in a case file: TOML, or else a text."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text.strip()
+
+
+def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
+    """Return the rows of a CSV file with a header of keys, `casting.speed [m/min],name`.
+
+    A number takes the unit of its column; an empty cell leaves the value of the case.
+
+    Raises:
+        ValueError: It cannot be read, or its header or a row is not as it must be.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(getattr(error, "strerror", None) or "not a text in UTF-8") from None
+    kept = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    if len(kept) < 2:
+        raise ValueError("needs a header, such as 'casting.speed [m/min]', and a row for each run")
+    separator = ";" if ";" in kept[0] else ","
+    head, *body = ([cell.strip() for cell in row] for row in csv.reader(kept, delimiter=separator))
+    columns = [_column(cell, document) for cell in head]
+    keys = [key for key, _ in columns]
+    if len(set(keys)) < len(keys):
+        raise ValueError("two columns have the same key")
+    rows = []
+    for number, cells in enumerate(body, start=1):
+        if len(cells) != len(columns):
+            raise ValueError(f"run {number} has {len(cells)} cells, the header {len(columns)}")
+        values = {
+            key: _with_unit(cell, unit)
+            for (key, unit), cell in zip(columns, cells, strict=True)
+            if cell
+        }
+        rows.append(Row(_safe(values.pop(_NAME, "")), values))
+    return rows
+
+
+def _column(cell: str, document: Mapping[str, Any]) -> tuple[str, str]:
+    """Return the full key and the unit of a column."""
+    name, _, unit = cell.partition("[")
+    key = name.strip()
+    if not key:
+        raise ValueError("a column has no name")
+    try:
+        full = key if key == _NAME else full_key(Case, document, key)
+    except ValueError as error:
+        raise ValueError(f"column {key}: {error}") from None
+    return full, unit.rpartition("]")[0].strip()
+
+
+def _with_unit(cell: str, unit: str) -> str:
+    try:
+        float(cell)
+    except ValueError:
+        return cell
+    return f"{cell} {unit}".strip()
+
+
+def run_name(given: Mapping[str, str]) -> str:
+    """Return a name for a folder: `taper_1_percent_m__speed_3.6_m_min`."""
+    leaves = [key.rpartition(".")[2] for key in given]
+    parts = [
+        f"{leaf if leaves.count(leaf) == 1 else _safe(key)}_{_safe(value) or 'default'}"
+        for leaf, (key, value) in zip(leaves, given.items(), strict=True)
+    ]
+    name = "__".join(parts)
+    if len(name) <= _LONGEST:
+        return name
+    return f"{name[: _LONGEST - 9]}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+
+
+def _safe(text: str) -> str:
+    """Return a text with the letters that every file system and shell takes."""
+    return re.sub(r"[^\w.+-]+", "_", text.replace("%", " percent "), flags=re.ASCII).strip("_.")

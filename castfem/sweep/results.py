@@ -1,0 +1,174 @@
+"""The table of a sweep: what was varied and what came of it, one row a run."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem import units
+from castfem.compare.chief import chief, plain_label
+from castfem.errors import CastfemError
+from castfem.output.files import write_text
+from castfem.output.summary import Quantity, Summary
+from castfem.sweep.plan import Variant
+from castfem.sweep.record import Record
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+TABLE_NAME = "sweep.csv"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A run and its results.
+
+    Attributes:
+        name: Of the run.
+        given: Key to value of what is varied.
+        status: "finished", "failed" or "waiting".
+        quantities: Its results, empty if it has none.
+        seconds: How long it took.
+        message: Why it failed.
+    """
+
+    name: str
+    given: Mapping[str, str]
+    status: str
+    quantities: Mapping[str, Quantity]
+    seconds: float
+    message: str
+
+
+def rows(variants: Sequence[Variant], record: Record) -> list[Row]:
+    """Return the rows of a sweep as it stands."""
+    found = []
+    for variant in variants:
+        entry = record.entries[variant.name]
+        status = "failed" if entry.message else "finished" if entry.physics else "waiting"
+        quantities: Mapping[str, Quantity] = {}
+        message = entry.message
+        if status == "finished":
+            try:
+                summary = Summary.load(record.folder / variant.name)
+                quantities = summary.quantities if summary else {}
+            except CastfemError as error:
+                message = str(error)
+        found.append(Row(variant.name, variant.given, status, quantities, entry.seconds, message))
+    return found
+
+
+def write_table(path: Path, table: Sequence[Row]) -> None:
+    """Write the table as CSV, `name [unit]` in its header, every quantity of the runs.
+
+    Raises:
+        RunFailure: It cannot be written.
+    """
+    keys, cells = _varied(table)
+    names = {name: q.unit for row in table for name, q in row.quantities.items()}
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    results = [f"{name} [{unit}]" for name, unit in names.items()]
+    writer.writerow(["run", *keys, "status", *results, "wall_time [s]", "message"])
+    for row, varied in zip(table, cells, strict=True):
+        values = [row.quantities.get(name) for name in names]
+        numbers = [f"{q.shown:.12g}" if q and math.isfinite(q.shown) else "" for q in values]
+        took = f"{row.seconds:.3f}" if row.seconds else ""
+        writer.writerow([row.name, *varied, row.status, *numbers, took, row.message])
+    write_text(path, text.getvalue(), durable=False)
+
+
+def printed(table: Sequence[Row], width: int) -> Table:
+    """Return the table for the terminal: what was varied, and as many chief results as fit.
+
+    Args:
+        table: The runs.
+        width: Of the terminal, characters.
+    """
+    from rich import box
+    from rich.table import Table
+
+    found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    keys, cells = _varied(table)
+    columns = [
+        (_header(key.partition(" ")[0].rpartition(".")[2], key.partition(" ")[2]), list(column))
+        for key, column in zip(keys, zip(*cells, strict=True), strict=True)
+    ]
+    told = [_told(row) for row in table]
+    room = width - sum(_width(*column) for column in columns) - min(30, max(map(len, told)))
+    for column in _chief_columns(table):
+        room -= _width(*column)
+        if room < 0:
+            break
+        columns.append(column)
+    for header, _ in columns:
+        found.add_column(header, justify="right")
+    found.add_column("")
+    for number, row in enumerate(table):
+        style = "red" if row.status == "failed" else ""
+        found.add_row(*(column[number] for _, column in columns), told[number], style=style)
+    return found
+
+
+def _chief_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
+    """Header and cells of the chief results, the most wanted first."""
+    from castfem.output.show import shown
+
+    all_of = [row.quantities for row in table if row.quantities]
+    found = []
+    for name in chief(all_of):
+        some = next(q[name] for q in all_of if name in q)
+        quantities = [row.quantities.get(name) for row in table]
+        cells = [shown(q.shown, q.unit) if q else "-" for q in quantities]
+        found.append((_header(plain_label(some), f"[{some.unit}]"), cells))
+    return found
+
+
+def _header(name: str, unit: str) -> str:
+    """A heading with a word or two on each line."""
+    return "\n".join([*textwrap.wrap(name, 12, break_long_words=False), unit]).strip()
+
+
+def _width(header: str, cells: Sequence[str]) -> int:
+    """How wide a column is, with the two spaces behind it."""
+    return max(map(len, [*header.split("\n"), *cells])) + 2
+
+
+def _told(row: Row) -> str:
+    if row.status == "finished" and not row.message:
+        return ""
+    return f"{row.status}: {row.message}" if row.message else row.status
+
+
+def _varied(table: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
+    """Return the headers of what is varied, and its cells row by row.
+
+    The unit goes to the header if all values have the same one.
+    """
+    headers, columns = [], []
+    for key in table[0].given if table else ():
+        values = [row.given[key] for row in table]
+        numbers = [_split(value) for value in values]
+        common = {unit for pair in numbers if pair for unit in [pair[1]]}
+        if len(common) == 1 and all(pair or not v for pair, v in zip(numbers, values, strict=True)):
+            (unit,) = common
+            headers.append(f"{key} [{unit}]" if unit else key)
+            columns.append([pair[0] if pair else "" for pair in numbers])
+        else:
+            headers.append(key)
+            columns.append([value.strip("\"'") for value in values])
+    return headers, [list(cells) for cells in zip(*columns, strict=True)]
+
+
+def _split(value: str) -> tuple[str, str] | None:
+    """Return number and unit of a value, None if it is something else."""
+    try:
+        return units.split(value.strip("\"'"))
+    except ValueError:
+        return None

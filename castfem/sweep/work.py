@@ -1,0 +1,110 @@
+"""One run of a sweep, in whichever process it happens."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import time
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+
+from castfem.case import Case
+from castfem.errors import CastfemError
+from castfem.progress import Progress
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What is to be run.
+
+    Attributes:
+        name: Of the run.
+        folder: Where it writes.
+        case: The case.
+        resume: Go on from the checkpoint, if there is one.
+        figures: Draw its figures.
+    """
+
+    name: str
+    folder: Path
+    case: Case
+    resume: bool = False
+    figures: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a run has ended.
+
+    Attributes:
+        message: Why it failed, one line; empty if it did not.
+        seconds: How long it took.
+    """
+
+    message: str = ""
+    seconds: float = 0.0
+
+    @property
+    def failed(self) -> bool:
+        """Whether it failed."""
+        return bool(self.message)
+
+
+class Stop(Progress):
+    """A wish to stop that a run heeds after its step: an exception would be lost within PETSc."""
+
+    def __init__(self) -> None:
+        super().__init__(verbosity=-1, terminal=False)
+        self.wanted = False
+
+    def update(
+        self, position: float, time_s: float, newton: int, step: float, note: str = ""
+    ) -> None:
+        """Note a step in the run's log, and stop after it if that is wanted.
+
+        Raises:
+            KeyboardInterrupt: It is.
+        """
+        super().update(position, time_s, newton, step, note)
+        if self.wanted:
+            raise KeyboardInterrupt
+
+
+def work(job: Job, stop: Stop | None = None) -> Outcome:
+    """Run a case on this process alone; whatever goes wrong becomes the outcome's message.
+
+    Args:
+        job: The run.
+        stop: Asked after each step.
+    """
+    from mpi4py import MPI
+
+    from castfem import log, march
+    from castfem.output.checkpoint import CHECKPOINT_NAME
+
+    log.close()
+    log.logger.addHandler(logging.NullHandler())  # not even warnings between the bars: see run.log
+    log.logger.propagate = False
+    log.logger.setLevel(logging.INFO)
+    begun, progress = time.perf_counter(), stop or Stop()
+    try:
+        resume = job.resume and (job.folder / CHECKPOINT_NAME).is_file()
+        march.run(job.case, job.folder, comm=MPI.COMM_SELF, resume=resume, progress=progress)
+        if job.figures:
+            from castfem.output.figures import draw_figures
+
+            draw_figures(job.folder)
+    except CastfemError as error:
+        log.logger.error("%s", error)
+        return Outcome("; ".join(str(error).splitlines()), time.perf_counter() - begun)
+    except Exception as error:
+        log.logger.error("%s", "".join(traceback.format_exception(error)))
+        what = str(error).partition("\n")[0]
+        text = f"unexpected {type(error).__name__}: {what} (traceback in run.log)"
+        return Outcome(text, time.perf_counter() - begun)
+    finally:
+        progress.stop()
+        log.close()
+        gc.collect()  # meshes and their communicators stand in cycles
+    return Outcome("", time.perf_counter() - begun)

@@ -1,0 +1,220 @@
+"""Contact of the slice with a rigid wall: weak forms and pressure laws (thesis III.4).
+
+The wall acts on the strand's surface by a traction t = -p n + tau, with n the unit normal of the
+wall (into it), p the contact pressure and tau the friction in the plane (r) and along the strand
+(s).  With d the gap, the distance to the wall along n, and sigma_n the stress of the solid along n,
+
+    penalty (239)    p = K_p <-d>,
+    Nitsche          p = <-sigma_n(u) - K_p d>,
+
+<.> the positive part.  Nitsche's is the unsymmetric variant (theta = 0) of Chouly, Hild and Renard
+(Math. Comp. 84 (2015) 1089) for a rigid wall: where contact is closed the pressure is the solid's
+own stress, and the gap, weighted with K_p = gamma E / h, is zero, not p / K_p.  Both laws lead to
+the same virtual work (274); they differ in p alone.
+
+The pressure laws take numbers, arrays and UFL expressions alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import ufl
+
+from castfem.forms import finite_strain, mechanics
+from castfem.forms.mechanics import Direction, Expr
+
+
+def positive(x: Any) -> Any:
+    """Positive part <x>."""
+    return 0.5 * (x + abs(x))
+
+
+def penalty_pressure(stiffness: Any, gap: Any) -> Any:
+    """Contact pressure by penalty (239), Pa."""
+    return stiffness * positive(-gap)
+
+
+def nitsche_pressure(stiffness: Any, gap: Any, normal_stress: Any) -> Any:
+    """Contact pressure by Nitsche's method, Pa; see the module."""
+    return positive(-normal_stress - stiffness * gap)
+
+
+@dataclass(frozen=True, slots=True)
+class WallAction:
+    """What the wall does to a point of the surface, and how that changes with the motion.
+
+    Attributes:
+        traction: On the strand: x, y and along the strand (z, casting direction), (3,), Pa.
+        by_pressure: Its derivative by the pressure, slip held (3,).
+        by_slip: Its derivative by the slip in the plane, along (-n_y, n_x), pressure held (3,).
+        normal: Unit normal n of the wall (2,).
+        stiffness: dp / d(n . u): K_p where closed, 0 where open, Pa/m.
+        by_strain: -dp / d strain (4,), Mandel, Pa: Nitsche's share; None with the penalty.
+        by_turn: -dp / d angle at which the stress turns with the material, Pa; None likewise, and
+            at small strain.
+    """
+
+    traction: Expr
+    by_pressure: Expr
+    by_slip: Expr
+    normal: Expr
+    stiffness: Expr
+    by_strain: Expr | None = None
+    by_turn: Expr | None = None
+
+
+class Surface(Protocol):
+    """Geometry of the strand's surface, to which area and place belong."""
+
+    def place(self) -> Expr:
+        """Where a point is, (2,)."""
+
+    def size(self) -> Expr:
+        """Area now over undeformed area."""
+
+    def size_change(self, by: Direction) -> Expr:
+        """Its derivative along a motion."""
+
+    def place_change(self, by: Direction) -> Expr:
+        """Motion of the place: 0 where geometry is that of the undeformed slice."""
+
+    def strain_change(self, by: Direction) -> tuple[Expr, Expr]:
+        """Strain increment the law sees, Mandel, and angle by which the stress turns."""
+
+
+@dataclass(frozen=True, slots=True)
+class Undeformed:
+    """Small strain: area and place are those of the mesh."""
+
+    mesh: ufl.Mesh
+
+    def place(self) -> Expr:
+        """See `Surface`."""
+        return ufl.SpatialCoordinate(self.mesh)
+
+    def size(self) -> Expr:
+        """See `Surface`."""
+        return 1.0
+
+    def size_change(self, by: Direction) -> Expr:
+        """See `Surface`."""
+        return 0.0
+
+    def place_change(self, by: Direction) -> Expr:
+        """See `Surface`."""
+        return ufl.as_vector([0.0, 0.0])
+
+    def strain_change(self, by: Direction) -> tuple[Expr, Expr]:
+        """See `Surface`."""
+        return mechanics.strain(by, self.mesh), 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Deformed:
+    """Large strain: area and place are those of the deformed slice (279)-(284).
+
+    Attributes:
+        now: Deformation at the end of the step. old: At its start. mesh: The undeformed mesh.
+    """
+
+    now: finite_strain.Deformation
+    old: finite_strain.Deformation
+    mesh: ufl.Mesh
+
+    def place(self) -> Expr:
+        """See `Surface`."""
+        return self.now.position
+
+    def _normal(self) -> Expr:
+        return ufl.inv(self.now.gradient).T * ufl.FacetNormal(self.mesh)
+
+    def size(self) -> Expr:
+        """See `Surface`: e det F |F^-T N| (Nanson)."""
+        normal = self._normal()
+        return ufl.det(self.now.gradient) * self.now.thickness * ufl.sqrt(ufl.dot(normal, normal))
+
+    def size_change(self, by: Direction) -> Expr:
+        """See `Surface`."""
+        normal = self._normal()
+        moving = by.gradient * ufl.inv(self.now.gradient)
+        growth = ufl.tr(moving) + finite_strain.thickening(self.now, by) / self.now.thickness
+        across = ufl.dot(normal, moving * normal) / ufl.dot(normal, normal)
+        return self.size() * (growth - across)
+
+    def place_change(self, by: Direction) -> Expr:
+        """See `Surface`."""
+        return by.shift
+
+    def strain_change(self, by: Direction) -> tuple[Expr, Expr]:
+        """See `Surface`."""
+        return finite_strain.law_change(self.now, self.old, by)
+
+
+def displacement(surface: Surface, virtual: Direction, travel: Expr) -> Expr:
+    """Displacement (3,) on which the wall's traction works in a virtual motion.
+
+    In the plane it is the motion's own.  Along the strand: friction of the wall over the travel L
+    of a step is handed down the strand as a pull (38), N(z) = N(z - L) - L int tau_s ds, and a
+    virtual thickening of the slice draws the strand above it back by L times that.
+
+    Args:
+        surface: Geometry.
+        virtual: Motion.
+        travel: L, m.
+    """
+    x, m = surface.place(), virtual.modes
+    thickening = m[0] + m[1] * x[0] + m[2] * x[1]
+    return ufl.as_vector([virtual.shift[0], virtual.shift[1], -travel * thickening])
+
+
+def virtual_work(
+    action: WallAction, surface: Surface, virtual: Direction, travel: Expr, ds: ufl.Measure
+) -> ufl.Form:
+    """-Int t . v da, to be added to the work of the stress (274).
+
+    Args:
+        action: Of the wall.
+        surface: Geometry.
+        virtual: Motion v.
+        travel: Of the step, m.
+        ds: Undeformed surface.
+    """
+    work = ufl.inner(action.traction, displacement(surface, virtual, travel))
+    return -surface.size() * work * ds
+
+
+def pressure_change(action: WallAction, surface: Surface, by: Direction) -> Expr:
+    """Derivative of the contact pressure along a motion, at a wall that is locally plane."""
+    change = action.stiffness * ufl.dot(action.normal, by.shift)
+    if action.by_strain is None:
+        return change
+    strain, turn = surface.strain_change(by)
+    change -= ufl.inner(action.by_strain, strain)
+    return change if action.by_turn is None else change - action.by_turn * turn
+
+
+def traction_change(action: WallAction, surface: Surface, by: Direction) -> Expr:
+    """Derivative of the traction along a motion (262), (3,)."""
+    n = action.normal
+    slip = n[0] * by.shift[1] - n[1] * by.shift[0]
+    return action.by_pressure * pressure_change(action, surface, by) + action.by_slip * slip
+
+
+def stiffness(
+    action: WallAction,
+    surface: Surface,
+    by: Direction,
+    virtual: Direction,
+    travel: Expr,
+    ds: ufl.Measure,
+) -> ufl.Form:
+    """Derivative of `virtual_work` along a motion, consistent with it (282)-(296)."""
+    moved = displacement(surface, virtual, travel)
+    work = surface.size() * ufl.inner(traction_change(action, surface, by), moved)
+    work += surface.size_change(by) * ufl.inner(action.traction, moved)
+    lever = surface.place_change(by)
+    gradient = virtual.modes[1] * lever[0] + virtual.modes[2] * lever[1]
+    work -= surface.size() * action.traction[2] * travel * gradient
+    return -work * ds

@@ -1,0 +1,136 @@
+"""The interface for scripts: load, change, run, and what a result gives."""
+
+from __future__ import annotations
+
+import gc
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from small_case import write_small
+
+import castfem
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    return castfem.load(write_small(tmp_path_factory.mktemp("case")))
+
+
+@pytest.fixture(scope="module")
+def result(case):
+    with castfem.run(case) as found:
+        yield found
+
+
+def test_import_is_cheap():
+    """Nothing heavy comes with `import castfem`, nor with the names it offers."""
+    code = (
+        "import sys, castfem; assert 'run' in dir(castfem);"
+        "print([m for m in ('numpy', 'mpi4py', 'pydantic', 'dolfinx') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_unknown_name():
+    with pytest.raises(AttributeError, match="has no attribute 'nosuch'"):
+        castfem.nosuch  # noqa: B018
+
+
+def test_load_by_name_and_path(tmp_path, monkeypatch):
+    assert castfem.load("billet125/idealised").casting.speed == pytest.approx(0.06)
+    write_small(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert castfem.load("small").casting.length == pytest.approx(0.06)
+    with pytest.raises(castfem.InputError, match="did you mean billet125/idealised"):
+        castfem.load("billet125/idealized")
+
+
+def test_quantities_are_in_si(result):
+    """They agree with the table in engineers' units."""
+    shown = result.summary.quantities["surface_temperature_mid_face"]
+    assert shown.unit == "degC"
+    assert result.quantities["surface_temperature_mid_face"] == shown.value
+    assert shown.value - 273.15 == pytest.approx(shown.shown, abs=1e-9)
+    assert result.quantities["position"] == pytest.approx(0.06)
+
+
+def test_history(result):
+    table = result.history
+    assert table.attrs["units"]["position"] == "m"
+    assert list(table["time"]) == pytest.approx(np.arange(21) * 0.05)
+    last = table["surface_temperature_mid_face"].iloc[-1] + 273.15
+    assert last == pytest.approx(result.quantities["surface_temperature_mid_face"], abs=1e-6)
+
+
+def test_fields(result):
+    assert result.times == pytest.approx([0.0, 0.5, 1.0])
+    assert result.positions == pytest.approx([0.0, 0.03, 0.06])
+    end = result.fields()
+    assert (end.time, end.position) == pytest.approx((1.0, 0.06))
+    kelvin = end["temperature"]
+    assert kelvin.shape == (len(end.points),)
+    assert kelvin.min() == pytest.approx(
+        result.history["temperature_min"].iloc[-1] + 273.15, abs=1e-3
+    )
+    start = result.fields(position=0.0)["temperature"]
+    assert np.ptp(start) < 1e-3
+    assert result.fields(time=0.6).time == pytest.approx(0.5)
+    assert end.cells.max() < len(end.points)
+
+
+def test_fields_that_are_not_there(result):
+    with pytest.raises(castfem.InputError, match="no field stretch; there are .*temperature"):
+        result.fields()["stretch"]
+    with pytest.raises(castfem.InputError, match="written from 0 to 0.06 m"):
+        result.fields(position=0.1)
+    with pytest.raises(castfem.InputError, match="not both"):
+        result.fields(time=0.1, position=0.1)
+
+
+def test_case_of_a_result(case, result):
+    assert result.case == case
+
+
+def test_folder(case, tmp_path):
+    found = castfem.run(case.with_(speed="3 m/min"), tmp_path / "out")
+    again = castfem.Result(tmp_path / "out")
+    assert again.quantities == pytest.approx(found.quantities)
+    assert again.case.casting.speed == pytest.approx(0.05)
+    found.close()
+    assert (tmp_path / "out" / "history.csv").is_file()
+    with pytest.raises(castfem.InputError, match="no run that has ended"):
+        castfem.Result(tmp_path)
+
+
+def test_temporary_folder_goes(case):
+    found = castfem.run(case)
+    folder = found.folder
+    assert folder.is_dir()
+    kept = found.summary
+    del found
+    gc.collect()
+    assert not folder.exists()
+    assert kept.quantities["position"].value == pytest.approx(0.06)
+    with castfem.run(case) as closed:
+        folder = closed.folder
+    assert not folder.exists()
+
+
+def test_failure_leaves_nothing(case, monkeypatch, tmp_path):
+    """Also the temporary folder of a run that fails is removed, and its log is closed."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with pytest.raises(castfem.InputError, match="nosuch"):
+        castfem.run(case.with_({"steel.name": "nosuch"}))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_faster_the_hotter(case):
+    """A loop over a bare name; physics decides the order."""
+    found = []
+    for speed in ("3 m/min", "4 m/min"):
+        with castfem.run(case.with_(speed=speed)) as run:
+            found.append(run.quantities["surface_temperature_mid_face"])
+    assert found[1] > found[0] + 5.0

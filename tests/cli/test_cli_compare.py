@@ -1,0 +1,160 @@
+"""`castfem compare`: the table, the figures, and what is no run."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_case import write_small
+
+import castfem as package
+from castfem.compare.figures import figures, parts
+from castfem.compare.runs import Run
+from castfem.compare.table import SHARE, lines
+from castfem.output.history import History
+from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    """Two finished runs in one folder."""
+    root = tmp_path_factory.mktemp("runs")
+    case = package.load(write_small(root))
+    (root / "small.toml").unlink()
+    for name, wall in (("cold", "100 degC"), ("warm", "300 degC")):
+        package.run(case.with_(wall=wall), root / name)
+    return root
+
+
+def test_compare(castfem, runs):
+    outcome = castfem("compare", runs / "cold", runs / "warm", "--base", "warm")
+    assert outcome.status == 0, outcome.err
+    assert "base: warm" in outcome.out
+    assert "references: somebody" in outcome.out
+    rows = list(csv.reader((runs / "compare" / "compare.csv").open()))
+    assert rows[0] == ["quantity", "unit", "cold", "cold: reference", "warm", "warm: reference"]
+    table = {(row[0], row[1]): row[2:] for row in rows[1:]}
+    cold = package.Result(runs / "cold").summary.quantities
+    warm = package.Result(runs / "warm").summary.quantities
+    surface = table["surface, mid-face", "degC"]
+    assert float(surface[0]) == pytest.approx(cold["surface_temperature_mid_face"].shown)
+    assert (surface[1], surface[3]) == ("1400", "1400")
+    share = table["heat removed per m", SHARE]
+    assert float(share[2]) == 100.0
+    ratio = cold["heat_removed"].value / warm["heat_removed"].value
+    assert float(share[0]) == pytest.approx(100 * ratio)
+    assert ratio > 1.05
+    drawn = {path.stem for path in (runs / "compare").glob("*.png")}
+    wanted = {"surface_temperature", "shell", "heat_flux", "heat_removed", "heat_share"}
+    assert wanted | {"section_temperature"} <= drawn
+    again = castfem("compare", runs / "cold", runs / "warm", "--no-figures", "--all")
+    assert again.status == 0
+    assert "metallurgical" in again.out or "time" in again.out
+
+
+def test_what_cannot_be_compared(castfem, runs, tmp_path):
+    def problem(*words) -> str:
+        outcome = castfem("compare", *words)
+        assert outcome.status == 1
+        return outcome.err
+
+    assert "two runs are needed" in problem(runs / "cold", runs / "cold")
+    assert "no such folder" in problem(runs / "cold", tmp_path / "nosuch")
+    assert "holds no run" in problem(runs / "cold", tmp_path)
+    assert "--base hot: none of the runs (cold, warm)" in problem(
+        runs / "cold", runs / "warm", "--base", "hot"
+    )
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("mine")
+    assert "holds other files" in problem(runs / "cold", runs / "warm", "-o", tmp_path / "mine")
+
+
+def test_sweep_stands_for_its_runs(castfem, tmp_path):
+    write_small(tmp_path)
+    words = ("--set", "speed=3 m/min,4 m/min", "--set", "length=20 mm", "-j", 1, "-o", "out", "-q")
+    assert castfem("sweep", "small", *words).status == 0
+    outcome = castfem("compare", "out", "--no-figures")
+    assert outcome.status == 0, outcome.err
+    assert "base: speed 3 m/min" in outcome.out
+    head = (tmp_path / "out" / "compare" / "compare.csv").read_text().splitlines()[0]
+    assert "speed 4 m/min" in head
+
+
+def test_parts_of_a_column():
+    columns = ["surface_temperature_left_edge", "gap_left_edge", "von_mises_max"]
+    assert parts("gap_left_edge", columns) == ("gap", "left_edge")
+    assert parts("von_mises_max", columns) == ("von_mises", "max")
+    assert parts("axial_strain", columns) == ("axial_strain", "")
+
+
+def _imagined(folder: Path, name: str, scale: float, columns: list[tuple[str, str]]) -> Run:
+    (folder / name).mkdir()
+    first = [("time", "s"), ("position", "m"), ("heat_removed", "J/m")]
+    with History(folder / name / "history.csv", first + columns) as history:
+        for step in range(6):
+            row = {"time": step, "position": 0.1 * step, "heat_removed": scale * 1e6 * step}
+            history.append(row | {c: scale * step * (i + 1) for i, (c, _) in enumerate(columns)})
+    quantities = {"heat_removed": Quantity(scale * 5e6, "MJ/m", "heat removed")}
+    return Run(folder / name, name, Summary(name, "finished", quantities, zones=(Zone("m", 0, 1),)))
+
+
+def test_figures_follow_the_columns(tmp_path):
+    """What both have is drawn, a panel a place, known or not; the rest is left out."""
+    both = [
+        ("surface_temperature_corner", "degC"),
+        ("gap_corner", "mm"),
+        ("gap_mid_face", "mm"),
+        ("wall_shear_corner", "MPa"),
+        ("newton_mechanics", "-"),
+        ("force_error", "-"),
+    ]
+    one = _imagined(tmp_path, "one", 1.0, both)
+    other = _imagined(tmp_path, "other", 2.0, [*both, ("size_corner", "mm")])
+    found = {d.quantity: (d, panels) for d, panels in figures([one, other], one)}
+    assert list(found) == [
+        "surface_temperature", "heat_rate", "heat_removed", "heat_share", "gap", "wall_shear",
+    ]  # fmt: skip
+    assert [panel.place for panel in found["gap"][1]] == ["corner", "mid_face"]
+    assert found["wall_shear"][0].title == "Wall shear"
+    shares = [curve.values[1:] for curve in found["heat_share"][1][0].curves]
+    assert shares[0] == pytest.approx(100.0)
+    assert shares[1] == pytest.approx(200.0)
+    rate = found["heat_rate"][1][0].curves[1].values
+    assert rate == pytest.approx(np.full(6, 2e6))
+
+
+def test_equal_panels_are_drawn_once(tmp_path):
+    columns = [("surface_temperature_a", "degC"), ("surface_temperature_b", "degC")]
+    made = [_imagined(tmp_path, name, 1.0, columns) for name in ("one", "two")]
+    for run in made:
+        path = run.folder / "history.csv"
+        rows = [line.split(",") for line in path.read_text().splitlines()]
+        same = [",".join([*row[:-1], row[-2]]) for row in rows[1:]]
+        path.write_text("\n".join([",".join(rows[0]), *same]) + "\n")
+    found = {d.quantity: panels for d, panels in figures(made, made[0])}
+    assert [panel.place for panel in found["surface_temperature"]] == ["a"]
+
+
+def test_references_at_a_place_of_their_own():
+    """Thesis numbers within the strand stand in lines of their own; ratios of theirs, too."""
+
+    def run(name: str, heat: float, expected: float) -> Run:
+        quantities = {"heat_removed": Quantity(heat, "kJ/m", "heat removed")}
+        inner = Comparison(
+            Reference("heat_removed", expected, "kJ/m", "thesis", at=0.6), 0.5 * heat
+        )
+        return Run(Path(name), name, Summary(name, "finished", quantities, (inner,)))
+
+    made = [run("ideal", 2e6, 1.0e6), run("loose", 1e6, 0.8e6)]
+    table = {(line.label, line.unit): line for line in lines(made, made[0])}
+    assert table["heat removed", "kJ/m"].ours == pytest.approx((2e3, 1e3))
+    assert all(math.isnan(value) for value in table["heat removed", "kJ/m"].theirs)
+    inner = table["heat removed, at 600 mm", "kJ/m"]
+    assert inner.ours == pytest.approx((1e3, 500.0))
+    assert inner.theirs == pytest.approx((1e3, 800.0))
+    share = table["heat removed, at 600 mm", SHARE]
+    assert share.ours == pytest.approx((100.0, 50.0))
+    assert share.theirs == pytest.approx((100.0, 80.0))

@@ -1,0 +1,202 @@
+"""`castfem sweep`: runs in parallel, one table, and what goes wrong in one run stays there."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from small_case import write_small
+
+from castfem.sweep.local import run_locally
+from castfem.sweep.plan import plan
+from castfem.sweep.work import Job
+
+SPEEDS = ("--set", "speed=3 m/min,4 m/min")
+NEVER = 'thermal.solver={},{ pc_type = "nosuch" }'  # only PETSc knows that it has no such thing
+
+
+def _table(folder: Path) -> list[dict[str, str]]:
+    with (folder / "sweep.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_sweep(castfem, tmp_path):
+    write_small(tmp_path)
+    outcome = castfem(
+        "sweep", "small", *SPEEDS, "--set", "superheat=20 K,40 K", "-j", 2, "-o", "out"
+    )
+    assert outcome.status == 0, outcome.err
+    rows = _table(Path("out"))
+    assert [(r["casting.speed [m/min]"], r["casting.superheat [K]"]) for r in rows] == [
+        ("3", "20"), ("3", "40"), ("4", "20"), ("4", "40"),
+    ]  # fmt: skip
+    assert {row["status"] for row in rows} == {"finished"}
+    for row in rows:
+        summary = json.loads((Path("out") / row["run"] / "summary.json").read_text())
+        shown = summary["quantities"]["surface_temperature_mid_face"]["value"]
+        assert float(row["surface_temperature_mid_face [degC]"]) == pytest.approx(shown)
+    hot = [float(row["surface_temperature_mid_face [degC]"]) for row in rows]
+    assert hot[0] < hot[1] < hot[3]
+    assert hot[2] < hot[3]
+    assert "superheat" in outcome.out
+    assert "table in out/sweep.csv" in outcome.out
+    assert "(4 of 4)" in outcome.err
+
+
+def test_finished_runs_are_not_run_again(castfem, tmp_path):
+    write_small(tmp_path)
+    words = ("sweep", "small", "-j", 1, "-o", "out", "--set")
+    assert castfem(*words, "speed=3 m/min").status == 0
+    record = Path("out/speed_3_m_min/run.json")
+    before = record.read_text()
+    two = (*words, "speed=3 m/min,4 m/min")
+    more = castfem(*two)
+    assert more.status == 0
+    assert "1 of 2 runs are finished already" in more.err
+    assert record.read_text() == before
+    assert [row["status"] for row in _table(Path("out"))] == ["finished", "finished"]
+    other = castfem(*two, "--set", "order=2")
+    assert other.status == 1
+    assert "mesh.order: 1 there, 2 here" in other.err
+    assert castfem(*two, "--set", "length=30 mm").status == 0
+    assert [row["position [m]"] for row in _table(Path("out"))] == ["0.03", "0.03"]
+
+
+def test_one_failed_run_does_not_stop_the_rest(castfem, tmp_path):
+    write_small(tmp_path)
+    outcome = castfem("sweep", "small", "--set", NEVER, *SPEEDS, "-j", 1, "-o", "out")
+    assert outcome.status == 2, outcome.err
+    assert "castfem: 2 of 4 runs failed" in outcome.err
+    rows = _table(Path("out"))
+    assert sorted(row["status"] for row in rows) == ["failed", "failed", "finished", "finished"]
+    failed = next(row for row in rows if row["status"] == "failed")
+    assert failed["message"]
+    assert failed["shell_mid_face [mm]"] == ""
+    assert failed["message"] in (Path("out") / failed["run"] / "run.log").read_text()
+    again = castfem("sweep", "small", "--set", NEVER, *SPEEDS, "-j", 1, "-o", "out", "-q")
+    assert again.status == 2
+    assert again.out == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--set", "speed=3 m/min,3"), "a speed needs its unit"),
+        (("--set", "speed=3 m/min,4 m/min", "--set", "steel.name=nosuch"), "nosuch"),
+        ((), "nothing to sweep"),
+        (("--table", "nosuch.csv"), "nosuch.csv: No such file"),
+        ((*SPEEDS, "-j", "0"), "at least one process"),
+        ((*SPEEDS, "--resume", "--overwrite"), "exclude each other"),
+        ((*SPEEDS, "-o", "small.toml"), "is a file"),
+    ],
+)
+def test_bad_input_runs_nothing(castfem, tmp_path, words, message):
+    write_small(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    outcome = castfem("sweep", "small", *words)
+    assert outcome.status == 1
+    assert message in outcome.err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_process_that_dies_costs_its_run_alone(tmp_path):
+    """The first process is killed when it has taken a step; another one does what is left."""
+    import castfem
+
+    base = castfem.load(write_small(tmp_path)).with_(step="1 ms", length="200 mm")
+    variants = plan(base, ["speed=3 m/min", "superheat=20 K,30 K"])
+    short = variants[1].case.with_(length="10 mm")
+    jobs = [
+        Job("first", tmp_path / "first", variants[0].case),
+        Job("second", tmp_path / "second", short),
+    ]
+    ended = {}
+
+    def tick():
+        history = tmp_path / "first" / "history.csv"
+        if not ended and history.is_file():
+            for child in psutil.Process().children():
+                if "spawn_main" in " ".join(child.cmdline()):
+                    child.kill()
+
+    def note(job, outcome):
+        ended[job.name] = outcome
+
+    run_locally(jobs, 1, tmp_path / "noise", lambda job: None, note, tick)
+    assert "SIGKILL" in ended["first"].message
+    assert not ended["second"].failed
+    assert (tmp_path / "second" / "summary.json").is_file()
+
+
+def _wait_for(path: Path, lines: int = 30) -> None:
+    for _ in range(300):
+        if path.is_file() and path.read_text().count("\n") > lines:
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"{path} has not grown")
+
+
+def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path):
+    write_small(tmp_path)
+    command = [
+        sys.executable,
+        "-m",
+        "castfem.cli",
+        "sweep",
+        "small",
+        *SPEEDS,
+        "-j",
+        "2",
+        "-o",
+        "out",
+    ]
+    command += ["--set", "length=60 mm", "--set", "thermal.time.step=2 ms"]
+    process = subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    runs = [tmp_path / "out" / f"speed_{speed}_m_min" for speed in (3, 4)]
+    for run in runs:
+        _wait_for(run / "history.csv")
+    children = psutil.Process(process.pid).children(recursive=True)
+    assert len(children) >= 2
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert err.strip().endswith("castfem: interrupted; the same command again goes on")
+    _, alive = psutil.wait_procs(children, timeout=5)
+    assert not alive
+    for run in runs:
+        assert json.loads((run / "run.json").read_text())["reason"] == "stopped by the user"
+    done = subprocess.run([*command, "--resume"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    for run in runs:
+        record = json.loads((run / "run.json").read_text())
+        assert (record["status"], record["resumed"]) == ("finished", 1)
+
+
+@pytest.mark.skipif(shutil.which("mpirun") is None, reason="no mpirun")
+def test_over_ranks(tmp_path):
+    write_small(tmp_path)
+    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_"))}
+    clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    command = ["mpirun", "--oversubscribe", "-n", "3", sys.executable, "-m", "castfem.cli"]
+    command += ["sweep", "small", *SPEEDS, "--set", NEVER, "-o", "out"]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=clean, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 2, done.stderr
+    assert done.stdout.count("table in out/sweep.csv") == 1
+    assert done.stderr.count("castfem: 2 of 4 runs failed") == 1
+    rows = _table(tmp_path / "out")
+    assert sorted(row["status"] for row in rows) == ["failed", "failed", "finished", "finished"]
+    for row in rows:
+        assert json.loads((tmp_path / "out" / row["run"] / "run.json").read_text())["ranks"] == 1

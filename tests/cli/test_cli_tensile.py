@@ -1,0 +1,167 @@
+"""Tensile tests from the command line: check, run, show, and what goes wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from castfem.errors import RunFailure
+from castfem.laws.tensile import TESTS
+from castfem.output.history import read_history
+
+NAMES = ("constant_rate", "rate_jump", "softening", "unloading", "unloading_softening")
+
+
+def test_check(castfem):
+    outcome = castfem("check", "tensile/rate_jump")
+    assert outcome.status == 0, outcome.err
+    assert "tensile/rate_jump: sound" in outcome.out
+    assert "law norton_hoff, 200 steps a segment" in outcome.out
+    assert "0.4 s at 0.01 1/s" in outcome.out
+
+
+@pytest.mark.parametrize(("name", "test"), zip(NAMES, TESTS, strict=True), ids=NAMES)
+def test_the_five_tests_of_the_thesis(castfem, name, test):
+    """All files of a run; the stress that of the law alone, and its analytical answer."""
+    outcome = castfem("run", f"tensile/{name}", "-o", "out")
+    assert outcome.status == 0, outcome.err
+    written = {p.relative_to("out").as_posix() for p in Path("out").rglob("*") if p.is_file()}
+    assert written - {".castfem.lock"} == {
+        "case.toml", "history.csv", "summary.json", "run.json", "run.log", "figures/tensile.png",
+    }  # fmt: skip
+    table = read_history("out/history.csv")
+    steps = 300 if name == "softening" else 200
+    found = test.run(steps)
+    assert table["time"].to_numpy() == pytest.approx(found.time, rel=1e-11)
+    stress = 1e-6 * found.axial_stress[:, 0]
+    assert table["stress"].to_numpy() == pytest.approx(stress, rel=1e-7, abs=1e-9)
+    flow = found.state[:, 0, 0]
+    assert table["viscoplastic_strain"].to_numpy() == pytest.approx(flow, rel=1e-7, abs=1e-12)
+    gap = (table["stress"] - table["analytical_stress"]).abs().to_numpy() / stress.max()
+    if name == "rate_jump":  # the memory of the law, a strain of a few p3 q/E after each change
+        settled = table["strain"].to_numpy()
+        settled = np.minimum(np.abs(settled - 0.004), np.abs(settled - 0.008)) > 5e-4
+        assert gap[settled].max() < 0.01
+    else:
+        assert gap.max() < 1e-9
+    summary = json.loads(Path("out/summary.json").read_text())
+    assert summary["status"] == "finished"
+    for reference in summary["references"]:
+        assert abs(reference["relative"]) < 1e-6, reference
+    reached = json.loads(Path("out/run.json").read_text())["reached"]
+    assert reached["step"] == steps * len(test.segments)
+
+
+def test_run_again_show_and_other_physics(castfem):
+    assert castfem("run", "tensile/unloading", "-o", "out", "-q").status == 0
+    assert castfem("run", "out/case.toml", "-o", "again", "-q").status == 0
+    assert Path("again/history.csv").read_text() == Path("out/history.csv").read_text()
+    assert castfem("run", "tensile/unloading", "-o", "out").status == 0
+    Path("out/figures/tensile.png").unlink()
+    shown = castfem("show", "out")
+    assert shown.status == 0
+    assert "stress, end of segment 2" in shown.out
+    assert "tensile.png" in shown.out
+    assert Path("out/figures/tensile.png").is_file()
+    other = ("run", "tensile/unloading", "-o", "out", "--set", "tensile.segment.1.duration=0.2 s")
+    refused = castfem(*other)
+    assert refused.status == 1
+    assert "tensile.segment.1.duration: 0.3 s there, 0.2 s here" in refused.err
+    assert castfem(*other, "--overwrite").status == 0
+    strand = castfem("run", "billet125/thermal", "-o", "out")
+    assert strand.status == 1
+    assert "holds a run of another case" in strand.err
+
+
+def test_steel_that_relaxes(castfem):
+    """Held at its strain: drawn over time, no analytical answer, the stress falls."""
+    words = ["--set", "tensile.material=kozlowski_zhu", "--set", "tensile.carbon=0.1"]
+    hold = 'tensile.segment=[{rate="1e-3 1/s", duration="5 s"}, {rate="0 1/s", duration="60 s"}]'
+    outcome = castfem("run", "tensile/constant_rate", "-o", "out", *words, "--set", hold)
+    assert outcome.status == 0, outcome.err
+    table = read_history("out/history.csv")
+    assert table["analytical_stress"].isna().all()
+    held = table["stress"].to_numpy()[200:]
+    assert (np.diff(held) < 0.0).all()
+    assert held[-1] < 0.5 * held[0]
+
+
+def test_a_bar_between_walls(castfem):
+    """Held, heated, then cooled a little: pressed until it flows, released elastically (214)."""
+    words = []
+    for key in (
+        'tensile.material={law="perfectly_plastic", yield_stress="20 MPa"}',
+        'tensile.segment=[{rate="0 1/s", duration="15 s"}]',
+        "tensile.expansion=2e-5 1/K",
+        "tensile.steps=150",
+        'tensile.temperature={time=["0 s", "10 s", "15 s"], value=["1273 K", "1373 K", "1368 K"]}',
+        "reference=[]",
+    ):
+        words += ["--set", key]
+    outcome = castfem("run", "tensile/constant_rate", "-o", "out", *words)
+    assert outcome.status == 0, outcome.err
+    table = read_history("out/history.csv")
+    heated = table["temperature"].to_numpy() + 273.15 - 1273.0
+    assert table["strain"].to_numpy() == pytest.approx(-2e-5 * heated, abs=1e-12)
+    assert not table["total_strain"].any()
+    pressed = np.minimum(20.0, 0.4 * heated)  # 20 GPa
+    released = table["time"].to_numpy() > 10.0
+    stress = np.where(released, -20.0 + 0.4 * (100.0 - heated), -pressed)
+    assert table["stress"].to_numpy() == pytest.approx(stress, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "said"),
+    [
+        ("tensile.material=kozlowsky_zhu", "did you mean kozlowski_zhu?"),
+        ("tensile.material=kozlowski_zhu", "carbon: is missing"),
+        ("tensile.material.p3=7", "tensile.material: p3: must not be above 1"),
+        ("tensile.material.p5=7", "p5: unknown key"),
+        ("tensile.young=-1 GPa", "tensile.young: must be above 0"),
+    ],
+)
+def test_mistakes_end_with_one(castfem, assignment, said):
+    for command in ("check", "run"):
+        outcome = castfem(command, "tensile/constant_rate", "--set", assignment)
+        assert outcome.status == 1
+        assert said in outcome.err
+        assert outcome.err.count("\n") == 1
+    assert not Path("results").exists()
+
+
+def test_no_checkpoint_no_mesh(castfem):
+    assert castfem("run", "tensile/softening", "-o", "out", "-q").status == 0
+    resumed = castfem("run", "tensile/softening", "-o", "out", "--resume")
+    assert resumed.status == 1
+    assert "run without --resume" in resumed.err
+    mesh = castfem("mesh", "tensile/softening")
+    assert mesh.status == 1
+    assert "is a tensile test; a strand is needed" in mesh.err
+
+
+def test_a_failure_keeps_what_was_reached(castfem, monkeypatch):
+    """The law stops answering after 50 steps: status 2, the reason, and 50 good rows."""
+    from castfem.laws import uniaxial
+
+    whole = uniaxial._balanced
+    calls = []
+
+    def balanced(*arguments):
+        calls.append(arguments)
+        if len(calls) > 50:
+            raise RunFailure(f"tensile test: no equilibrium at {arguments[-1]:g} s")
+        return whole(*arguments)
+
+    monkeypatch.setattr(uniaxial, "_balanced", balanced)
+    outcome = castfem("run", "tensile/constant_rate", "-o", "out")
+    assert outcome.status == 2
+    assert "no equilibrium at 3.06 s; the history to there is in out/history.csv" in outcome.err
+    assert len(read_history("out/history.csv")) == 51
+    record = json.loads(Path("out/run.json").read_text())
+    assert (record["status"], record["reached"]["step"]) == ("failed", 50)
+    assert "at 3.06 s" in record["reason"]
+    shown = castfem("show", "out")
+    assert "failed" in shown.out and "Last of 51 steps" in shown.out

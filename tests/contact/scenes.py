@@ -1,0 +1,91 @@
+"""Blocks and walls for the tests of contact."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mechanics import scenes
+
+from castfem.contact.contact import Contact
+from castfem.mechanics.planes import PlainPlanes
+from castfem.mould.wall import Array, Reach
+
+PLANE_STRAIN = PlainPlanes(free=())
+
+
+class LineWall:
+    """A straight wall whose place and slope follow the position.
+
+    Args:
+        point: A point of it over the position. slope: Angle of its normal to the y axis, rad.
+    """
+
+    def __init__(self, point: Any, slope: Any = lambda z: 0.0, axis: int = 1) -> None:
+        self.point, self.slope, self.axis = point, slope, axis
+
+    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+        angle = self.slope(position)
+        n = np.array([np.sin(angle), np.cos(angle)])
+        if self.axis == 0:
+            n = n[::-1]
+        facing = normals @ n
+        gap = np.where(facing > 1e-9, ((self.point(position) - points) @ n), np.inf)
+        gap = gap / np.where(facing > 1e-9, facing, 1.0)
+        return Reach(gap, np.where((facing > 1e-9)[:, None], n, normals))
+
+    def temperature(self, position: float) -> float:
+        return 400.0
+
+
+def tapered_block(
+    method: str,
+    length: float = 1.0,
+    stress: float = 1.0,
+    cell: str = "quadrilateral",
+    cells: int = 10,
+    options: dict[str, Any] | None = None,
+    **given: Any,
+) -> scenes.SliceScene:
+    """The elastic block: 20 mm square, 0.05 mm of a wall tapered by 0.04 mm pushed into it.
+
+    Args:
+        method: Of contact.
+        length: Unit of length, m.
+        stress: Unit of stress, Pa.
+        cell: Shape of the cells.
+        cells: Their number along each side.
+        options: PETSc options.
+        **given: Changes to the contact.
+    """
+    width, push, taper = 20e-3 / length, 0.05e-3 / length, 0.04e-3 / length
+    # Rollers under the foot; sideways it is held in the middle of its top alone.
+    groups = ("left", "symmetry_y", "right", "top")
+    mesh = scenes.mapped(cells, cells, scenes.box(width, width), cell, groups=groups)
+    angle = -np.arctan(taper / width)
+    wall = LineWall(lambda z: np.array([0.0, width - push * z]), lambda z: angle)
+    contact = Contact(wall, ("top",), lambda time: time, method=method, **given)
+    return scenes.SliceScene(
+        mesh,
+        law=scenes.elastic(40e9 / stress, 0.3),
+        given={"planes": PLANE_STRAIN, "contact": contact},
+        options=options or {},
+    )
+
+
+class TwoWalls:
+    """Two straight walls right of and above a corner, each turned a little."""
+
+    def __init__(self, corner: tuple[float, float], turn: float) -> None:
+        self.corner, self.turn = np.array(corner), turn
+
+    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+        c, s = np.cos(self.turn), np.sin(self.turn)
+        right = normals[:, 0] > normals[:, 1]
+        n = np.where(right[:, None], [c, s], [-s, c])
+        # Through the middle of the side, so that half of it is behind.
+        foot = np.where(right[:, None], self.corner * [1.0, 0.5], self.corner * [0.5, 1.0])
+        return Reach(np.einsum("ni,ni->n", foot - points, n) / np.einsum("ni,ni->n", n, normals), n)
+
+    def temperature(self, position: float) -> float:
+        return 400.0

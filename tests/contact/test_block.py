@@ -1,0 +1,87 @@
+"""An elastic block and a tapered wall that is pushed into it: resultant, iterations, units."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from castfem.contact.outcome import summary
+from contact.scenes import tapered_block
+
+METHODS = ("penalty", "nitsche")
+CELLS = ("quadrilateral", "triangle")
+FORCE = 40e9 / (1 - 0.3**2) * 0.03e-3  # E/(1 - nu^2) times the mean closure, per length of wall
+STEPS = np.linspace(0.1, 1.0, 10)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("method", METHODS)
+def test_resultant(method: str, cell: str) -> None:
+    scene = tapered_block(method, cell=cell)
+    for time in STEPS:
+        result = scene.step(time)
+        assert result.newton <= 5
+    found = summary(scene.problem.contact, scene.state.contact)
+    assert -found.force[1] == pytest.approx(FORCE, rel=5e-4)
+    assert found.share == 1.0
+    assert found.penetration < 1e-8
+    assert found.points[0] == 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_units_do_not_matter(method: str) -> None:
+    """M and Pa, mm and MPa: the same iterations, the same numbers."""
+    scenes = [tapered_block(method), tapered_block(method, 1e-3, 1e6)]
+    for time in STEPS[:7]:
+        one, other = (scene.step(time) for scene in scenes)
+        assert one.newton == other.newton
+        first, second = one.state.contact, other.state.contact
+        assert np.array_equal(first.status, second.status)
+        top = first.pressure.max()
+        assert second.pressure * 1e6 == pytest.approx(first.pressure, abs=1e-6 * top)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("factor", [300.0, 3e3, 3e4, 3e5])
+def test_three_decades_of_stiffness(method: str, factor: float) -> None:
+    scene = tapered_block(method, factor=factor / 10 if method == "nitsche" else factor)
+    for time in STEPS:
+        assert scene.step(time).newton <= 5
+    found = summary(scene.problem.contact, scene.state.contact)
+    assert -found.force[1] == pytest.approx(FORCE, rel=5e-4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_failed_step_leaves_nothing_behind(method: str) -> None:
+    """The old state is as it was, to the bit, and the next try goes as if nothing had been."""
+    scene = tapered_block(method, options={"snes_max_it": 6})
+    scene.step(0.1)
+    old = scene.state
+    assert old.contact is not None
+    kept = {f.name: np.copy(getattr(old.contact, f.name)) for f in fields(old.contact)}
+    moved = old.displacement.copy()
+    good = scene.stepper.step(old, 0.2, old.temperature)
+    bad = tapered_block(method, options={"snes_max_it": 1})
+    failed = bad.stepper.step(bad.state, 0.5, bad.state.temperature)
+    assert not failed.converged and failed.state is bad.state
+    scene.problem.solver.snes.setTolerances(max_it=1)
+    failed = scene.stepper.step(old, 0.5, old.temperature)
+    assert not failed.converged and failed.state is old
+    for name, value in kept.items():
+        assert np.array_equal(getattr(old.contact, name), value), name
+    assert np.array_equal(old.displacement, moved)
+    scene.problem.solver.snes.setTolerances(max_it=6)
+    again = scene.stepper.step(old, 0.2, old.temperature)
+    assert np.array_equal(again.state.displacement, good.state.displacement)
+    assert np.array_equal(again.state.contact.pressure, good.state.contact.pressure)
+    assert again.newton == good.newton
+
+
+def test_no_contact_compiles_no_contact() -> None:
+    from mechanics.scenes import SliceScene, box, mapped
+
+    scene = SliceScene(mapped(2, 2, box(1.0, 1.0)))
+    assert scene.problem.contact is None and scene.state.contact is None
+    assert not [name for name in scene.section.compiled if "contact" in name]

@@ -1,0 +1,207 @@
+"""Friction: laws and return mapping, a block that sticks, slides and turns, axial friction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mechanics.scenes import SliceScene, elastic, mapped, skewed
+
+from castfem.contact.contact import Contact
+from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous, return_friction
+from castfem.contact.outcome import summary
+from castfem.contact.state import SLIP, STICK
+from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.supports import Held, SurfacePressure, Traction
+from contact.scenes import LineWall
+
+METHODS = ("penalty", "nitsche")
+CELLS = ("quadrilateral", "triangle")
+YOUNG, WIDTH, HEIGHT, PRESSURE, MU = 40e9, 20e-3, 10e-3, 5e6, 0.3
+P0 = 12e6
+LAWS: dict[str, Any] = {
+    "coulomb": (Coulomb(MU), MU * PRESSURE),
+    "cohesion": (Coulomb(MU, cohesion=1e5), MU * PRESSURE + 1e5),
+    "limited": (Coulomb(3.0, yield_stress=20e6), np.sqrt((400e12 - PRESSURE**2) / 3)),
+    "tresca": (Tresca(0.2, P0), 0.2 * P0 / np.sqrt(3)),
+}
+FOOT = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
+
+
+class Spring:
+    """Shear of the block against a foot that slides at a threshold: an elastic-plastic spring.
+
+    The top goes to and fro, 2.7 times as far as it takes to slide.
+    """
+
+    def __init__(self, threshold: float) -> None:
+        self.threshold, self.compliance = threshold, HEIGHT / (YOUNG / 2)
+        self.reach = 2.7 * threshold * self.compliance
+        self.history = [(0.0, 0.0)]
+
+    def sweep(self, time: float) -> float:
+        """Displacement of the top, m."""
+        return self.reach * float(np.interp(time, [0, 1, 3, 4], [0, 1, -1, 0]))
+
+    def __call__(self, time: float) -> float:
+        """Shear stress at `time`, which only grows from call to call."""
+        last, stress = self.history[-1]
+        if time > last:
+            trial = stress + (self.sweep(time) - self.sweep(last)) / self.compliance
+            stress = float(np.clip(trial, -self.threshold, self.threshold))
+            self.history.append((time, stress))
+        return stress
+
+
+def sliding_block(law: Any, method: str, cell: str, spring: Spring, factor: float) -> SliceScene:
+    """A block pressed on a wall; its top is moved sideways, its sides carry the shear of it."""
+    groups = ("left", "foot", "right", "top")
+    contact = Contact(FOOT, ("foot",), method=method, friction=law, factor=factor)  # type: ignore
+    return SliceScene(
+        mapped(3, 2, skewed(WIDTH, HEIGHT, 0.05), cell, groups=groups),
+        elastic(YOUNG, 0.0),
+        given={
+            "planes": PlainPlanes(()),
+            "held": (Held(("top",), 0, lambda x, t: np.full(len(x), spring.sweep(t))),),
+            "loads": (
+                SurfacePressure(("top",), lambda t: PRESSURE),
+                Traction(("right",), lambda t: (0.0, spring(t))),
+                Traction(("left",), lambda t: (0.0, -spring(t))),
+            ),
+            "pin": False,
+            "contact": contact,
+        },
+        tolerance=1e-10,
+    )
+
+
+@pytest.mark.parametrize("law", list(LAWS))
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("cell", CELLS)
+def test_stick_slip_and_back(cell: str, method: str, law: str) -> None:
+    """Sticks, slides, sticks on the way back, slides the other way: exact at every step."""
+    friction, threshold = LAWS[law]
+    spring = Spring(threshold)
+    scene = sliding_block(friction, method, cell, spring, 100.0)
+    # Before it slides, the contact gives way by tau / K_tau (240).
+    scene.problem.begin(scene.state, 1.0, scene.state.temperature)
+    spring.compliance += 1.0 / scene.problem.contact.stiffness[0]
+    spring.history = [(0.0, 0.0)]
+    seen = []
+    for time in np.linspace(0.25, 4.0, 16):
+        scene.step(time)
+        state = scene.state.contact
+        expected = -spring(time)  # on the strand, along (-n_y, n_x) = x
+        assert state.friction[:, 0] == pytest.approx(expected, rel=1e-7, abs=1.0)
+        assert state.pressure == pytest.approx(PRESSURE, rel=1e-7)
+        assert scene.stress[:, 3] / np.sqrt(2) == pytest.approx(spring(time), rel=1e-6, abs=10.0)
+        slides = abs(abs(expected) - threshold) < 1e-3
+        seen.append(slides)
+        assert np.all(state.status == (SLIP if slides else STICK))
+    assert seen.count(True) > 4 and seen.count(False) > 4
+
+
+def pulled_block(method: str, cell: str, free: tuple[str, ...], speed: float) -> SliceScene:
+    """A block pressed on the wall it is drawn along."""
+    contact = Contact(FOOT, ("foot",), lambda t: speed * t, friction=Coulomb(MU), method=method)  # type: ignore
+    return SliceScene(
+        mapped(2, 2, skewed(WIDTH, HEIGHT, 0.0), cell, groups=("left", "foot", "right", "top")),
+        elastic(YOUNG, 0.0),
+        given={
+            "planes": PlainPlanes(free),
+            "held": (Held(("left",), 0),),
+            "loads": (SurfacePressure(("top",), lambda t: PRESSURE),),
+            "pin": False,
+            "contact": contact,
+        },
+        tolerance=1e-10,
+    )
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("free", [("a0",), ("a0", "a2")])
+def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> None:
+    """The strand carries what friction has held back so far (38): N = mu p W z."""
+    speed = 1e-2
+    scene = pulled_block(method, cell, free, speed)
+    for time in (0.5, 1.0, 2.0):
+        result = scene.step(time)
+        force = MU * PRESSURE * WIDTH * speed * time
+        assert result.balance is not None
+        assert result.balance.axial[0] == pytest.approx(force, rel=1e-7)
+        assert scene.state.contact.pull == pytest.approx([force, 0.5 * WIDTH * force, 0.0])
+        assert result.balance.axial_error < 1e-9
+        found = summary(scene.problem.contact, scene.state.contact)
+        assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=1e-7)
+        # With a2 free the pull acts where it comes from, at the foot.
+        y = scene.places[:, 1]
+        strain = force / (YOUNG * WIDTH * HEIGHT) * np.ones_like(y)
+        if "a2" in free:
+            strain *= 1.0 - 12.0 * 0.5 * (y - 0.5 * HEIGHT) / HEIGHT
+        assert scene.stress[:, 2] == pytest.approx(YOUNG * strain, rel=1e-6, abs=1e-3)
+
+
+def test_slip_along_the_strand_takes_the_friction_with_it() -> None:
+    """Friction points against the slip: the longer the travel, the less is left in the plane."""
+    spring = Spring(1e-3)
+    spring.reach = 1e-6
+    scene = sliding_block(Coulomb(MU), "penalty", "quadrilateral", spring, 1e3)
+    contact = scene.problem.contact
+    object.__setattr__(contact.contact, "position", lambda t: 1e-4 * t)
+    scene.step(0.5)
+    scene.step(1.0)
+    state = scene.state.contact
+    assert np.hypot(*state.friction.T) == pytest.approx(MU * state.pressure, rel=1e-10)
+    # In the plane the foot follows the top, 5e-7 m; along the strand it goes 5e-5 m.
+    assert state.friction[:, 0] / state.friction[:, 1] == pytest.approx(0.01, rel=0.1)
+
+
+@pytest.mark.parametrize("law", [Viscous(Tresca(0.3, P0), 0.5, P0, 1e-3, 0.4), Lubricant(1e7, 0.3)])
+def test_viscous_return(law: Any) -> None:
+    """|tau| = tau_c + excess(slip rate), in the direction of the trial friction."""
+    rng = np.random.default_rng(3)
+    trial, stiffness, dt = rng.normal(size=(200, 2)) * 1e7, np.full(200, 1e13), 0.1
+    pressure = np.where(rng.uniform(size=200) < 0.2, 0.0, 5e6)
+    found = return_friction(law, trial, pressure, stiffness, dt)
+    size, before = np.hypot(*found.traction.T), np.hypot(*trial.T)
+    limit = law.threshold(pressure)[0]
+    slides, off = found.slides, pressure == 0.0
+    assert slides.any() and not found.traction[off].any() and not slides[off].any()
+    rate = (before - size) / (stiffness * dt)
+    excess = law.excess(rate)[0]
+    assert size[slides] == pytest.approx((limit + excess)[slides], rel=1e-9)
+    sticks = ~slides & ~off
+    assert found.traction[sticks] == pytest.approx(trial[sticks])
+    cross = found.traction[:, 0] * trial[:, 1] - found.traction[:, 1] * trial[:, 0]
+    assert np.abs(cross).max() < 1e-9 * (before**2).max()
+
+
+def test_derivatives_of_the_return() -> None:
+    rng = np.random.default_rng(4)
+    trial, pressure = rng.normal(size=(50, 2)) * 3e6, rng.uniform(1e6, 7e6, 50)
+    stiffness = np.full(50, 1e13)
+    laws = [law for law, _ in LAWS.values()]
+    for law in [*laws, Viscous(Coulomb(0.1), 0.5, P0, 1e-3, 0.4), Lubricant(1e7, 0.3)]:
+        here = return_friction(law, trial, pressure, stiffness, 0.1)
+        for i, step in enumerate(((1.0, 0.0), (0.0, 1.0))):
+            ends = [
+                return_friction(law, trial + s * np.array(step), pressure, stiffness, 0.1).traction
+                for s in (10.0, -10.0)
+            ]
+            found = (ends[0] - ends[1]) / 20.0
+            assert here.by_trial[:, :, i] == pytest.approx(found, rel=1e-4, abs=2e-5)
+        ends = [
+            return_friction(law, trial, pressure + s, stiffness, 0.1).traction
+            for s in (10.0, -10.0)
+        ]
+        assert here.by_pressure == pytest.approx((ends[0] - ends[1]) / 20.0, rel=1e-4, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: Coulomb(-0.1), lambda: Tresca(1.5, 1e6), lambda: Lubricant(np.nan, 1.0)]
+)
+def test_impossible_numbers_are_refused(make: Any) -> None:
+    with pytest.raises(ValueError, match="friction"):
+        make()

@@ -1,0 +1,82 @@
+"""The Jacobian with contact, friction and border included, against finite differences."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mechanics.scenes import SliceScene, expansion, mapped, skewed
+from mechanics.test_tangent import jacobians
+
+from castfem.contact.contact import Contact
+from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
+from castfem.contact.state import OPEN, SLIP, STICK
+from castfem.laws.elasticity import Elasticity
+from castfem.laws.flow import NortonCreep
+from castfem.mechanics.planes import PlainPlanes
+from contact.scenes import TwoWalls
+
+GROUPS = ("left", "bottom", "right", "top")
+LAW = NortonCreep.constant(Elasticity.constant(200e9, 0.3), 1e-2, 1e8, 3.0)
+
+
+def friction_law(name: str, pressure: float) -> Any:
+    """A law of friction in which a typical pressure makes points stick and slide."""
+    laws: dict[str, Any] = {
+        "none": None,
+        "coulomb": Coulomb(0.3, cohesion=0.05 * pressure, yield_stress=1.5 * pressure),
+        "viscous": Viscous(Tresca(0.5, 0.5 * pressure), 0.3, pressure, 1e-3, 0.5),
+        "lubricant": Lubricant(10 * pressure, 0.7),
+    }
+    return laws[name]
+
+
+FRICTION = ("none", "coulomb", "viscous", "lubricant")
+CASES = [
+    (cell, large, method, friction)
+    for cell in ("quadrilateral", "triangle")
+    for large in (False, True)
+    for method in ("penalty", "nitsche")
+    for friction in FRICTION
+    if cell == "quadrilateral" or friction in ("none", "coulomb")
+]
+
+
+def touching(
+    cell: str, large: bool, method: str, friction: str, size: float, travel: float = 0.3
+) -> SliceScene:
+    """A skewed block between two oblique walls that half of its points touch."""
+    contact = Contact(
+        TwoWalls((0.1, 0.06), 50 * size),
+        ("right", "top"),
+        lambda t: travel * size * t,
+        method=method,  # type: ignore[arg-type]
+        factor=10.0,
+        points=4,
+        friction=friction_law(friction, 1e14 * size),
+    )
+    planes = PlainPlanes(("a0", "a1", "a2", "across"))
+    return SliceScene(
+        mapped(2, 2, skewed(0.1, 0.06), cell, groups=GROUPS),
+        LAW,
+        expansion(1e-5),
+        given={"planes": planes, "large_strain": large, "contact": contact},
+    )
+
+
+@pytest.mark.parametrize(("cell", "large", "method", "friction"), CASES)
+def test_jacobian(cell: str, large: bool, method: str, friction: str) -> None:
+    size = 1e-3 if large else 2e-5
+    scene = touching(cell, large, method, friction, size)
+    exact, found, free = jacobians(scene, size)
+    # The scene tests something only if points are open, stick and slip.
+    seen = scene.problem.contact.state().status
+    expected = {OPEN, SLIP} | ({STICK} if friction in ("coulomb", "viscous") else set())
+    assert expected <= set(seen.tolist())
+    assert np.abs(exact - found).max() < 2e-7 * np.abs(found).max()
+    tail, head = slice(-free, None), slice(None, -free)
+    for block in ((tail, head), (head, tail), (tail, tail)):
+        assert np.abs(exact - found)[block].max() < 2e-6 * np.abs(found[block]).max()
+    symmetric = np.abs(exact - exact.T).max() < 1e-12 * np.abs(exact).max()
+    assert symmetric == scene.problem.kinematics.symmetric

@@ -1,0 +1,111 @@
+"""A freezing billet with its mechanics in steps far too long, and with a solver that gives up."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from castfem import march
+from castfem.case import Case, load_case
+from castfem.errors import RunFailure
+from castfem.mechanics.state import MechanicalResult
+from castfem.mechanics.stepper import MechanicalStepper
+from castfem.output.history import read_history
+from castfem.output.summary import Summary
+
+CASES = Path(__file__).parents[2] / "cases"
+COARSE = (
+    "mechanics.law=norton_hoff_kozlowski",
+    "mesh.surface_size=2 mm",
+    "mesh.corner_size=2 mm",
+    "mesh.face_size=6 mm",
+    "mesh.core_size=12 mm",
+    "output.fields=[]",
+)
+
+
+def billet(*overrides: str) -> Case:
+    return load_case(CASES / "billet125" / "idealised.toml", (*COARSE, *overrides))
+
+
+def run(case: Case, folder: Path, **options: object) -> Summary:
+    return march.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
+
+
+def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:
+    """Two intervals of 5 s through the mould: in balance, and about the stress of 0.2 s.
+
+    Heat keeps its own steps; the bulge of the first soft shell is what long steps miss.
+    """
+    long = run(billet("coupling.interval=5 s"), tmp_path / "long")
+    fine = run(billet("coupling.interval=0.2 s"), tmp_path / "fine")
+    assert long.status == "finished" and long.steps["intervals"] == 2
+    for name, close in (
+        ("shell_mid_face", 1e-3),
+        ("heat_removed", 1e-3),
+        ("von_mises_corner", 0.2),
+        ("axial_strain", 0.25),
+    ):
+        ours, theirs = (s.quantities[name].value for s in (long, fine))
+        assert ours == pytest.approx(theirs, rel=close), name
+    for balance in ("axial force", "forces in the plane"):
+        assert abs(long.balances[balance]["error"].value) < 1e-6
+    table = read_history(tmp_path / "long" / "history.csv")
+    assert np.isfinite(table.to_numpy()).all()
+
+
+def failed(folder: Path, said: str) -> float:
+    """Time that a failed run has reached, s: that of its record, its last row, all of it good."""
+    record = json.loads((folder / "run.json").read_text())
+    assert record["status"] == "failed" and record["reason"] == said
+    table = read_history(folder / "history.csv")
+    last = table.iloc[-1]
+    assert record["reached"]["time"] == pytest.approx(last["time"], rel=1e-11)
+    assert np.isfinite(last.to_numpy()).all() and abs(last["force_error"]) < 1e-6
+    return float(last["time"])
+
+
+def test_a_solver_that_gives_up_says_so(tmp_path: Path) -> None:
+    """One Newton iteration is not enough: cut back to the smallest step, then the reason."""
+    short = ("casting.length=120 mm", "coupling.interval=0.5 s")
+    with pytest.raises(RunFailure) as caught:
+        run(billet(*short, "mechanics.solver.snes_max_it=1"), tmp_path)
+    said = str(caught.value)
+    for part in ("mechanics", "smallest step", "DIVERGED_MAX_IT", "forces", "x tolerance"):
+        assert part in said
+    assert failed(tmp_path, said) < 2.0
+
+
+def test_a_failed_run_goes_on_from_its_last_good_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing converges beyond 1 s, until it does: resumed, the end is that of a run in one go."""
+    case = billet("casting.length=120 mm", "coupling.interval=0.25 s")
+    whole = run(case, tmp_path / "whole")
+    step = MechanicalStepper.step
+
+    def stuck(self: MechanicalStepper, old: Any, time: float, *rest: Any) -> MechanicalResult:
+        result = step(self, old, time, *rest)
+        if time < 1.1:
+            return result
+        return replace(result, converged=False, state=old, reason="stuck", balance=None)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(MechanicalStepper, "step", stuck)
+        with pytest.raises(RunFailure, match="stuck") as caught:
+            run(case, tmp_path / "cut")
+    assert failed(tmp_path / "cut", str(caught.value)) == pytest.approx(1.1, abs=1e-5)
+    resumed = run(case, tmp_path / "cut", resume=True)
+    assert resumed.status == "finished"
+    times = read_history(tmp_path / "cut" / "history.csv")["time"].to_numpy()
+    assert (np.diff(times) > 0.0).all() and times[-1] == pytest.approx(2.0)
+    for name in ("shell_corner", "axial_strain", "von_mises_corner", "displacement_corner"):
+        ours, theirs = (s.quantities[name].value for s in (resumed, whole))
+        assert ours == pytest.approx(theirs, rel=0.1, abs=1e-4), name

@@ -1,0 +1,107 @@
+"""A freezing shell as layers that share their strain: an integration of its own, without castfem.
+
+The half-space of Weiner and Boley, its temperature exact (one-phase Stefan), with steel that flows
+by Kozlowski's model III and Zhu's power law, both written down anew from the published formulas.
+In each layer the stress is the same along y and z and nothing acts across it, so that
+
+    ds/dt = E/(1 - nu) (de/dt - alpha dT/dt - sign(s)/2 dp/dt),     dp/dt = f(|s|, p, T),
+
+from the moment the layer freezes on; that the shell carries no force gives de/dt.  An ordinary
+differential equation, left to LSODA from one freezing layer to the next.  MPa, degC, m, s.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import solve_ivp
+from scipy.special import erf
+
+Array = npt.NDArray[np.float64]
+
+SURFACE, MELTING = 1000.0, 1494.4
+STIFFNESS, ALPHA = 40e3 / 0.7, 2e-5
+DIFFUSIVITY, FRONT = 33.0 / (7500.0 * 661.0), 0.66577951  # of St = 661 * 494.4 / 272e3
+RISE = (MELTING - SURFACE) / erf(FRONT)
+
+
+def austenite(stress: Array, strain: Array, kelvin: Array, carbon: float) -> Array:
+    """Kozlowski's model III, 1/s."""
+    f1 = 130.5 - 5.128e-3 * kelvin
+    f2 = -0.6289 + 1.114e-3 * kelvin
+    f3 = 8.132 - 1.540e-3 * kelvin
+    factor = 46550.0 + 71400.0 * carbon + 12000.0 * carbon**2
+    beyond = np.maximum(stress - f1 * strain**f2, 0.0)
+    return np.asarray(factor * beyond**f3 * np.exp(-44650.0 / kelvin))
+
+
+def delta_ferrite(stress: Array, strain: Array, kelvin: Array, carbon: float) -> Array:
+    """Zhu's power law, 1/s."""
+    level = 13678.0 * carbon**-0.0556 * (kelvin / 300.0) ** -5.52
+    hardened = level * (1.0 + 1000.0 * strain) ** (-9.4156e-5 * kelvin + 0.3495)
+    return np.asarray(0.1 * (stress / hardened) ** (1.0 / (1.617e-4 * kelvin - 0.06166)))
+
+
+def turns_to_delta(carbon: float) -> float:
+    """Temperature above which more than a tenth of the solid is delta ferrite, degC.
+
+    Lever between the lines from 1394 degC to 0.10 %C and to 0.18 %C at 1495 degC.
+    """
+    if carbon > 0.17:
+        return np.inf  # what freezes is austenite
+    return float(1394.0 + 101.0 * carbon / (0.18 - 0.1 * (0.18 - 0.10)))
+
+
+@dataclass(frozen=True)
+class Shell:
+    """What the layers have come to: depth [m], stress [MPa], flow p of each, common strain."""
+
+    depth: Array
+    stress: Array
+    flow: Array
+    strain: float
+
+
+def shell(times: list[float], carbon: float, layer: float = 0.05e-3) -> list[Shell]:
+    """Shells at increasing times.
+
+    Args:
+        times: s.
+        carbon: wt%.
+        layer: Thickness of a layer, m.
+    """
+    count = int(2.0 * FRONT * np.sqrt(DIFFUSIVITY * times[-1]) / layer + 0.5)
+    depth = layer * (np.arange(count) + 0.5)
+    freezing = (depth / (2.0 * FRONT)) ** 2 / DIFFUSIVITY
+    limit = turns_to_delta(carbon)
+
+    def rates(time: float, unknown: Array) -> Array:
+        """Of stresses, flows and the common strain of the frozen layers."""
+        n = len(unknown) // 2
+        stress, flow = unknown[:n], np.maximum(unknown[n : 2 * n], 0.0)
+        zeta = depth[:n] / (2.0 * np.sqrt(DIFFUSIVITY * time))
+        celsius = SURFACE + RISE * erf(zeta)
+        cooling = -RISE * np.exp(-(zeta**2)) * zeta / (np.sqrt(np.pi) * time)
+        now = np.abs(stress), flow, celsius + 273.15, carbon
+        flowing = np.where(celsius > limit, delta_ferrite(*now), austenite(*now))
+        alone = STIFFNESS * (-ALPHA * cooling - 0.5 * np.sign(stress) * flowing)
+        common = -alone.mean()
+        return np.concatenate([alone + common, flowing, [common / STIFFNESS]])
+
+    unknown, begin, frozen, found = np.zeros(1), 0.0, 0, []
+    for time in np.sort(np.concatenate([freezing, times])):
+        if frozen:
+            march = solve_ivp(rates, (begin, time), unknown, "LSODA", rtol=1e-6, atol=1e-8)
+            assert march.success, march.message
+            unknown = march.y[:, -1]
+        begin = float(time)
+        if begin in times:
+            parts = unknown[:frozen], unknown[frozen:-1]
+            found.append(Shell(depth[:frozen], *parts, float(unknown[-1])))
+        else:
+            stress, flow, strain = np.split(unknown, [frozen, 2 * frozen])
+            unknown = np.concatenate([stress, [0.0], flow, [0.0], strain])
+            frozen += 1
+    return found

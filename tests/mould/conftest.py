@@ -1,0 +1,40 @@
+"""A sound case to add a table [mould] to, and the command line in this process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from castfem.cli import execute
+
+BASE = Path(__file__).parents[2] / "cases" / "billet125" / "base.toml"
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a case with lines of its table [mould]; return its path."""
+
+    def _write(lines: str = "", more: str = "", name: str = "case.toml") -> Path:
+        path = tmp_path / name
+        head = f'title = "billet in its mould"\nextends = "{BASE}"\n{more}\n'
+        path.write_text(f'{head}[mould]\nlength = "600 mm"\n{lines}\n', encoding="utf-8")
+        return path
+
+    return _write
+
+
+@pytest.fixture
+def castfem(capsys, monkeypatch, tmp_path):
+    """Run the command line in an empty folder: exit status, output, errors."""
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.chdir(tmp_path)
+
+    def _run(*words):
+        capsys.readouterr()
+        status = execute([str(word) for word in words])
+        printed = capsys.readouterr()
+        return status, printed.out, printed.err
+
+    return _run

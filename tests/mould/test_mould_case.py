@@ -1,0 +1,356 @@
+"""The table [mould]: what it says, that it survives being written, and how mistakes are told."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+from castfem.case import load_case
+from castfem.case.mould import Coulomb, Limited, Mould, NoFriction, Tresca, Viscous
+from castfem.case.reference import markdown_page
+from castfem.case.schema import case_schema
+from castfem.case.section import Round
+from castfem.case.wall import build_friction, build_mould
+from castfem.errors import InputError
+from castfem.mould import Displaced, Taper
+
+ROUND = '[section]\nshape = "round"\ndiameter = "200 mm"\n[mesh]\nsurface_size = "1 mm"\n'
+BEAM_BLANK = """
+[section]
+shape = "beam_blank"
+width = "400 mm"
+height = "300 mm"
+web_thickness = "100 mm"
+flange_thickness = "60 mm"
+root_thickness = "90 mm"
+fillet_radius = "20 mm"
+shoulder_radius = "15 mm"
+corner_radius = "10 mm"
+"""
+STRIP = '[section]\nshape = "strip"\nlength = "50 mm"\nwidth = "5 mm"\n'
+
+
+def built(path):
+    case = load_case(path)
+    return build_mould(case.mould, case.section)
+
+
+def tapers(path):
+    """Taper in %/m over each zone, by dimension."""
+    found = {}
+    for zone in built(path).zones():
+        found.setdefault(zone.dimension, []).append(100 * zone.taper)
+    return found
+
+
+SOUND = {
+    "nothing": "",
+    "one line": 'taper = "1 %/m"',
+    "percent": 'taper = "-3 percent/m"',
+    "double": 'taper = [{ to = "225 mm", taper = "0 %/m" }, { taper = "0.57 %/m" }]',
+    "parabola": 'taper = { top = "2 %/m", exit = "0.4 %/m" }',
+    "mixed": 'taper = [{ to = "0.2 m", top = "2 %/m", exit = "1 %/m" }, { taper = "1 %/m" }]',
+    "corner": 'taper = { face = "-0.53 %/m", corner = "0.4 %/m" }',
+    "slab": 'taper = { narrow_face = "1 %/m", wide_face = "0 %/m" }',
+    "step": 'taper = { position = ["0 mm", "300 mm", "301 mm"], value = [0, 0, 0.5], unit = "mm" }',
+    "cold": 'condition = "cold"\nwall_temperature = "160 degC"\ncopper.expansion = "16e-6 1/K"',
+    "temperatures": 'wall_temperature = { position = [0, 0.1, 0.6], position_unit = "m", '
+    'value = [100, 220, 120], unit = "degC" }',
+    "sizes": 'width = "125.2 mm"\nheight = "125.1 mm"\ncorner_radius = "4 mm"',
+    "contact word": 'contact = "nitsche"',
+    "contact table": 'contact = { method = "penalty", factor = 100 }',
+    "friction": 'friction = { law = "coulomb", coefficient = 0.3 }',
+}
+
+
+@pytest.fixture(scope="module")
+def validator():
+    jsonschema = pytest.importorskip("jsonschema")
+    return jsonschema.Draft202012Validator(case_schema())
+
+
+@pytest.mark.parametrize("lines", SOUND.values(), ids=SOUND)
+def test_sound_tables_survive_being_written(lines, write, tmp_path, validator):
+    path = write(lines)
+    case = load_case(path)
+    copy = tmp_path / "resolved.toml"
+    copy.write_text(case.resolved_toml(), encoding="utf-8")
+    assert load_case(copy) == case
+    assert load_case(copy).physics_hash() == case.physics_hash()
+    for text in (path, copy):
+        validator.validate(tomllib.loads(text.read_text(encoding="utf-8")))
+
+
+def test_without_a_table_the_mould_is_idealised(write):
+    path = write()
+    path.write_text(path.read_text().split("[mould]")[0])
+    case = load_case(path)
+    assert case.mould is None
+    assert "mould" not in case.document()
+
+
+def test_default_is_a_straight_mould_of_the_strands_size(write):
+    mould = built(write())
+    assert tapers(write()) == {"width": [0.0], "height": [0.0], "diagonal": [0.0]}
+    assert mould.dimensions(0.3)["width"] == 0.125
+    assert mould.wall_temperature is None
+
+
+def test_tapers_as_written_are_those_300_gives(write):
+    assert tapers(write(SOUND["one line"]))["width"] == pytest.approx([1.0], rel=1e-12)
+    double = tapers(write(SOUND["double"]))["width"]
+    assert double[:2] == pytest.approx([0.0, 0.57], rel=1e-12)
+    assert tapers(write(SOUND["parabola"]))["width"] == pytest.approx([1.2], rel=1e-12)
+    corner = tapers(write(SOUND["corner"]))
+    assert corner["width"] == pytest.approx([-0.53], rel=1e-12)
+    assert corner["diagonal"] == pytest.approx([0.4], rel=1e-12)
+    slab = tapers(write(SOUND["slab"]))
+    assert (slab["width"], slab["height"]) == (pytest.approx([1.0], rel=1e-12), [0.0])
+
+
+def test_table_of_displacements_becomes_a_displaced_wall(write):
+    mould = built(write(SOUND["step"]))
+    assert mould.tapers.width == Displaced((0.0, 0.3, 0.301), (0.0, 0.0, 0.0005))
+    assert mould.dimensions(0.6)["width"] == pytest.approx(0.124, rel=1e-14)
+
+
+def test_override_and_inheritance_change_the_taper(write):
+    case = load_case(write(SOUND["one line"]), ["mould.taper=3 %/m"])
+    assert build_mould(case.mould, case.section).zones()[0].taper == pytest.approx(0.03)
+    other = case.with_({"mould.taper": {"top": "2 %/m", "exit": "1 %/m"}})
+    assert build_mould(other.mould, other.section).zones()[0].taper == pytest.approx(0.015)
+    assert other.physics_hash() != case.physics_hash()
+    apart = other.with_({"mould.taper": {"face": "1 %/m", "corner": "2 %/m"}})
+    apart = apart.with_({"mould.taper.corner": "3 %/m"})
+    zones = {z.dimension: z for z in build_mould(apart.mould, apart.section).zones()}
+    assert zones["width"].taper == pytest.approx(0.01)
+    assert zones["diagonal"].taper == pytest.approx(0.03)
+
+
+def test_wall_temperature_along_the_mould(write):
+    mould = built(write(SOUND["temperatures"]))
+    assert mould.temperature(0.05) == pytest.approx(160 + 273.15)
+    assert mould.temperature(0.35) == pytest.approx(170 + 273.15)
+
+
+def test_cold_mould_is_filled_by_the_strand_when_hot(write):
+    mould = built(write('condition = "cold"\nwall_temperature = "160 degC"\ntaper = "1 %/m"'))
+    assert mould.dimensions(0.0)["width"] == pytest.approx(0.125, rel=1e-15)
+    cold = 0.125 / (1 + 17e-6 * 135)
+    assert mould.dimensions(0.0, as_made=True)["width"] == pytest.approx(cold, rel=1e-14)
+    given = built(
+        write('condition = "cold"\nwall_temperature = "160 degC"\nwidth = "125 mm"\n')
+    ).dimensions(0.3)
+    assert given["width"] == pytest.approx(0.125 * (1 + 17e-6 * 135), rel=1e-14)
+
+
+def test_mean_temperature_of_the_copper_is_what_expands_it(write):
+    lines = 'condition = "cold"\nwall_temperature = "160 degC"\n'
+    lines += 'width = "125 mm"\n[mould.copper]\ntemperature = "120 degC"\ncold = "20 degC"'
+    assert built(write(lines)).dimensions(0.0)["width"] == pytest.approx(
+        0.125 * (1 + 17e-6 * 100), rel=1e-14
+    )
+
+
+def test_round_and_beam_blank(write):
+    table = Mould.model_validate({"length": "600 mm", "taper": "1 %/m"})
+    bloom = build_mould(table, Round.model_validate({"shape": "round", "diameter": "200 mm"}))
+    (zone,) = bloom.zones()
+    assert (zone.dimension, zone.inlet) == ("diameter", 0.2)
+    assert zone.taper == pytest.approx(0.01, rel=1e-12)
+    blank = built(write(SOUND["one line"], BEAM_BLANK))
+    assert blank.dimensions(0.0) == pytest.approx({"width": 0.4, "height": 0.3}, rel=1e-14)
+    assert isinstance(blank.tapers.width, Taper)
+    found = blank.reach([[0.0, 0.045], [0.19, 0.0]], [[0.0, 1.0], [1.0, 0.0]], 0.6)
+    assert found.gap == pytest.approx([0.05 / 1.006 - 0.045, 0.2 / 1.006 - 0.19], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ('friction = "none"', NoFriction(law="none")),
+        (
+            'friction = { law = "coulomb", coefficient = 0.3 }',
+            Coulomb(law="coulomb", coefficient=0.3),
+        ),
+        (
+            'friction = { law = "limited", coefficient = 0.3, yield_stress = "10 MPa" }',
+            Limited(law="limited", coefficient=0.3, yield_stress="10 MPa"),
+        ),
+        (
+            'friction = { law = "tresca", share = 0.5, yield_stress = "10 MPa" }',
+            Tresca(law="tresca", share=0.5, yield_stress="10 MPa"),
+        ),
+        (
+            'friction = { law = "viscous", stress = "20 kPa", speed = "3.6 m/min" }',
+            Viscous(law="viscous", stress="20 kPa", speed="60 mm/s", exponent=1.0),
+        ),
+    ],
+)
+def test_friction_laws(lines, expected, write):
+    assert load_case(write(lines)).mould.friction == expected
+
+
+def test_friction_laws_as_contact_computes_them(write):
+    """Stress at the given speed; share of p0 / sqrt(3) where (236) limits it."""
+    pressure, rate = np.array([1e6]), np.array([0.06])
+
+    def law(lines):
+        return build_friction(load_case(write(f"friction = {{ {lines} }}")).mould.friction)
+
+    assert build_friction(load_case(write()).mould.friction) is None
+    assert law('law = "coulomb", coefficient = 0.3').threshold(pressure)[0] == [3e5]
+    limited = law('law = "limited", coefficient = 0.9, yield_stress = "1.25 MPa"')
+    assert limited.threshold(pressure)[0] == pytest.approx(0.75e6 / math.sqrt(3.0))
+    tresca = law('law = "tresca", share = 0.5, yield_stress = "6 MPa"')
+    assert tresca.threshold(pressure)[0] == pytest.approx(3e6 / math.sqrt(3.0))
+    viscous = 'law = "viscous", stress = "20 kPa", speed = "30 mm/s", exponent = 0.5'
+    assert law(viscous).excess(rate)[0] == pytest.approx(2e4 * math.sqrt(2.0))
+    both = law(f'{viscous}, coefficient = 0.1, yield_stress = "3 MPa"')
+    assert both.threshold(pressure)[0] == [1e5]
+    assert both.excess(rate)[0] == pytest.approx(2e4 * math.sqrt(2.0))
+
+
+# lines of [mould], the dotted key, words of the message
+MISTAKES = {
+    "no unit": ('taper = "1"', "mould.taper", ['("1")', "needs its unit", '"1 %/m"']),
+    "bare number": ("taper = 1", "mould.taper", ["(1)", "a taper is needed", '"1 %/m"']),
+    "length": ('taper = "1 mm"', "mould.taper", ["unit of a length", '"1 %/m"']),
+    "slip": ('taper = "1 %/mm"', "mould.taper", ["is 1000 %/m", "at most 50 %/m"]),
+    "half a parabola": ('taper = { top = "1 %/m" }', "mould.taper", ["'exit' is missing"]),
+    "unknown key": ('taper = { tap = "1 %/m" }', "mould.taper", ["'tap'", "did you mean top?"]),
+    "unknown part": (
+        'taper = { face = "1 %/m", cornre = "1 %/m" }',
+        "mould.taper",
+        ["'cornre' beside face", "did you mean corner?"],
+    ),
+    "faulty part": (
+        'taper = { corner = { top = "1", exit = "0 %/m" } }',
+        "mould.taper",
+        ["corner: top:", "needs its unit"],
+    ),
+    "empty": ("taper = []", "mould.taper", ["a taper is needed"]),
+    "order": (
+        'taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "200 mm", taper = "2 %/m" }]',
+        "mould.taper",
+        ["stretch 2", "'to' (200 mm)", "beyond the end of the stretch before (300 mm)"],
+    ),
+    "open end": (
+        'taper = [{ taper = "1 %/m" }, { taper = "2 %/m" }]',
+        "mould.taper",
+        ["stretch 1", "only the last stretch may leave it out"],
+    ),
+    "too short": (
+        'taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "500 mm", taper = "2 %/m" }]',
+        "mould.taper",
+        ["ends 500 mm below", "the mould 600 mm", "leave out its 'to'"],
+    ),
+    "too long": (
+        'taper = [{ to = "700 mm", taper = "1 %/m" }, { taper = "2 %/m" }]',
+        "mould.taper",
+        ["ends 700 mm below", "mould has ended (600 mm)"],
+    ),
+    "closing": (
+        'taper = { position = ["0 mm", "1 mm"], value = ["0 mm", "70 mm"] }',
+        "mould.taper",
+        ["the mould closes", "-15 x -15 mm"],
+    ),
+    "tight": ('width = "120 mm"', "mould.width", ["(120 mm)", "has 125 mm", "at least that"]),
+    "tight when cold": (
+        'width = "124 mm"\ncondition = "cold"\nwall_temperature = "160 degC"',
+        "mould.width",
+        ["(124 mm)", "at least 124.7137"],
+    ),
+    "rounder": ('corner_radius = "7 mm"', "mould.corner_radius", ["has 5 mm", "at most that"]),
+    "other shape": (
+        'diameter = "125 mm"',
+        "mould.diameter",
+        ['shape "rectangle"', "allowed: width, height, corner_radius"],
+    ),
+    "cold, how hot": (
+        'condition = "cold"',
+        "mould.wall_temperature",
+        ["needs its temperature at work", '"160 degC"'],
+    ),
+    "rows": (
+        'wall_temperature = { position = [0, 1], value = [1, 2], unit = "degC" }',
+        "mould.wall_temperature",
+        ['position_unit = "mm"'],
+    ),
+    "method": ('contact = "penalti"', "mould.contact", ["penalty or nitsche", "mean penalty?"]),
+    "parameter": (
+        'contact = { method = "penalty", factor = 0 }',
+        "mould.contact.factor",
+        ["(0)", "must be above 0"],
+    ),
+    "bare law": ('friction = "coulomb"', "mould.friction", ["table with 'law'"]),
+    "no coefficient": (
+        'friction = { law = "coulomb" }',
+        "mould.friction.coefficient",
+        ["is missing", "friction stress over pressure"],
+    ),
+    "unknown law": (
+        'friction = { law = "colomb", coefficient = 0.1 }',
+        "mould.friction",
+        ["one of none, coulomb", "did you mean coulomb?"],
+    ),
+    "no limit": (
+        'friction = { law = "viscous", stress = "1 kPa", speed = "1 m/s", coefficient = 0.1 }',
+        "mould.friction",
+        ["a threshold needs", "yield_stress"],
+    ),
+    "misspelt": (
+        'wall_temperatur = "1 degC"',
+        "mould.wall_temperatur",
+        ["unknown key", "did you mean wall_temperature?"],
+    ),
+}
+
+
+@pytest.mark.parametrize(("lines", "key", "words"), MISTAKES.values(), ids=MISTAKES)
+def test_mistakes_are_told_in_one_line(lines, key, words, write):
+    path = write(lines)
+    with pytest.raises(InputError) as caught:
+        load_case(path)
+    (line,) = caught.value.problems
+    assert line.startswith(f"{path}: {key}: ")
+    for word in words:
+        assert word in line
+
+
+@pytest.mark.parametrize(
+    ("section", "lines", "words"),
+    [
+        (ROUND, 'width = "200 mm"', 'shape "round"; allowed: diameter'),
+        (ROUND, 'taper = { corner = "1 %/m" }', 'shape "round" has one taper'),
+        (BEAM_BLANK, 'width = "400 mm"', "its sizes are the section's"),
+        (STRIP, "", "a strip has no mould"),
+    ],
+)
+def test_what_a_section_does_not_have(section, lines, words, write):
+    with pytest.raises(InputError) as caught:
+        load_case(write(lines, section))
+    assert any(words in line for line in caught.value.problems)
+
+
+def test_an_impossible_section_is_not_blamed_on_the_taper(write):
+    with pytest.raises(InputError) as caught:
+        load_case(write("", '[section]\ncorner_radius = "70 mm"\n'))
+    assert [line.split(": ")[1] for line in caught.value.problems] == ["section.corner_radius"]
+
+
+def test_length_is_needed(write):
+    path = write('taper = "1 %/m"')
+    path.write_text(path.read_text().replace('length = "600 mm"\n', ""))
+    with pytest.raises(InputError, match=r"mould\.length: is missing"):
+        load_case(path)
+
+
+def test_reference_page_describes_the_mould():
+    page = markdown_page()
+    for part in ("### `[mould]`", "### `[mould.copper]`", '`[mould.friction], law = "viscous"`'):
+        assert part in page
+    assert '| `taper` | taper: `"1 %/m"`, or stretches' in page

@@ -1,0 +1,150 @@
+"""Which runs a sweep has, and what is refused before anything runs."""
+
+from __future__ import annotations
+
+import pytest
+from small_case import write_small
+
+import castfem
+from castfem.sweep.plan import plan, run_name, split_values
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory):
+    return castfem.load(write_small(tmp_path_factory.mktemp("case")))
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("1 %/m,2 %/m", ("1 %/m", "2 %/m")),
+        ("-1 K, 3 W/(m^2 K)", ("-1 K", "3 W/(m^2 K)")),
+        ('["a", "b"],[]', ('["a", "b"]', "[]")),
+        ('"one, two",three', ('"one, two"', "three")),
+        ("{ a = 1, b = 2 }", ("{ a = 1, b = 2 }",)),
+        ("1,", ("1", "")),
+    ],
+)
+def test_split_values(text, parts):
+    assert split_values(text) == parts
+
+
+def test_product(base):
+    variants = plan(base, ["speed=3 m/min,4 m/min", "superheat=20 K,30 K,40 K", "order=2"])
+    assert [(v.case.casting.speed * 60, v.case.casting.superheat) for v in variants] == [
+        pytest.approx(pair) for pair in [(3, 20), (3, 30), (3, 40), (4, 20), (4, 30), (4, 40)]
+    ]
+    assert all(v.case.mesh.order == 2 for v in variants)
+    first = variants[0]
+    assert first.given == {"casting.speed": "3 m/min", "casting.superheat": "20 K"}
+    assert first.name == "speed_3_m_min__superheat_20_K"
+
+
+def test_names_stay_when_values_are_added(base):
+    few = plan(base, ["speed=3 m/min,4 m/min"])
+    more = plan(base, ["speed=2 m/min,3 m/min,4 m/min"])
+    assert {v.name for v in few} < {v.name for v in more}
+
+
+def test_one_value_is_a_sweep_too(base):
+    (only,) = plan(base, ["speed=3 m/min"])
+    assert only.name == "speed_3_m_min"
+
+
+def test_table(base, tmp_path):
+    table = tmp_path / "runs.csv"
+    table.write_text(
+        "name, speed [m/min], superheat [K], steel.name\n"
+        "# a remark\n"
+        "slow and cold, 3, 20, carbon_042\n"
+        "fast, 0.07 m/s, , carbon_042\n"
+    )
+    slow, fast = plan(base, [], table)
+    assert (slow.name, fast.name) == ("slow_and_cold", "fast")
+    assert slow.case.casting.speed == pytest.approx(0.05)
+    assert fast.case.casting.speed == pytest.approx(0.07)
+    assert (slow.case.casting.superheat, fast.case.casting.superheat) == (20.0, 40.0)
+    assert slow.given == {"casting.speed": "3 m/min", "casting.superheat": "20 K"}
+    assert fast.given == {"casting.speed": "0.07 m/s", "casting.superheat": ""}
+
+
+def test_table_times_values(base, tmp_path):
+    table = tmp_path / "runs.csv"
+    table.write_text("name,speed [m/min]\nslow,3\nfast,4\n")
+    names = [v.name for v in plan(base, ["superheat=20 K,30 K"], table)]
+    assert names == [
+        "slow__superheat_20_K", "slow__superheat_30_K",
+        "fast__superheat_20_K", "fast__superheat_30_K",
+    ]  # fmt: skip
+
+
+def test_rows_that_are_the_same(base, tmp_path):
+    table = tmp_path / "runs.csv"
+    table.write_text("speed [m/min],superheat [K]\n3,20\n4,20\n3,20\n")
+    (problem,) = _problems(base, table=table)
+    assert problem == "two runs would be the same: speed_3_m_min"
+
+
+def test_awkward_names():
+    assert run_name({"mould.taper": "-1 %/m"}) == "taper_-1_percent_m"
+    assert run_name({"a.x": "../..", "b.x": "1"}) == "a.x_default__b.x_1"
+    long = run_name({"a.b": "x" * 300})
+    assert len(long) <= 100
+    assert long != run_name({"a.b": "x" * 301})
+
+
+def _problems(base, *assignments, table=None) -> tuple[str, ...]:
+    with pytest.raises(castfem.InputError) as caught:
+        plan(base, assignments, table)
+    return caught.value.problems
+
+
+def test_all_bad_values_are_told_once(base):
+    """Six runs, five of them bad, for two reasons."""
+    problems = _problems(base, "speed=3 m/min,3", "superheat=20 K,-5 K,30 K")
+    assert len(problems) == 2
+    assert sum("sweep: casting.speed: a speed needs its unit" in line for line in problems) == 1
+    assert sum("sweep: casting.superheat: " in line and "-5 K" in line for line in problems) == 1
+
+
+@pytest.mark.parametrize(
+    ("assignments", "message"),
+    [
+        ((), "nothing to sweep"),
+        (("speed",), "write it as key=value,value"),
+        (("speed=3 m/min,",), "a value is missing"),
+        (("speed=3 m/min,3 m/min",), "a value is given twice"),
+        (("speed=3 m/min", "casting.speed=4 m/min"), "casting.speed is given twice"),
+        (("nosuch=1,2",), "no table of the case has a key of this name"),
+        (("name=a,b",), "may stand for steel.name, cooling.mould.name"),
+        (("steel.name=nosuch,carbon_042",), "nosuch"),
+    ],
+)
+def test_refused(base, assignments, message):
+    (problem,) = _problems(base, *assignments)
+    assert message in problem
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "needs a header"),
+        ("speed [m/min]\n", "needs a header"),
+        ("speed [m/min],sped [m/min]\n1,2\n", "column sped: no table"),
+        ("speed [m/min],casting.speed [m/min]\n1,2\n", "two columns have the same key"),
+        ("speed [m/min],superheat [K]\n1\n", "run 1 has 1 cells, the header 2"),
+    ],
+)
+def test_bad_table(base, tmp_path, text, message):
+    table = tmp_path / "runs.csv"
+    table.write_text(text)
+    (problem,) = _problems(base, table=table)
+    assert message in problem
+    assert problem.startswith(f"{table}: ")
+
+
+def test_key_in_table_and_behind_set(base, tmp_path):
+    table = tmp_path / "runs.csv"
+    table.write_text("speed [m/min]\n3\n4\n")
+    (problem,) = _problems(base, "speed=3 m/min,4 m/min", table=table)
+    assert "casting.speed stands behind --set, too" in problem
