@@ -28,7 +28,7 @@ QUICK = {
 
 
 def state() -> tuple[float, int, int]:
-    """Resident memory [MB], the handle of a new communicator (with Open MPI their number), files."""
+    """Resident memory [MB], handle of a new communicator (with Open MPI their number), files."""
     gc.collect()
     process = psutil.Process()
     own = MPI.COMM_WORLD.Dup()

@@ -192,7 +192,7 @@ def orders(rows: list[dict[str, Any]], **like: Any) -> list[dict[str, Any]]:
 
 def step_orders(quick: bool) -> list[dict[str, Any]]:
     """Difference of the stress at 5 s from that with the shortest step, % of 20 MPa."""
-    rows = []
+    rows: list[dict[str, Any]] = []
     steps = (0.5, 0.2, 0.1) if quick else (0.5, 0.25, 0.1, 0.05, 0.02)
     for scheme in ("sdirk2", "backward_euler", "exact"):
         fields = []
@@ -258,7 +258,7 @@ def draw_profiles() -> Figure:
         figure = new_figure(9.0, 3.7)
         axes = figure.subplots(1, 2, sharey=True)
         for axis, time in zip(axes, INSTANTS, strict=True):
-            x = np.linspace(0.0, EXACT.shell(time), 2000)
+            x: Array = np.linspace(0.0, EXACT.shell(time), 2000, dtype=np.float64)
             axis.plot(1e3 * x, 1e-6 * EXACT.stress(x, time), color="k", label="closed form")
             for scene, (size, step, colour, mark) in zip(scenes, runs, strict=True):
                 depth, stress, _ = profile(scene.march(time, step))

@@ -41,7 +41,13 @@ def _mechanical_columns(scene: Scene) -> list[tuple[str, str]]:
     for name in scene.probes.lines:
         found += [(f"von_mises_{name}", "MPa"), (f"displacement_{name}", "mm")]
     found += [(f"size_{name}", "mm") for name in scene.centred_probes]
-    return [*found, ("axial_strain", "-"), ("axial_force", "kN"), ("force_error", "-")]
+    found += [("axial_strain", "-"), ("axial_force", "kN"), ("force_error", "-")]
+    if scene.case.mould is not None:
+        for name in scene.probes.lines:
+            found += [(f"gap_{name}", "mm"), (f"contact_pressure_{name}", "MPa")]
+        found += [("gap_max", "mm"), ("contact_pressure_max", "MPa"), ("penetration", "um")]
+        found += [("contact_share", "-"), ("friction_force", "kN")]
+    return found
 
 
 def row(march: March, reading: Reading) -> dict[str, float]:
@@ -84,4 +90,16 @@ def _mechanical_cells(reading: MechanicalReading) -> dict[str, float]:
     for name, stress in reading.surface_stress.items():
         cells[f"von_mises_{name}"] = 1e-6 * stress
         cells[f"displacement_{name}"] = 1e3 * reading.moved[name]
-    return cells | {f"size_{name}": 1e3 * size for name, size in reading.across.items()}
+    cells |= {f"size_{name}": 1e3 * size for name, size in reading.across.items()}
+    for name, gap in reading.gap.items():
+        cells[f"gap_{name}"] = 1e3 * gap
+        cells[f"contact_pressure_{name}"] = 1e-6 * reading.pressure[name]
+    if (contact := reading.contact) is not None:
+        cells |= {
+            "gap_max": 1e3 * contact.gap,
+            "contact_pressure_max": 1e-6 * contact.pressure,
+            "penetration": 1e6 * contact.penetration,
+            "contact_share": contact.share,
+            "friction_force": 1e-3 * contact.axial,
+        }
+    return cells

@@ -6,20 +6,22 @@ the old one as it was.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from castfem import log
+from castfem import log, reductions
 from castfem.errors import RunFailure
 from castfem.thermal.stepper import ThermalState, ThermalStepper
 from castfem.timestep import StepControl, same_instant
 
 if TYPE_CHECKING:
+    from castfem.contact.outcome import SurfaceGap
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.mechanics.stepper import MechanicalStepper
+    from castfem.thermal.zones import Zones
 
 Array = npt.NDArray[np.float64]
 
@@ -122,27 +124,58 @@ class Interval:
 
     Attributes:
         converged: Whether both sides succeeded. state: The new state, or the old one.
-        leg: The thermal steps. mechanical: The mechanical step.
+        leg: The thermal steps. mechanical: The mechanical step. passes: Through the interval.
     """
 
     converged: bool
     state: StrandState
     leg: Leg
     mechanical: MechanicalResult
+    passes: int
+
+    def before(self, after: Interval) -> Interval:
+        """The same interval repeated: `after`, with the work of both counted."""
+        mechanical = replace(after.mechanical, newton=self.newton + after.newton)
+        leg = replace(after.leg, newton=self.leg.newton + after.leg.newton)
+        return replace(after, leg=leg, mechanical=mechanical, passes=self.passes + after.passes)
+
+    @property
+    def newton(self) -> int:
+        """Newton iterations of the mechanics."""
+        return self.mechanical.newton
 
 
 class Coupler:
     """Takes intervals, thermal first (thesis IV): the shell of an instant is cooled, then strained.
 
+    What the strained slice tells the heat of the next interval are the gap to the wall and the work
+    that was dissipated. With more than one pass an interval is repeated with the mean gap of its
+    beginning and its end, until that settles.
+
     Args:
         thermal: Thermal steps. mechanics: The mechanical step.
         dissipation: Share of the viscoplastic work that heats the next interval.
+        zones: Told the gaps. gap: Finds them; None without a mould.
+        passes: Largest number of passes through an interval. settled: Change of the gap in a pass
+            below which it has settled, m.
+        order: "thermal_first", or "mechanics_first": strained with the temperatures of its
+            beginning (thesis, Fig. 84).
     """
 
     def __init__(
-        self, thermal: ThermalSteps, mechanics: MechanicalStepper, dissipation: float
+        self,
+        thermal: ThermalSteps,
+        mechanics: MechanicalStepper,
+        dissipation: float,
+        zones: Zones,
+        gap: SurfaceGap | None,
+        passes: int = 1,
+        settled: float = 1e-6,
+        order: str = "thermal_first",
     ) -> None:
         self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
+        self.zones, self.gap, self.passes, self.settled = zones, gap, passes, settled
+        self.order = order
 
     def take(self, old: StrandState, end: float) -> Interval:
         """One interval from `old` to `end` (s); `old` is left untouched.
@@ -151,16 +184,58 @@ class Coupler:
             RunFailure: If no thermal step is short enough.
         """
         assert old.mechanical is not None
-        learnt = self.thermal.control.step
         if self.dissipation:
             self.thermal.stepper.problem.set_source(old.heating)
-        leg = self.thermal.to(old.thermal, end)
-        result = self.mechanics.step(old.mechanical, end, leg.state.point.temperature)
-        if not result.converged:
+        begun = gap = self.gap_of(old.mechanical)
+        learnt, tried = self.thermal.control.step, 1
+        taken = self._pass(old, end, gap)
+        while taken.converged and tried < self.passes and begun is not None:
+            assert gap is not None and taken.state.mechanical is not None
+            ended = self.gap_of(taken.state.mechanical)
+            mean = 0.5 * (begun + ended)
+            if self._change(mean, gap) <= self.settled:
+                break
             self.thermal.control.step = learnt
-            return Interval(False, old, leg, result)
+            gap, before = mean, taken
+            taken = before.before(self._pass(old, end, gap))
+            tried += 1
+        if not taken.converged:
+            self.thermal.control.step = learnt
+        return taken
+
+    def _pass(self, old: StrandState, end: float, gap: Array | None) -> Interval:
+        """Once through an interval, with one gap at each vertex."""
+        assert old.mechanical is not None
+        first = None
+        if self.order == "mechanics_first":
+            first = self.mechanics.step(old.mechanical, end, old.thermal.point.temperature)
+            if first.converged and gap is not None:
+                gap = self.gap_of(first.state)
+        if gap is not None:
+            self.zones.set_gap(gap)
+        leg = self.thermal.to(old.thermal, end)
+        result = first or self.mechanics.step(old.mechanical, end, leg.state.point.temperature)
+        if not result.converged:
+            return Interval(False, old, leg, result, 1)
         state = StrandState(leg.state, result.state, self._heating(result, end - old.time))
-        return Interval(True, state, leg, result)
+        return Interval(True, state, leg, result, 1)
+
+    def gap_of(self, state: MechanicalState) -> Array | None:
+        """Gap to the wall at the owned vertices (owned,), m, 0 off the surface; None without one.
+
+        (Collective.)
+        """
+        if self.gap is None:
+            return None
+        found = np.zeros(len(self.thermal.stepper.problem.area))
+        found[self.gap.dofs] = np.maximum(self.gap.at(state), 0.0)
+        return found
+
+    def _change(self, one: Array, other: Array) -> float:
+        """Largest difference of two gaps; both without a wall are no difference."""
+        with np.errstate(invalid="ignore"):
+            change = np.nan_to_num(np.abs(one - other), nan=0.0)
+        return reductions.largest(self.mechanics.comm, change)
 
     def _heating(self, result: MechanicalResult, duration: float) -> Array:
         """Heat of the viscoplastic work of a step, spread over its duration (owned,), W/m3."""

@@ -77,7 +77,7 @@ class March:
         thermal = scene.stepper.initial(scene.start_temperature)
         self.state: StrandState = (
             StrandState(thermal, None, np.zeros(0))
-            if scene.mechanics is None
+            if scene.coupler is None
             else scene.coupler.start(thermal)
         )
         self.counts = Counts()
@@ -118,7 +118,7 @@ class March:
             RunFailure: At the smallest step.
         """
         scene, counts, mechanical = self.scene, self.counts, None
-        if scene.mechanics is None:
+        if scene.coupler is None:
             leg = scene.steps.one(self.state.thermal)
             state = replace(self.state, thermal=leg.state)
         else:

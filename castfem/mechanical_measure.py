@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from castfem.contact.outcome import SurfaceGap, summary
+from castfem.contact.state import ContactSummary
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.probes import LineProbes
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 SQRT2 = 2.0**0.5
+LARGEST = 1.0  # m: a gap where there is no wall
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +35,9 @@ class MechanicalReading:
         across: Size of the section through each probe that ends in its centre, m.
         strain: Axial strain of the slice at the origin.
         balance: Forces of the step; None at the start.
+        contact: With the mould, all of it together; None without a mould.
+        gap: To the wall at the start of each probe, m; empty without a mould.
+        pressure: Contact pressure there, Pa; likewise.
     """
 
     newton: int
@@ -43,6 +49,9 @@ class MechanicalReading:
     across: dict[str, float]
     strain: float
     balance: Balance | None
+    contact: ContactSummary | None
+    gap: dict[str, float]
+    pressure: dict[str, float]
 
 
 def von_mises(stress: Array) -> Array:
@@ -69,6 +78,8 @@ class MechanicalMeasure:
             name: -np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
             for name, (start, end) in probes.lines.items()
         }
+        touching = self.problem.contact
+        self._gap = None if touching is None else SurfaceGap(touching, self.problem.points)
 
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalReading:
         """Read the committed `state` (collective)."""
@@ -76,18 +87,32 @@ class MechanicalMeasure:
         stress = von_mises(points.recovered(state.stress))
         peak, where = self._largest(stress)
         moved = self._moved(state)
-        surface = self.probes.along(points.at_vertices(stress))
+        surface = self._at_starts(points.at_vertices(stress))
+        touching, contact = self.problem.contact, None
+        at_wall = {
+            name: self.fields(state, (name,)).get(name) for name in ("gap", "contact_pressure")
+        }
+        gap, pressure = ({} if v is None else self._at_starts(v) for v in at_wall.values())
+        if touching is not None and state.contact is not None:
+            contact = summary(touching, state.contact)
         return MechanicalReading(
             newton=0 if result is None else result.newton,
             flowing=0.0 if result is None else result.flowing,
             peak=peak,
             peak_at=where,
-            surface_stress={name: float(values[0]) for name, values in surface.items()},
+            surface_stress=surface,
             moved=moved,
             across=self._across(moved),
             strain=float(state.modes[0]),
             balance=None if result is None else result.balance,
+            contact=contact,
+            gap=gap,
+            pressure=pressure,
         )
+
+    def _at_starts(self, owned: Array) -> dict[str, float]:
+        """A field of the owned vertices at the start of each probe."""
+        return {name: float(values[0]) for name, values in self.probes.along(owned).items()}
 
     def _largest(self, values: Array) -> tuple[float, tuple[float, float]]:
         """The largest of values at the deviator's points, and where it is, on every rank."""
@@ -138,7 +163,19 @@ class MechanicalMeasure:
             found["viscoplastic_strain"] = points.at_vertices(column)
         if "pressure" in names:
             found["pressure"] = self._pressure(state)
+        if self._gap is not None and state.contact is not None:
+            if "gap" in names:
+                found["gap"] = self._on_surface(np.minimum(self._gap.at(state), LARGEST))
+            if "contact_pressure" in names:
+                found["contact_pressure"] = self._on_surface(self._gap.mean(state.contact.pressure))
         return {name: in_components(found[name]) for name in names if name in found}
+
+    def _on_surface(self, values: Array) -> Array:
+        """Values of the surface's vertices at all owned ones (owned,), 0 inside."""
+        assert self._gap is not None
+        found = np.zeros(self.section.owned)
+        found[self._gap.dofs] = values
+        return found
 
     def _pressure(self, state: MechanicalState) -> Array:
         """Ferrostatic pressure at the owned vertices, Pa."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from castfem.case import mechanics as given
 from castfem.case.table import Table
+from castfem.case.wall import build_friction, build_mould
+from castfem.contact.contact import Contact
 from castfem.laws.elasticity import Elasticity, Solidity
 from castfem.laws.library import DeltaShare, load_elasticity, load_law
 from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
@@ -74,8 +76,24 @@ def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Sectio
         planes=_planes(table.planes, free),
         held=tuple(_held(one) for one in table.held),
         ferrostatic=_ferrostatic(case, table, steel),
+        contact=_contact(case, section),
         large_strain=table.strain == "large",
         pin=not table.held,
+    )
+
+
+def _contact(case: Case, section: Section) -> Contact | None:
+    """Contact of the whole surface with the mould; None where the mould is idealised."""
+    if case.mould is None:
+        return None
+    speed, table = case.casting.speed, case.mould
+    return Contact(
+        wall=build_mould(table, case.section),
+        on=section.outer_groups,
+        position=lambda time: speed * time,
+        method=table.contact.method,
+        factor=table.contact.factor,
+        friction=build_friction(table.friction),
     )
 
 
@@ -125,4 +143,6 @@ def _ferrostatic(case: Case, table: given.Mechanics, steel: Steel) -> Ferrostati
         return None
     density = float(steel.density(steel.liquidus + HOTTER))
     head = vertical_head(density, case.casting.speed)
-    return Ferrostatic(head, steel.solid_fraction, table.ferrostatic)
+    # A real mould holds the liquid by contact; the idealised one touches nothing.
+    outside: Literal["held", "free"] = "held" if case.mould is None else "free"
+    return Ferrostatic(head, steel.solid_fraction, table.ferrostatic, outside)

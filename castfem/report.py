@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
 
 if TYPE_CHECKING:
+    from castfem.contact.state import ContactSummary
     from castfem.march import March
     from castfem.measure import Reading
     from castfem.mechanical_measure import MechanicalReading
@@ -122,6 +123,18 @@ def _heat_balance(march: March) -> dict[str, Quantity]:
     }
 
 
+def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
+    """What the mould does to the modelled part, friction included."""
+    if contact is None:
+        return {}
+    across, along = (float(f) for f in contact.force)
+    return {
+        "mould_x": Quantity(across, "kN/m", "mould along x"),
+        "mould_y": Quantity(along, "kN/m", "mould along y"),
+        "friction": Quantity(contact.axial, "kN/m", "friction along the strand, per m of it"),
+    }
+
+
 def _mechanical_quantities(reading: MechanicalReading) -> dict[str, Quantity]:
     """Stress and shape of the slice."""
     x, y = (1e3 * c for c in reading.peak_at)
@@ -140,7 +153,28 @@ def _mechanical_quantities(reading: MechanicalReading) -> dict[str, Quantity]:
         what = "diagonal" if name == "corner" else f"size at {PROBES.get(name, name)}"
         found[f"size_{name}"] = Quantity(size, "mm", what)
     found["axial_strain"] = Quantity(reading.strain, "-", "axial strain")
+    if reading.contact is not None:
+        found |= _contact_quantities(reading, reading.contact)
     return found
+
+
+def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> dict[str, Quantity]:
+    """How the slice touches the mould."""
+    found = {}
+    for name, gap in reading.gap.items():
+        where = PROBES.get(name, name.replace("_", " "))
+        found[f"gap_{name}"] = Quantity(gap, "mm", f"gap to the mould, {where}")
+    x, y = (1e3 * c for c in contact.widest)
+    widest = f"largest gap, at x = {x:.1f}, y = {y:.1f} mm" if contact.gap else "largest gap"
+    x, y = (1e3 * c for c in contact.highest)
+    highest = "largest contact pressure"
+    highest += f", at x = {x:.1f}, y = {y:.1f} mm" if contact.pressure else ""
+    return found | {
+        "gap_max": Quantity(contact.gap, "mm", widest),
+        "contact_pressure_max": Quantity(contact.pressure, "MPa", highest),
+        "penetration": Quantity(contact.penetration, "um", "largest penetration of the mould"),
+        "contact_share": Quantity(contact.share, "percent", "share of the surface in contact"),
+    }
 
 
 def _force_balances(reading: Reading | None) -> dict[str, dict[str, Quantity]]:
@@ -157,6 +191,7 @@ def _force_balances(reading: Reading | None) -> dict[str, dict[str, Quantity]]:
             "error": Quantity(balance.axial_error, "-", "relative error of the free motions"),
         },
         "forces in the plane": {
+            **_wall_forces(reading.mechanics.contact),
             "support_x": Quantity(float(balance.support[0]), "kN/m", "supports along x"),
             "support_y": Quantity(float(balance.support[1]), "kN/m", "supports along y"),
             "error": Quantity(balance.forces_error, "-", "largest relative error of a node"),

@@ -43,6 +43,7 @@ class Scene:
         zones: The machine's cooling. probes: Lines at which results are read.
         control: Choice of the step: thermal, or with mechanics the interval of both.
         steps: Thermal steps. mechanics: The mechanical step; None for a case without.
+        coupler: Takes intervals of both; likewise.
         start_temperature: At the meniscus, K. watch: Where the time goes.
     """
 
@@ -55,6 +56,7 @@ class Scene:
     control: StepControl
     steps: ThermalSteps
     mechanics: MechanicalStepper | None
+    coupler: Coupler | None
     start_temperature: float
     watch: Stopwatch
 
@@ -76,12 +78,6 @@ class Scene:
             for name, (start, end) in self.probes.lines.items()
             if np.linalg.norm(end) <= CENTRED * np.linalg.norm(start)
         )
-
-    @property
-    def coupler(self) -> Coupler:
-        """Takes the intervals of a scene with mechanics."""
-        assert self.mechanics is not None
-        return Coupler(self.steps, self.mechanics, self.case.coupling.dissipation)
 
     def destroy(self) -> None:
         """Free the PETSc objects; many scenes may be made in one process."""
@@ -120,8 +116,24 @@ def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> S
         control = StepControl(case.casting.duration, milestones, fixed=interval)
         thermal = step_control(case, [])
     steps = ThermalSteps(stepper, thermal)
-    return Scene(
-        case, steel, section, stepper, zones, probes, control, steps, mechanics, start, watch
+    coupler = _coupler(case, steps, mechanics, zones)
+    made = (case, steel, section, stepper, zones, probes, control, steps, mechanics, coupler)
+    return Scene(*made, start_temperature=start, watch=watch)
+
+
+def _coupler(
+    case: Case, steps: ThermalSteps, mechanics: MechanicalStepper | None, zones: Zones
+) -> Coupler | None:
+    """What takes the intervals of a case with mechanics."""
+    if mechanics is None:
+        return None
+    gap, given = None, case.coupling
+    if mechanics.problem.contact is not None:
+        from castfem.contact.outcome import SurfaceGap
+
+        gap = SurfaceGap(mechanics.problem.contact, mechanics.problem.points)
+    return Coupler(
+        steps, mechanics, given.dissipation, zones, gap, given.passes, given.settled, given.order
     )
 
 

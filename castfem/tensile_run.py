@@ -74,7 +74,10 @@ class TensileTest:
     def _law(self, origin: str) -> AnyLaw:
         """The law, tried at the temperatures of the test."""
         given = self.given
-        known = load_elasticity(given.elasticity)
+        try:
+            known = load_elasticity(given.elasticity)
+        except InputError as error:
+            raise _within(f"{origin}.elasticity", error) from None
         elasticity = Elasticity(
             known.young if given.young is None else _curve(given.young),
             known.poisson if given.poisson is None else _curve(given.poisson),
@@ -87,8 +90,7 @@ class TensileTest:
             try:
                 law = load_law(given.material, elasticity, carbon=carbon)
             except InputError as error:
-                told = [problem.removeprefix("law: ") for problem in error.problems]
-                raise InputError([f"{where}: {problem}" for problem in told]) from None
+                raise _within(where, error) from None
         try:
             law.coefficients(self.temperature[:-1], self.temperature[1:])
         except ValueError as error:
@@ -106,6 +108,11 @@ class TensileTest:
             return None
         modulus = float(self.law.elasticity.young(np.full(1, level))[0])
         return axial_stress(self.strain, self.rate, modulus, curve)
+
+
+def _within(where: str, error: InputError) -> InputError:
+    """The problems of a parameter set, told as those of the key that names it."""
+    return InputError([f"{where}: {problem.removeprefix('law: ')}" for problem in error.problems])
 
 
 def _curve(value: float | Table) -> Constant | Rows:

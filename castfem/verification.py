@@ -52,7 +52,8 @@ class HalfSpace:
         return float(rise * np.exp(-(zeta**2)))
 
     def _limit(self, zeta: npt.ArrayLike) -> Array:
-        return YIELD * (MELTING - self.temperature(zeta)) / (MELTING - SURFACE)
+        share = (MELTING - self.temperature(zeta)) / (MELTING - SURFACE)
+        return np.asarray(YIELD * share, dtype=np.float64)
 
     def _smooth_exit(self, zeta: float) -> float:
         stiff = YOUNG / (1 - POISSON)

@@ -14,10 +14,12 @@ ThermalField = Literal["temperature", "solid_fraction"]
 MechanicalField = Literal[
     "displacement", "stress", "von_mises", "strain", "viscoplastic_strain", "pressure"
 ]
-FieldName = Literal[ThermalField, MechanicalField]
+ContactField = Literal["gap", "contact_pressure"]
+FieldName = Literal[ThermalField, MechanicalField, ContactField]
 """Fields that can be written."""
 THERMAL_FIELDS: tuple[FieldName, ...] = get_args(ThermalField)
 MECHANICAL_FIELDS: tuple[FieldName, ...] = get_args(MechanicalField)
+CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
 
 
 class Casting(TableModel):
@@ -63,8 +65,9 @@ class Output(TableModel):
 
     fields: tuple[FieldName, ...] | None = Field(
         None,
-        description="fields in fields.xdmf, [] for none; by default those of the temperature, and "
-        "with [mechanics] displacement, stress, von_mises and viscoplastic_strain",
+        description="fields in fields.xdmf, [] for none; by default those of the temperature, "
+        "with [mechanics] displacement, stress, von_mises and viscoplastic_strain, with [mould] "
+        "gap and contact_pressure",
         examples=[["temperature", "displacement"]],
     )
     every: Time = Field(written("0.5 s"), description="time between two states of the fields")

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from castfem.case.casting import MECHANICAL_FIELDS
-from castfem.case.cooling import PrescribedTemperature
+from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS
+from castfem.case.cooling import Contact, PrescribedTemperature
 from castfem.case.model import Case
 from castfem.case.problems import Problem, choices
 from castfem.case.section import BeamBlank, Rectangle, Round, Strip, cooled_groups, outer_groups
@@ -141,12 +141,24 @@ def _laws(case: Case) -> Iterator[Problem]:
         laws = (zone.surface if zone else None) or ()
         for j, law in enumerate(laws):
             path = ("cooling", i, "surface", j)
-            gap = getattr(law, "gap", None)
-            if gap and law.law == "contact" and "gap_conductivity" not in law.model_fields_set:
-                yield Problem(path, "a gap needs its gap_conductivity")
+            if isinstance(law, Contact):
+                yield from _contact(case, law, path)
             if known:
                 yield from _names(law.on, known, (*path, "on"))
                 yield from _clash(law, laws[:j], cooled_groups(case.section), known, path)
+
+
+def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield what a contact law lacks, given the mould there is."""
+    gapless = law.gap == 0.0 or (law.gap is None and case.mould is None)
+    if not gapless and "gap_conductivity" not in law.model_fields_set:
+        yield Problem(path, 'a gap needs its gap_conductivity, such as "0.15 W/(m K)"')
+    walled = case.mould is not None and case.mould.wall_temperature is not None
+    if "wall" not in law.model_fields_set and not walled:
+        yield Problem(
+            path, 'wall is missing; the temperature of the wall, such as "160 degC", here or as '
+            "mould.wall_temperature"
+        )  # fmt: skip
 
 
 def _clash(
@@ -219,10 +231,18 @@ def _output(case: Case) -> Iterator[Problem]:
             yield Problem(
                 ("output", "fields"), f"'{name}' needs the table [mechanics], which is missing"
             )
+        if name in CONTACT_FIELDS and "mould" not in case.model_fields_set:
+            yield Problem(
+                ("output", "fields"), f"'{name}' needs the table [mould], which is missing"
+            )
 
 
 def _mechanics(case: Case) -> Iterator[Problem]:
     table = case.mechanics
+    if case.mould is not None and table is None and "mechanics" not in case.model_fields_set:
+        yield Problem(
+            ("mould",), "needs the table [mechanics]: it is the strained slice that touches it"
+        )
     if table is None or case.section is None or not _complete(case.section):
         return
     known = outer_groups(case.section)

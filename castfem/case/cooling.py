@@ -52,11 +52,19 @@ class Contact(Law):
 
     law: Literal["contact"]
     coefficient: HeatTransferCoefficient = Field(description="coefficient without a gap")
-    wall: TemperatureOfTime = Field(description="temperature of the wall")
-    gap: Distance = Field(written("0 mm"), description=_GAP, examples=["0.2 mm"])
+    wall: TemperatureOfTime | None = Field(
+        None,
+        description="temperature of the wall; by default mould.wall_temperature",
+        examples=["160 degC"],
+    )
+    gap: Distance | None = Field(
+        None,
+        description=_GAP + "; by default the one that opens in the mould, none without [mould]",
+        examples=["0.2 mm"],
+    )
     gap_conductivity: Conductivity | None = Field(
         None,
-        description="conductivity of what fills the gap; needed where there is one",
+        description="conductivity of what fills the gap; needed where there can be one",
         examples=["0.15 W/(m K)"],
     )
 

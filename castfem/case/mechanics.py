@@ -10,7 +10,7 @@ from pydantic import Field
 from castfem.case.base import TableModel, written
 from castfem.case.table import Curve, Table
 from castfem.case.thermal import PetscOption
-from castfem.quantities import Kind, Time
+from castfem.quantities import Kind, Length, Time
 
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler
@@ -155,6 +155,21 @@ class Coupling(TableModel):
 
     interval: Time = Field(
         written("0.1 s"), description="time after which the two exchange what they know"
+    )
+    order: Literal["thermal_first", "mechanics_first"] = Field(
+        "thermal_first",
+        description="who goes first; mechanics_first strains a slice with the temperatures of the "
+        "interval before (thesis, IV)",
+    )
+    passes: int = Field(
+        1,
+        ge=1,
+        strict=True,
+        description="largest number of passes through an interval; more than one repeats it until "
+        "the gap to the mould settles",
+    )
+    settled: Length = Field(
+        written("1 um"), description="change of the gap in a pass below which it has settled"
     )
     dissipation: Share = Field(
         1.0, description="share of the viscoplastic work that becomes heat; 0: it is left out"

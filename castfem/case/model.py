@@ -13,7 +13,14 @@ from typing import Any
 from pydantic import Field
 
 from castfem.case.base import TableModel
-from castfem.case.casting import THERMAL_FIELDS, Casting, FieldName, Output, Reference, Steel
+from castfem.case.casting import (
+    THERMAL_FIELDS,
+    Casting,
+    FieldName,
+    Output,
+    Reference,
+    Steel,
+)
 from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.document import PROPERTY_FILES
 from castfem.case.mechanics import Coupling, Mechanics
@@ -21,7 +28,14 @@ from castfem.case.mould import Mould
 from castfem.case.section import Mesh, Section, cooled_groups
 from castfem.case.thermal import Thermal
 
-_NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True, "casting": {"length"}}
+_NOT_PHYSICS: Any = {
+    "title": True,
+    "output": True,
+    "reference": True,
+    "casting": {"length"},
+    "thermal": {"solver"},
+    "mechanics": {"solver"},
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -110,7 +110,8 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     if target.exists() and not target.is_dir():
         raise InputError(f"{target}: is a file, a folder is needed; choose another with -o")
     record = Record(target)
-    jobs, problems = [], []
+    jobs: list[Job] = []
+    problems: list[str] = []
     for variant in variants:
         place = target / variant.name
         job = Job(variant.name, place, variant.case, options.resume, options.figures)

@@ -35,6 +35,7 @@ Array = npt.NDArray[np.float64]
 # Columns of what the forms see.
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
+RASTER = 2.0**-32  # of the section's size
 
 
 @dataclass(slots=True)
@@ -194,6 +195,7 @@ class WallContact:
         """
         contact, slice_ = self.contact, self._slice
         self._old, self._dt = old, end - start
+        self._held = np.zeros(self.facets.count, dtype=bool)
         self._position = contact.position(end)
         travelled = self._position - contact.position(start)
         self._travel.value = travelled
@@ -202,7 +204,7 @@ class WallContact:
         bulk = SurfaceStress.bulk(slice_.law, temperatures, self._dt)
         self.stiffness = contact.strength * bulk / self._height
         stiffest = reductions.largest(self.section.comm, self.stiffness)
-        self._noise = 8 * np.finfo(float).eps * max(stiffest, 0.0) * self._size
+        self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
         if self._stress is not None:
             self._stress.begin(old, temperatures, self._dt, slice_, self._liquid(after, end))
 
@@ -233,16 +235,15 @@ class WallContact:
         place, moved = self._where(fields.u.x.array, fields.modes.value)
         before = self._where(fields.u_old.x.array, fields.modes_old.value)[1]
         strand, stretch = self.facing(fields.u.x.array, fields.modes.value)
-        reach = self.contact.wall.reach(place, strand, self._position)
-        n = np.asarray(reach.normal)
-        gap = np.asarray(reach.gap) * np.einsum("ni,ni->n", n, strand)
-        near = np.where(np.isfinite(gap), gap, self._size)
-        if self._stress is None:
-            pressure = forms.penalty_pressure(self.stiffness, near)
-        else:
+        n, gap = self._meet(moved, strand)
+        gap[~np.isfinite(gap)] = np.inf
+        near = np.minimum(gap, self._size)
+        stress: Array | float = 0.0
+        if self._stress is not None:
             stress, by_strain, by_turn = self._stress.evaluate(n)
-            pressure = forms.nitsche_pressure(self.stiffness, near, stress)
-        closed = pressure > 0.0
+        pressure = forms.nitsche_pressure(self.stiffness, near, stress)
+        pressure = np.where(self._held, -stress - self.stiffness * near, pressure)
+        closed = (pressure > 0.0) | self._held
         seen = np.zeros((self.facets.count, WIDTH))
         seen[:, NORMAL], seen[:, STIFFNESS] = n, self.stiffness * closed
         if self._stress is not None:
@@ -256,7 +257,22 @@ class WallContact:
         self._given.fill(seen)
         strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
         self.now = Touch(place, n, gap, pressure, friction, slides, stretch, seen, strain)
-        return self._noise
+        far = float(np.abs(moved).max(initial=0.0))
+        return self._rounding * reductions.largest(self.section.comm, np.array([far]))
+
+    def _meet(self, moved: Array, strand: Array) -> tuple[Array, Array]:
+        """Normal of the wall and distance to it along that (n,), m.
+
+        The wall is met from places on a fine raster, and the rest of the way added: the distance
+        then is as exact as the displacement, not as the position, which is a thousand times larger.
+        """
+        start, raster = self.facets.position, self._size * RASTER
+        near = np.round((start + moved) / raster) * raster
+        reach = self.contact.wall.reach(near, strand, self._position)
+        n = np.asarray(reach.normal)
+        rest = (start - near) + moved
+        facing = np.einsum("ni,ni->n", n, strand)
+        return n, np.asarray(reach.gap) * facing - np.einsum("ni,ni->n", n, rest)
 
     def _where(self, u: Array, modes: Array) -> tuple[Array, Array]:
         """Place and displacement of the points (n, 2), m."""
@@ -302,6 +318,15 @@ class WallContact:
         by_slip = -self.stiffness[:, None] * answer.by_trial[:, :, 0]
         seen[:, BY_SLIP] = np.einsum("nij,nj->ni", frame, by_slip)
         return answer.slides, answer.traction
+
+    def hold(self, on: bool) -> bool:
+        """Keep closed what was so at the start of the step, or let it open again (collective).
+
+        Returns:
+            Whether there is anything to keep.
+        """
+        self._held = (self._old.pressure > 0.0) & on
+        return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
 
     def kink(self, base: Touch) -> float:
         """How far contact is from what its tangent at `base` foresaw for the motion since (N).

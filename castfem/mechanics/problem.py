@@ -35,6 +35,7 @@ from castfem.stopwatch import Stopwatch
 
 Array = npt.NDArray[np.float64]
 
+NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
 PATIENCE = 8  # Newton steps in which contact may overshoot
 
 
@@ -100,7 +101,7 @@ class MechanicalProblem:
         self._material = Material(slice_.law, self.points)
         self.response = self._material.response
         self._build_solver(options or {})
-        self.iterations = 0
+        self.iterations, self._slack = 0, 1.0
         self.trial: Trial | None = None
 
     def _build_forms(self) -> None:
@@ -189,12 +190,32 @@ class MechanicalProblem:
             sizes = [self._imbalance(start) for start in starts]
             starts = [starts[int(np.argmin(sizes))]]
         self.solver.x.setArray(starts[0])
+        first = self._approach(starts[0])
         outcome = self.solver.solve()
+        outcome.iterations += first
         self.iterations += outcome.iterations
         solution = self.solver.x.getArray(readonly=True)
         if outcome.converged and not self._known(solution):
             self.trial = self._evaluate(solution)
         return outcome
+
+    def _approach(self, start: Array) -> int:
+        """Come near the solution with all contacts of the old state kept closed.
+
+        While the material is far from where it will be, contacts that are free to open and close
+        chatter.  Returns the iterations this took; if it leads nowhere, the start stays.
+        """
+        if self.contact is None or self.old.contact is None:
+            return 0
+        if not self.contact.hold(True):
+            return 0
+        self.trial, self._slack = None, NEAR
+        outcome = self.solver.solve()
+        self.contact.hold(False)
+        self.trial, self._slack = None, 1.0
+        if not outcome.converged:
+            self.solver.x.setArray(start)
+        return outcome.iterations
 
     def _start(self, guess: Array, scalars: Array) -> Array:
         """Local unknowns of a guess."""
@@ -384,7 +405,7 @@ class MechanicalProblem:
             total = self.tolerance * (scale.total + load) + scale.rounding * self.scales.area
             left = float(np.abs(trial.balance).max()) * self.scales.length
             sizes["axial"] = over(left, total)
-        return sizes
+        return {name: size / self._slack for name, size in sizes.items()}
 
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""

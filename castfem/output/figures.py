@@ -11,7 +11,9 @@ from castfem.output.files import saving
 from castfem.output.folder import FIGURES_NAME
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.plot_history import HISTORY_FIGURES
+from castfem.output.plot_mechanics import MECHANICS_FIGURES
 from castfem.output.plot_section import SECTION_FIGURES, Steel
+from castfem.output.plot_shape import SHAPE_FIGURES
 from castfem.output.style import Course, look, save
 from castfem.output.summary import Summary
 from castfem.output.xdmf import HDF5_NAME
@@ -59,7 +61,7 @@ def _draw_section(path: Path, summary: Summary | None) -> list[Path]:
         if "temperature" not in fields.names:
             return []
         steel = _steel(fields, summary)
-        for name, draw in SECTION_FIGURES.items():
+        for name, draw in (SECTION_FIGURES | SHAPE_FIGURES).items():
             figure = draw(fields, steel)
             if figure is not None:
                 drawn.append(save(figure, _target(path, name)))
@@ -79,7 +81,7 @@ def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
         with Fields(path) as fields:
             steel = _steel(fields, summary)
     drawn = []
-    for name, draw in HISTORY_FIGURES.items():
+    for name, draw in (HISTORY_FIGURES | MECHANICS_FIGURES).items():
         figure = draw(table, course, steel)
         if figure is not None:
             drawn.append(save(figure, _target(path, name)))

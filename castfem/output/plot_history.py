@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH = 7.2  # inches
+_THERMAL, _MECHANICAL = "#0072b2", "#d55e00"
+_NO_PROBES = ("min", "max")  # ends of names of columns over the whole section
 _MANY = 150  # steps; their Newton iterations would blacken a line plot
 
 
@@ -34,7 +36,9 @@ def probes_with(table: pandas.DataFrame, prefix: str) -> dict[str, str]:
     return {
         name[len(prefix) + 1 :]: name
         for name in map(str, table.columns)
-        if name.startswith(f"{prefix}_") and table[name].notna().any()
+        if name.startswith(f"{prefix}_")
+        and name[len(prefix) + 1 :] not in _NO_PROBES
+        and table[name].notna().any()
     }
 
 
@@ -85,7 +89,7 @@ def draw_surface_temperature(
                 linestyle="--",
                 label=f"{name} {level - CELSIUS:.1f} °C",
             )
-    axes.set_ylabel(f"temperature [{_unit(table, surfaces[0][2])}]")
+    axes.set_ylabel(f"temperature [{unit_of(table, surfaces[0][2])}]")
     dress([axes], course)
     axes.legend(loc="best")
     return figure
@@ -103,7 +107,7 @@ def draw_shell(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
             label = f"{probe}, {kind}"
             axes.plot(course.abscissa, table[column], color=colour, linestyle=style, label=label)
     axes.set_ylim(bottom=0.0)
-    unit = _unit(table, [*solid, *liquid][0][2])
+    unit = unit_of(table, [*solid, *liquid][0][2])
     axes.set_ylabel(f"depth below the surface [{unit}]")
     dress([axes], course)
     axes.legend(loc="upper left", ncols=2 if len(solid) + len(liquid) > 3 else 1)
@@ -122,7 +126,7 @@ def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
     if fluxes:
         for label, colour, column in fluxes:
             axes[0].plot(course.abscissa, table[column], color=colour, label=label)
-        axes[0].set_ylabel(f"heat flux [{_unit(table, fluxes[0][2])}]")
+        axes[0].set_ylabel(f"heat flux [{unit_of(table, fluxes[0][2])}]")
         axes[0].legend(loc="best")
     dress(axes, course)
     if totals:
@@ -131,33 +135,85 @@ def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
 
 
 def draw_steps(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
-    """Time step, Newton iterations and the error of the energy balance."""
-    names = [name for name in ("step", "newton", "energy_error") if _has(table, name)]
-    if not names:
+    """Time step, Newton iterations, errors of energy and forces, penetration of a mould."""
+    found = [
+        (draw, [name for name in names if has_values(table, name)])
+        for draw, names in (
+            (_draw_step, ("step",)),
+            (_draw_newton, ("newton", "newton_mechanics")),
+            (_draw_errors, ("energy_error", "force_error")),
+            (_draw_penetration, ("penetration",)),
+        )
+    ]
+    panels = [(draw, names) for draw, names in found if names]
+    if not panels:
         return None
-    figure = new_figure(_WIDTH, 1.2 + 1.7 * len(names))
-    axes = list(figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0])
-    for panel, name in zip(axes, names, strict=True):
-        values = table[name].to_numpy()
-        if name == "newton":
-            if len(values) > _MANY:
-                panel.plot(course.abscissa, values, ".", color="#0072b2", markersize=2.5)
-            else:
-                panel.step(course.abscissa, values, where="pre", color="#0072b2", linewidth=1.0)
-            panel.set_ylim(0, np.nanmax(values) + 1)
-            panel.yaxis.get_major_locator().set_params(integer=True)
-            panel.set_ylabel("Newton\niterations [-]")
-        elif name == "step":
-            panel.step(course.abscissa, values, where="pre", color="#0072b2", linewidth=1.2)
-            _log_scale(panel, values)
-            panel.set_ylabel(f"time step [{_unit(table, name)}]")
-        else:
-            size = np.where(values == 0, np.nan, np.abs(values))
-            panel.plot(course.abscissa, size, ".", color="#0072b2", markersize=2.5)
-            panel.set_yscale("log")
-            panel.set_ylabel("relative error of\nthe energy [-]")
+    figure = new_figure(_WIDTH, 1.2 + 1.7 * len(panels))
+    axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
+    for panel, (draw, names) in zip(axes, panels, strict=True):
+        draw(panel, table, course, names)
+        if any(name.endswith(("mechanics", "force_error")) for name in names):
+            panel.legend(loc="best", ncols=2)
     dress(axes, course)
     return figure
+
+
+def _draw_step(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
+    """The time step."""
+    values = table[names[0]].to_numpy()
+    panel.step(course.abscissa, values, where="pre", color=_THERMAL, linewidth=1.2)
+    _log_scale(panel, values)
+    panel.set_ylabel(f"time step [{unit_of(table, names[0])}]")
+
+
+def _draw_newton(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
+    """Newton iterations of the temperature and of the mechanics."""
+    for name in names:
+        mechanical = name.endswith("mechanics")
+        colour = _MECHANICAL if mechanical else _THERMAL
+        values = table[name].to_numpy()
+        label = "mechanics" if mechanical else "temperature"
+        if len(values) > _MANY:
+            panel.plot(course.abscissa, values, ".", color=colour, markersize=2.5, label=label)
+        else:
+            panel.step(
+                course.abscissa, values, where="pre", color=colour, linewidth=1.0, label=label
+            )
+    panel.set_ylim(0, np.nanmax(table[names].to_numpy()) + 1)
+    panel.yaxis.get_major_locator().set_params(integer=True)
+    panel.set_ylabel("Newton\niterations [-]")
+
+
+def _draw_errors(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
+    """How far energy and forces are out of balance; what is exact is left out."""
+    for name in names:
+        forces = name == "force_error"
+        size = np.abs(table[name].to_numpy())
+        panel.plot(
+            course.abscissa,
+            np.where(size == 0, np.nan, size),
+            ".",
+            color=_MECHANICAL if forces else _THERMAL,
+            markersize=2.5,
+            label="forces" if forces else "energy",
+        )
+    panel.set_yscale("log")
+    panel.set_ylabel("relative error [-]" if len(names) > 1 else f"{_ERRORS[names[0]]} [-]")
+
+
+_ERRORS = {
+    "energy_error": "relative error of\nthe energy",
+    "force_error": "relative error of\nthe forces",
+}
+
+
+def _draw_penetration(
+    panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]
+) -> None:
+    """How deep the surface lies in the wall."""
+    panel.plot(course.abscissa, table[names[0]], color=_MECHANICAL, linewidth=1.2)
+    panel.set_ylim(bottom=0.0)
+    panel.set_ylabel(f"largest\npenetration [{unit_of(table, names[0])}]")
 
 
 def _totals(table: pandas.DataFrame) -> dict[str, tuple[np.ndarray, str]]:
@@ -166,18 +222,18 @@ def _totals(table: pandas.DataFrame) -> dict[str, tuple[np.ndarray, str]]:
     The former is taken from what left it over each step, unless there is a column of its own.
     """
     found = {}
-    if _has(table, "heat_rate"):
+    if has_values(table, "heat_rate"):
         found["heat leaving the strand"] = (
             table["heat_rate"].to_numpy(),
-            _unit(table, "heat_rate"),
+            unit_of(table, "heat_rate"),
         )
-    elif _has(table, "heat_removed") and _unit(table, "heat_removed") == "J/m":
+    elif has_values(table, "heat_removed") and unit_of(table, "heat_removed") == "J/m":
         time, removed = table["time"].to_numpy(), table["heat_removed"].to_numpy()
         with np.errstate(divide="ignore", invalid="ignore"):
             rate = np.diff(removed) / np.diff(time)
         found["heat leaving the strand"] = (np.concatenate([rate[:1], rate]), "W/m")
-    if _has(table, "heat_removed"):
-        found["heat removed"] = (table["heat_removed"].to_numpy(), _unit(table, "heat_removed"))
+    if has_values(table, "heat_removed"):
+        found["heat removed"] = (table["heat_removed"].to_numpy(), unit_of(table, "heat_removed"))
     return {label: _engineering(*pair) for label, pair in found.items()}
 
 
@@ -225,15 +281,15 @@ def _engineering(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     return values, unit
 
 
-def _has(table: pandas.DataFrame, name: str) -> bool:
+def has_values(table: pandas.DataFrame, name: str) -> bool:
     """Whether a column is there and holds any number."""
     return name in table and bool(table[name].notna().any())
 
 
-def _unit(table: pandas.DataFrame, name: str) -> str:
+def unit_of(table: pandas.DataFrame, name: str) -> str:
     """The unit of a column as figures write it."""
     unit = str(table.attrs["units"][name])
-    return unit.replace("degC", "°C").replace("^2", "²").replace("^3", "³")
+    return unit.replace("degC", "°C").replace("^2", "²").replace("^3", "³").replace("um", "µm")
 
 
 HISTORY_FIGURES: dict[str, Callable[[pandas.DataFrame, Course, Steel | None], Figure | None]] = {

@@ -43,7 +43,10 @@ class Steel:
 
 
 def section_triangles(
-    fields: Fields, values: NDArray[np.float64], mirrored: bool = True
+    fields: Fields,
+    values: NDArray[np.float64],
+    mirrored: bool = True,
+    moved: NDArray[np.float64] | float = 0.0,
 ) -> tuple[Triangulation, NDArray[np.float64]]:
     """The mesh as triangles in mm with a nodal field on it.
 
@@ -51,10 +54,12 @@ def section_triangles(
         fields: Mesh, and which part of the section it is (attribute `symmetry`).
         values: (n,) at the nodes.
         mirrored: Show the whole section, the modelled part repeated.
+        moved: (n, 2) displacement [m] to draw the nodes with.
     """
     from matplotlib.tri import Triangulation
 
-    plane, triangles, parents = triangulate(fields.points, fields.cells, fields.cell, fields.order)
+    points = fields.points[:, :2] + moved
+    plane, triangles, parents = triangulate(points, fields.cells, fields.cell, fields.order)
     nodal = values[parents].mean(axis=1)
     part = str(fields.attributes.get("symmetry", "whole"))
     signs = _MIRRORED.get(part, ((1, 1),)) if mirrored else ((1, 1),)
@@ -78,18 +83,18 @@ def draw_temperature(
     mesh, values = section_triangles(
         fields, fields.values("temperature", index) - CELSIUS, mirrored
     )
-    figure, axes = _frame(mesh, _when("Temperature", fields, index), bar=True)
+    figure, axes = frame(mesh, when("Temperature", fields, index), bar=True)
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-6:
         low, high = low - 1.0, high + 1.0
     shades = axes.tripcolor(mesh, values, shading="gouraud", cmap="inferno", vmin=low, vmax=high)
-    bar = _colour_bar(figure, axes, shades, lies=_lies(mesh))
+    bar = colour_bar(figure, axes, shades, lies=lies_flat(mesh))
     lines = [level for level in bar.get_ticks() if values.min() < level < values.max()]
     if lines:
         axes.tricontour(mesh, values, levels=lines, colors="white", linewidths=0.5, alpha=0.6)
     handles = _isotherms(axes, mesh, values, steel)
     if handles:
-        _legend_below(figure, handles)
+        legend_below(figure, handles)
     return figure
 
 
@@ -103,7 +108,7 @@ def draw_states(
         return None
     temperature = fields.values("temperature", index)
     mesh, values = section_triangles(fields, temperature, mirrored)
-    figure, axes = _frame(mesh, _when("State of the steel", fields, index), bar=False)
+    figure, axes = frame(mesh, when("State of the steel", fields, index), bar=False)
     low = min(float(values.min()), steel.solidus) - 1.0
     high = max(float(values.max()), steel.liquidus) + 1.0
     gap = max(steel.liquidus, np.nextafter(steel.solidus, np.inf))
@@ -115,7 +120,7 @@ def draw_states(
         Patch(facecolor=colour, edgecolor="#444444", label=f"{state}  {100 * share:.1f} %")
         for (state, colour), share in zip(_STATES.items(), shares, strict=True)
     ]
-    _legend_below(figure, handles)
+    legend_below(figure, handles)
     return figure
 
 
@@ -177,17 +182,17 @@ def _size(mesh: Triangulation) -> tuple[float, float]:
     return (7.2, 2.2) if ratio > 1 else (2.2, 5.0)
 
 
-def _lies(mesh: Triangulation) -> bool:
+def lies_flat(mesh: Triangulation) -> bool:
     """Whether the section is so wide that the colour bar goes below."""
     width, height = _size(mesh)
     return width / height > _WIDE
 
 
-def _frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
+def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
     """A figure for the section, axes in mm, with room for a colour bar."""
     width, height = _size(mesh)
-    beside = 1.1 if bar and not _lies(mesh) else 0.1
-    below = 0.9 if bar and _lies(mesh) else 0.0
+    beside = 1.1 if bar and not lies_flat(mesh) else 0.1
+    below = 0.9 if bar and lies_flat(mesh) else 0.0
     figure = new_figure(max(width + 0.7 + beside, 3.6), height + 1.1 + below)
     axes = figure.add_subplot()
     true = np.ptp(mesh.x) / np.ptp(mesh.y) / (width / height)
@@ -201,22 +206,28 @@ def _frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _colour_bar(figure: Figure, axes: Axes, shades: ScalarMappable, lies: bool) -> Colorbar:
-    """The scale of the temperatures, as long as the frame."""
-    label = "temperature [°C]"
+def colour_bar(
+    figure: Figure,
+    axes: Axes,
+    shades: ScalarMappable,
+    lies: bool,
+    label: str = "temperature [°C]",
+) -> Colorbar:
+    """The scale of the colours, as long as the frame."""
     if lies:
         return figure.colorbar(shades, ax=axes, label=label, location="bottom", aspect=45, pad=0.03)
     # constrained layout would make it as long as the room for the frame, of which that takes a part
     return figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.045, 1)), label=label)
 
 
-def _legend_below(figure: Figure, handles: list[Any]) -> None:
-    """A legend under everything, on one line if there is room."""
-    columns = len(handles) if figure.get_size_inches()[0] > 1.4 * len(handles) else 1
+def legend_below(figure: Figure, handles: list[Any]) -> None:
+    """A legend under everything, on one or two lines if there is room."""
+    lines = (len(handles), (len(handles) + 1) // 2)
+    columns = next((n for n in lines if figure.get_size_inches()[0] > 1.4 * n), 1)
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
 
 
-def _when(what: str, fields: Fields, index: int) -> str:
+def when(what: str, fields: Fields, index: int) -> str:
     """The title: what, where and when."""
     position, time = float(fields.positions[index]), float(fields.times[index])
     where = f"{position:.4g} m" if position > 2.0 else f"{1e3 * position:.4g} mm"

@@ -161,8 +161,10 @@ def _serve(connection: Connection, noise: Path) -> None:
 
 
 def _end_with_parent() -> None:
-    """Stop this process when its parent is gone, killed perhaps."""
+    """Stop this process when its parent is gone, killed perhaps: after its step, or without."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
         os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(_PATIENCE)
+        os.kill(os.getpid(), signal.SIGKILL)

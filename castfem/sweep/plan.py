@@ -146,7 +146,7 @@ def _differing(rows: Sequence[Row]) -> list[str]:
 def read_assignment(assignment: str) -> tuple[str, tuple[str, ...]]:
     """Return key and values of `key=value,value`.
 
-    Commas within quotes or brackets part nothing: `output.fields=["temperature"],[]` has two values.
+    Commas within quotes or brackets part nothing: `fields=["temperature"],[]` has two values.
 
     Raises:
         ValueError: It is not written so, or a value is missing or comes twice.

@@ -7,7 +7,7 @@ sweep goes on where it was when it is started again.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from typing import TYPE_CHECKING
 
 from castfem.sweep.work import Job, Outcome, work
@@ -38,7 +38,8 @@ def run_on_ranks(
 
     import castfem.march  # noqa: F401  PETSc is initialised by all ranks together or never
 
-    with MPICommExecutor(comm, root=0) as executor:
+    with MPICommExecutor(comm, root=0) as pool:
+        executor: Executor | None = pool  # type: ignore[assignment]  # its stubs are wrong
         if executor is None:
             return
         waiting = {executor.submit(work, job): job for job in jobs}

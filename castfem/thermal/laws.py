@@ -61,12 +61,14 @@ class Contact:
         wall: Temperature of the mould's wall, K; a number or a function of time.
         gap_conductivity: k_g, W/mK.
         gap: d, m; a number or one per surface node.
+        follows: Whether the gap is that of the mechanics, which set it before each interval.
     """
 
     coefficient: float
     wall: float | Callable[[float], float]
     gap_conductivity: float
     gap: float | Array = 0.0
+    follows: bool = False
 
     def heat_transfer(self) -> Array:
         """Overall coefficient h(d) of (301), W/m2K."""

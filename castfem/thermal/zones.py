@@ -42,6 +42,7 @@ class Zones:
         self.spans = case.zones()
         self.starts = [span.start / speed for span in self.spans]
         self._steel, self._surface = steel, surface
+        self._wall = wall_over_time(case)
         self._coolings = [self._make(i) for i in range(len(self.spans))]
 
     @property
@@ -53,7 +54,15 @@ class Zones:
                 for table in (getattr(law, "value", None), getattr(law, "wall", None)):
                     if isinstance(table, Table) and table.over == "time":
                         times += [t for t in table.arguments]
-        return times
+        wall = self._wall
+        return times + (list(wall.arguments) if isinstance(wall, Table) else [])
+
+    def set_gap(self, gap: Array) -> None:
+        """Let heat cross these gaps from now on, at the owned vertices (owned,), m."""
+        for cooling in self._coolings:
+            for patch, law in cooling.laws:
+                if isinstance(law, laws.Contact) and law.follows:
+                    law.gap = gap[patch.dofs]
 
     def index(self, time: float) -> int:
         """Zone of a step that begins at `time` (s)."""
@@ -96,7 +105,7 @@ class Zones:
                     f"this section has {', '.join(section.outer_groups)}"
                 )
             patch = self._surface.patch(tags)
-            made = surface_law(law, self._steel)
+            made = surface_law(law, self._steel, self._wall)
             if isinstance(made, laws.PrescribedTemperature):
                 cooling.prescribed.append((patch, made))
             else:
@@ -115,12 +124,32 @@ def _interpolate(arguments: Array, values: Array, at: Array) -> Array:
     return np.interp(at, arguments, values)
 
 
-def surface_law(law: given.HeatLaw, steel: Steel) -> laws.SurfaceLaw | laws.PrescribedTemperature:
-    """The law of the case as arrays in, flux out."""
+def wall_over_time(case: Case) -> float | Table | None:
+    """Temperature of the mould's wall as the slice passes it, K, over time; None if not given."""
+    given_ = None if case.mould is None else case.mould.wall_temperature
+    if isinstance(given_, Table):
+        times = tuple(position / case.casting.speed for position in given_.arguments)
+        return Table("time", times, given_.values)
+    return given_
+
+
+def surface_law(
+    law: given.HeatLaw, steel: Steel, wall: float | Table | None = None
+) -> laws.SurfaceLaw | laws.PrescribedTemperature:
+    """The law of the case as arrays in, flux out.
+
+    Args:
+        law: As given.
+        steel: For what the law leaves to it.
+        wall: Likewise, temperature of the mould, K.
+    """
     if isinstance(law, given.Contact):
         # Without a gap its conductivity is of no account.
         conductivity = law.gap_conductivity if law.gap_conductivity is not None else 1.0
-        return laws.Contact(law.coefficient, law.wall, conductivity, law.gap)
+        facing = law.wall if law.wall is not None else wall
+        assert facing is not None
+        follows = law.gap is None
+        return laws.Contact(law.coefficient, facing, conductivity, law.gap or 0.0, follows)
     if isinstance(law, given.Convection):
         return laws.Convection(_of_temperature(law.coefficient), law.ambient)
     if isinstance(law, given.Radiation):

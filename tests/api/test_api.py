@@ -82,9 +82,9 @@ def test_fields(result):
 
 
 def test_fields_that_are_not_there(result):
-    with pytest.raises(castfem.InputError, match="no field stretch; there are .*temperature"):
+    with pytest.raises(castfem.InputError, match=r"no field stretch; there are .*temperature"):
         result.fields()["stretch"]
-    with pytest.raises(castfem.InputError, match="written from 0 to 0.06 m"):
+    with pytest.raises(castfem.InputError, match=r"written from 0 to 0\.06 m"):
         result.fields(position=0.1)
     with pytest.raises(castfem.InputError, match="not both"):
         result.fields(time=0.1, position=0.1)

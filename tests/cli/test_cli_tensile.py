@@ -118,6 +118,7 @@ def test_a_bar_between_walls(castfem):
     [
         ("tensile.material=kozlowsky_zhu", "did you mean kozlowski_zhu?"),
         ("tensile.material=kozlowski_zhu", "carbon: is missing"),
+        ("tensile.elasticity=elastic_steal", 'tensile.elasticity: "elastic_steal" not found'),
         ("tensile.material.p3=7", "tensile.material: p3: must not be above 1"),
         ("tensile.material.p5=7", "p5: unknown key"),
         ("tensile.young=-1 GPa", "tensile.young: must be above 0"),

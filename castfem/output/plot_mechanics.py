@@ -1,0 +1,186 @@
+"""Figures of the mechanics along the strand: stress, size, axial strain, contact with the mould."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.output.plot_history import curves, has_values, unit_of
+from castfem.output.plot_section import Steel
+from castfem.output.style import Course, dress, new_figure
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_WIDTH = 7.2  # inches
+_ALL = {"color": "#444444", "linestyle": ":", "linewidth": 1.5}  # over the whole section
+_LEFT, _RIGHT = "#0072b2", "#d55e00"
+_NOTHING = 1e-6  # of the largest force there could be; less is none
+
+
+def draw_stress(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+    """Von Mises stress at the probes, and the largest of the section."""
+    lines = curves(table, "von_mises")
+    if not lines and not has_values(table, "von_mises_max"):
+        return None
+    figure = new_figure(_WIDTH, 4.4)
+    axes = figure.add_subplot()
+    _draw_probes(axes, table, course, "von_mises", "surface, ")
+    if has_values(table, "von_mises_max"):
+        axes.plot(course.abscissa, table["von_mises_max"], **_ALL, label="largest in the section")
+    name = lines[0][2] if lines else "von_mises_max"
+    axes.set_ylabel(f"von Mises stress [{unit_of(table, name)}]")
+    axes.set_ylim(bottom=0.0)
+    dress([axes], course)
+    axes.legend(loc="best")
+    return figure
+
+
+def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+    """Change of the size of the section since the meniscus; where it has none, the displacement."""
+    sizes = curves(table, "size")
+    measured = {name[len("size_") :] for name in table.columns if str(name).startswith("size_")}
+    others = [
+        c for c in curves(table, "displacement") if c[2][len("displacement_") :] not in measured
+    ]
+    panels = [lines for lines in (sizes, others) if lines]
+    if not panels:
+        return None
+    figure = new_figure(_WIDTH, 1.4 + 3.0 * len(panels))
+    axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
+    for panel, lines in zip(axes, panels, strict=True):
+        for label, colour, column in lines:
+            values = table[column].to_numpy()
+            if lines is sizes:
+                start = float(values[np.isfinite(values)][0])
+                label = label.replace("corner", "diagonal")
+                label += f", from {start:.2f} {unit_of(table, column)}"
+                values = values - start
+            panel.plot(course.abscissa, values, color=colour, label=label)
+        _mark_zero(panel)
+        what = "change of size" if lines is sizes else "outward displacement"
+        panel.set_ylabel(f"{what} [{unit_of(table, lines[0][2])}]")
+        panel.legend(loc="best")
+    dress(axes, course)
+    return figure
+
+
+def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+    """Strain of the slice along the strand, and the force that goes with it."""
+    strained, loaded = has_values(table, "axial_strain"), has_values(table, "axial_force")
+    if loaded:  # a free strand carries nothing but the solver's rounding
+        loaded = float(np.nanmax(np.abs(table["axial_force"].to_numpy()))) > _NOTHING
+    if not strained and not loaded:
+        return None
+    figure = new_figure(_WIDTH, 4.0)
+    axes = figure.add_subplot()
+    panels = [axes, axes.twinx()] if strained and loaded else [axes]
+    if strained:
+        panels[0].plot(course.abscissa, 100.0 * table["axial_strain"], color=_LEFT)
+        panels[0].set_ylabel("axial strain [%]", color=_LEFT if loaded else "k")
+    if loaded:
+        panels[-1].plot(course.abscissa, table["axial_force"], color=_RIGHT)
+        unit = unit_of(table, "axial_force")
+        panels[-1].set_ylabel(f"axial force, modelled part [{unit}]", color=_RIGHT)
+    elif has_values(table, "axial_force"):
+        axes.set_title("no axial force", loc="right", fontsize=9, color="#555555", y=0.93, x=0.98)
+    if len(panels) == 2:
+        panels[1].grid(False)
+        for panel, colour in zip(panels, (_LEFT, _RIGHT), strict=True):
+            panel.tick_params(axis="y", colors=colour)
+    dress([axes], course)
+    return figure
+
+
+def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+    """Gap and pressure between strand and mould, how much of the surface touches, friction."""
+    found: list[Callable[[Axes], None]] = []
+    for prefix, largest, what in (
+        ("gap", "gap_max", "gap"),
+        ("contact_pressure", "contact_pressure_max", "contact pressure"),
+    ):
+        if curves(table, prefix) or has_values(table, largest):
+            found.append(_over_surface(table, course, prefix, largest, what))
+    for name, what in (
+        ("contact_share", "share of the\nsurface in contact"),
+        ("friction_force", "friction force"),
+    ):
+        if has_values(table, name):
+            found.append(_single(table, course, name, what))
+    if not found:
+        return None
+    figure = new_figure(_WIDTH, 1.2 + 2.3 * len(found))
+    axes = list(figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0])
+    for panel, draw in zip(axes, found, strict=True):
+        draw(panel)
+    dress(axes, course)
+    return figure
+
+
+def _over_surface(
+    table: pandas.DataFrame, course: Course, prefix: str, largest: str, what: str
+) -> Callable[[Axes], None]:
+    """Draws a quantity at the probes and its largest value."""
+
+    def draw(panel: Axes) -> None:
+        name = _draw_probes(panel, table, course, prefix) or largest
+        if has_values(table, largest):
+            panel.plot(course.abscissa, table[largest], **_ALL, label="largest")
+        panel.set_ylabel(f"{what} [{unit_of(table, name)}]")
+        panel.set_ylim(bottom=min(0.0, panel.get_ylim()[0] if _negative(panel) else 0.0))
+        panel.legend(loc="best")
+
+    return draw
+
+
+def _single(
+    table: pandas.DataFrame, course: Course, name: str, what: str
+) -> Callable[[Axes], None]:
+    """Draws one column."""
+
+    def draw(panel: Axes) -> None:
+        unit = unit_of(table, name)
+        percent = name == "contact_share" and unit == "-"
+        panel.plot(course.abscissa, table[name] * (100.0 if percent else 1.0), color=_LEFT)
+        panel.set_ylabel(f"{what} [{'%' if percent else unit}]")
+        if percent:
+            panel.set_ylim(0.0, 105.0)
+        elif not _negative(panel):
+            panel.set_ylim(bottom=0.0)
+
+    return draw
+
+
+def _draw_probes(
+    panel: Axes, table: pandas.DataFrame, course: Course, prefix: str, where: str = ""
+) -> str:
+    """Draws the columns `prefix_PROBE`; returns the first of them, "" if there is none."""
+    lines = curves(table, prefix)
+    for label, colour, column in lines:
+        panel.plot(course.abscissa, table[column], color=colour, label=f"{where}{label}")
+    return lines[0][2] if lines else ""
+
+
+def _negative(panel: Axes) -> bool:
+    """Whether anything drawn lies clearly below zero."""
+    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in panel.lines])
+    finite = drawn[np.isfinite(drawn)]
+    size = float(np.abs(finite).max(initial=0.0))
+    return bool((finite < -0.02 * size).any())
+
+
+def _mark_zero(panel: Axes) -> None:
+    """A line where nothing has changed."""
+    panel.axhline(0.0, color="#8a8a8a", linewidth=0.9, zorder=1)
+
+
+MECHANICS_FIGURES: dict[str, Callable[[pandas.DataFrame, Course, Steel | None], Figure | None]] = {
+    "stress": draw_stress,
+    "size": draw_size,
+    "axial": draw_axial,
+    "contact": draw_contact,
+}
