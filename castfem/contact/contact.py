@@ -10,8 +10,8 @@ from castfem.contact.friction import Friction
 from castfem.errors import InputError
 from castfem.mould.wall import Wall
 
-# K_p over bulk modulus / height of the surface cells, see docs/contact.md.
-FACTORS = {"penalty": 1000.0, "nitsche": 100.0}
+METHODS = ("penalty", "nitsche")
+FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/contact.md
 
 
 def _still(time: float) -> float:
@@ -28,7 +28,7 @@ class Contact:
         position: Of the slice below the meniscus over time (s), m.
         method: "penalty" (239) or "nitsche".
         factor: Contact stiffness K_p over bulk modulus (of the place and moment) / mean height of
-            the surface cells; that of `FACTORS` if None.
+            the surface cells; `FACTOR` if None.
         friction: Law; None for a wall without friction.
         stroke: Displacement of the wall itself along the strand over time (s), m: its oscillation.
         points: Quadrature points a facet; two for each of the two displacements that a facet adds
@@ -49,8 +49,8 @@ class Contact:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        if self.method not in FACTORS:
-            raise InputError(f'contact.method: "{self.method}"; one of {", ".join(FACTORS)}')
+        if self.method not in METHODS:
+            raise InputError(f'contact.method: "{self.method}"; one of {", ".join(METHODS)}')
         if self.factor is not None and not self.factor > 0.0:
             raise InputError(f"contact.factor: {self.factor}; it must be positive")
         if self.points not in (2, 3, 4):
@@ -58,8 +58,8 @@ class Contact:
 
     @property
     def strength(self) -> float:
-        """Factor, the method's own if none is given."""
-        return FACTORS[self.method] if self.factor is None else self.factor
+        """Factor, the usual one if none is given."""
+        return FACTOR if self.factor is None else self.factor
 
     @property
     def symmetric(self) -> bool:

@@ -19,7 +19,7 @@ def test_values_are_si(write):
     assert case.section.corner_radius == 0.005
     law = case.cooling[0].surface[0]
     assert isinstance(law, Contact)
-    assert (law.coefficient, law.wall, law.gap) == (1600.0, 433.15, 0.0)
+    assert (law.coefficient, law.wall, law.gap) == (1600.0, 433.15, None)
     assert case.thermal.time.adaptive == Adaptive.model_validate({})
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from castfem.cli import execute
 
-BASE = Path(__file__).parents[2] / "cases" / "billet125" / "base.toml"
+BASE = Path(__file__).parents[2] / "cases" / "billet125" / "coupled.toml"
 
 
 @pytest.fixture
