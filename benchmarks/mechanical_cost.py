@@ -88,8 +88,11 @@ def scaling(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
     """Time and memory against the number of cells, each in a process of its own."""
     rows = []
     for cells in sizes:
-        large, repeats = cells > 2000, 1 if cells > 8000 else 3
-        given = {"cells": cells, "steps": 4 if large else 10, "repeats": repeats}
+        large, repeats = cells > 2000, 1 if cells > 8000 else 2
+        # A first step of 1 s would freeze dozens of the smallest cells at once.
+        growth = 0.25 if cells > 8000 else 1.0
+        steps = 4 if large else 10
+        given = {"cells": cells, "steps": steps, "repeats": repeats, "growth": growth}
         found = launch("benchmarks.slice_probe", given)
         seconds = parts(found)
         rows.append(
@@ -113,7 +116,7 @@ def ranks(repeats: int, cells: int = RANKED) -> list[dict[str, Any]]:
     Raises:
         RuntimeError: They do not come to the same strain.
     """
-    given = {"cells": cells, "steps": 4, "before": 3, "repeats": repeats}
+    given = {"cells": cells, "steps": 4, "before": 3.0, "repeats": repeats}
     one, two = (launch("benchmarks.slice_probe", given, n) for n in (1, 2))
     if not np.allclose(one["modes"], two["modes"], rtol=1e-8, atol=1e-12):
         raise RuntimeError(f"one rank and two differ: {one['modes']} and {two['modes']}")
@@ -134,7 +137,7 @@ def solvers(sizes: tuple[int, ...], repeats: int) -> list[dict[str, Any]]:
     for name, options in SOLVERS.items():
         row: dict[str, Any] = {"solver": name}
         for cells in sizes:
-            run = Run(cells, steps=4, before=2, options=options)
+            run = Run(cells, steps=4, before=2.0, options=options)
             found = measure(run, repeats=repeats)
             row[f"newton_{cells}"] = 1e3 * found["newton_s"]
             solver = found["factor"] + found["solve"] + found["other"]
@@ -196,7 +199,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
 
 def _step(output: Output, quick: bool) -> None:
     """The step of 900 cells, taken apart; and half a slab."""
-    found = measure(Run(CELLS, steps=5 if quick else 20), repeats=1 if quick else 5)
+    found = measure(Run(CELLS, steps=5 if quick else 20), repeats=1 if quick else 4)
     whole = sum(parts(found).values())
     rows: list[dict[str, Any]] = [
         {"part": PARTS[n], "ms": 1e3 * s, "percent": 100 * s / whole}

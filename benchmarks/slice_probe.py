@@ -42,14 +42,16 @@ class Run:
 
     Attributes:
         cells: About how many. section: Of `SECTIONS`: a billet's quarter, half a slab.
-        before: Steps of 1 s that grow a shell first, not timed. steps: Steps that are timed.
+        before: Seconds in which a shell grows first, not timed. growth: Their steps, s.
+        steps: Steps that are timed.
         step: Their length, s. options: PETSc options of the mechanics.
         large: Large strain.
     """
 
     cells: int = 900
     section: str = "quarter"
-    before: int = 4
+    before: float = 4.0
+    growth: float = 1.0
     steps: int = 20
     step: float = 0.25
     options: dict[str, Any] = field(default_factory=dict, hash=False)
@@ -120,7 +122,7 @@ def measure(run: Run, comm: MPI.Comm = MPI.COMM_SELF, repeats: int = 1) -> dict[
     found: dict[str, Any] = {}
     clocks = []
     for _ in range(repeats):
-        slice_ = scene(run, comm).march(float(run.before), 1.0)
+        slice_ = scene(run, comm).march(run.before, run.growth)
         first, rows = len(slice_.times), []
         for i in range(run.steps):
             before, heating = _parts(slice_), slice_.heating

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _MOST = 40  # slices; more cannot be told apart
+_ROWS = 80  # of the walls, at least: triangles between distant slices would show
+_SHARP = 0.7  # cosine of the angle from which on two walls meet in an edge
 _LENGTH = 1.6  # drawn length of the strand, of width plus height of what is modelled
 _SLENDER = 12.0  # ratio of the sides from which a section is a mere line
 _ELEVATION = np.radians(-24.0)  # the eye lies below: the last slice is seen, not the first
@@ -38,28 +40,35 @@ _EDGE = {"color": "#333333", "linewidth": 0.6}
 
 @dataclass(frozen=True, slots=True)
 class Stack:
-    """The slices of a run.
+    """The slices of a run: walls, with rows between the slices, and the last slice.
 
     Attributes:
         fields: Mesh and steel.
-        outline: Of the modelled part.
-        position: (k,) below the meniscus [m].
-        points: (k, n, 3) nodes as drawn [mm], the third is up.
-        temperature: (k, n) [K].
-        stress: (k, n) von Mises stress [Pa]; None without mechanics.
+        pieces: (p, 2) pieces of the outline, the steel on their left, between nodes of a row.
+        plane: (m, 2) nodes of a row, not displaced [mm].
+        position: (r,) of the rows, below the meniscus [m].
+        points: (r, m, 3) nodes as drawn [mm], the third is up.
+        temperature: (r, m) [K].
+        stress: (r, m) von Mises stress [Pa]; None without mechanics.
+        end: (n, 3) nodes of the last slice as drawn [mm].
+        hottest: Of all slices [K]. strongest: Of what is solid in all of them, [Pa].
         factor: By which displacements are magnified, 0 without any.
     """
 
     fields: Fields
-    outline: Outline
+    pieces: NDArray[np.intp]
+    plane: Array
     position: Array
     points: Array
     temperature: Array
     stress: Array | None
+    end: Array
+    hottest: float
+    strongest: float
     factor: float
 
     @classmethod
-    def of(cls, fields: Fields) -> Stack | None:
+    def of(cls, fields: Fields, steel: Steel | None) -> Stack | None:
         """Reads the slices; None of what is no strand: two times at least, and a way downwards."""
         sides = np.ptp(fields.points[:, :2], axis=0)
         times = np.unique(np.linspace(0, len(fields.times) - 1, _MOST).round().astype(int))
@@ -67,18 +76,55 @@ class Stack:
         if len(times) < 2 or (np.diff(position) <= 0).any() or sides.max() > _SLENDER * sides.min():
             return None
         outline = Outline.of(fields)
-        moved = np.array([displacement(fields, k) for k in times])
-        factor = 0.0
+        nodes = np.unique(outline.everything)
+        kelvin, pascal, shift, hottest, strongest = [], [], [], -np.inf, 0.0
+        for k in times:
+            whole, stress = fields.values("temperature", int(k)), von_mises(fields, int(k))
+            kelvin.append(whole[nodes])
+            hottest = max(hottest, float(whole.max()))
+            if stress is not None and steel is not None:
+                pascal.append(stress[nodes])
+                strongest = max(strongest, float(stress[whole <= steel.solidus].max(initial=0.0)))
+            shift.append(displacement(fields, int(k)))
+        factor, moved = 0.0, np.array([u[nodes] for u in shift])
         if "displacement" in fields.names:
-            factor = magnification(moved[:, np.unique(outline.surface)], fields.points)
-        stresses = [s for k in times if (s := von_mises(fields, k)) is not None]
-        up = -_LENGTH * sides.sum() * (position - position[0]) / np.ptp(position)
-        points = np.empty((*moved.shape[:2], 3))
-        points[..., :2] = fields.points[:, :2] + factor * moved
-        points[..., 2] = up[:, None]
-        temperature = np.array([fields.values("temperature", k) for k in times])
-        stress = np.array(stresses) if stresses else None
-        return cls(fields, outline, position, 1e3 * points, temperature, stress, factor)
+            surface = np.unique(outline.surface)
+            factor = magnification(np.array([u[surface] for u in shift]), fields.points)
+        rows = _between(position)
+        fall = -_LENGTH * float(sides.sum()) / float(np.ptp(position))
+        plane = fields.points[:, :2]
+        drawn = plane[nodes] + factor * _at_rows(rows, position, moved)
+        up = np.broadcast_to(fall * (rows - rows[0])[:, None, None], (*drawn.shape[:2], 1))
+        last = np.full((len(plane), 1), fall * (rows[-1] - rows[0]))
+        return cls(
+            fields=fields,
+            pieces=np.searchsorted(nodes, outline.everything),
+            plane=1e3 * plane[nodes],
+            position=rows,
+            points=1e3 * np.concatenate([drawn, up], axis=2),
+            temperature=_at_rows(rows, position, np.array(kelvin)),
+            stress=_at_rows(rows, position, np.array(pascal)) if strongest > 0.0 else None,
+            end=1e3 * np.column_stack([plane + factor * shift[-1], last]),
+            hottest=hottest,
+            strongest=strongest,
+            factor=factor,
+        )
+
+
+def _between(position: Array) -> Array:
+    """Positions of rows, those of the slices among them, close enough to shade smoothly."""
+    each = max(1, -(-_ROWS // (len(position) - 1)))
+    parts = np.arange(each) / each
+    inner = position[:-1, None] + np.diff(position)[:, None] * parts
+    return np.append(inner.ravel(), position[-1])
+
+
+def _at_rows(rows: Array, position: Array, values: Array) -> Array:
+    """Values (k, ...) of the slices at the positions of the rows, straight between them."""
+    upper = np.clip(np.searchsorted(position, rows, side="right"), 1, len(position) - 1)
+    weight = (rows - position[upper - 1]) / (position[upper] - position[upper - 1])
+    weight = weight.reshape(-1, *(1,) * (values.ndim - 1))
+    return np.asarray((1.0 - weight) * values[upper - 1] + weight * values[upper])
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,8 +133,8 @@ class View:
 
     Attributes:
         right, up: Directions (3,) of the picture.
-        walls: The visible walls, the farther ones first; nodes are numbered slice by slice.
-        pieces: (p, 2) nodes of the outline below which these walls stand.
+        walls: The visible walls, the farther ones first; nodes are numbered row by row.
+        pieces: (p, 2) those of the outline on which these walls stand.
         inside: Whether planes of symmetry are seen.
     """
 
@@ -107,14 +153,13 @@ class View:
         towards = np.array([np.cos(angle), np.sin(angle)])
         right = np.array([-towards[1], towards[0], 0.0])
         up = np.array([*(-np.sin(_ELEVATION) * towards), np.cos(_ELEVATION)])
-        plane = stack.fields.points[:, :2]
-        pieces = stack.outline.everything
-        along = plane[pieces[:, 1]] - plane[pieces[:, 0]]
+        along = stack.plane[stack.pieces[:, 1]] - stack.plane[stack.pieces[:, 0]]
         seen = along[:, 1] * towards[0] - along[:, 0] * towards[1]
-        pieces = pieces[seen > 1e-6 * np.linalg.norm(along, axis=1)]
-        pieces = pieces[np.argsort(plane[pieces].mean(axis=1) @ towards, kind="stable")]
-        count, nodes = stack.points.shape[:2]
-        offset = nodes * np.arange(count - 1)
+        pieces = stack.pieces[seen > 1e-6 * np.linalg.norm(along, axis=1)]
+        near = stack.plane[pieces].mean(axis=1) @ towards
+        pieces = pieces[np.argsort(near, kind="stable")]
+        rows, nodes = stack.temperature.shape
+        offset = nodes * np.arange(rows - 1)
         a, b = (pieces[:, [end]] + offset for end in (0, 1))
         quads = np.stack([a, b, b + nodes, a + nodes], axis=-1).reshape(-1, 4)
         triangles = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
@@ -137,18 +182,16 @@ def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
     Returns:
         None for a strip, or before the second time was written.
     """
-    stack = Stack.of(fields)
+    stack = Stack.of(fields, steel)
     if stack is None:
         return None
     part = str(fields.attributes.get("symmetry"))
-    sides = [_OUTSIDE, *([_INSIDE[part]] if part in _INSIDE and stack.outline.cuts else [])]
+    sides = [_OUTSIDE, *([_INSIDE[part]] if part in _INSIDE else [])]
     views = [View.of(stack, side) for side in sides]
-    kinds = ["temperature"]
-    if stack.stress is not None and steel is not None:
-        kinds += ["stress"] if (stack.temperature <= steel.solidus).any() else []
+    kinds = ["temperature", *(["stress"] if stack.stress is not None else [])]
     extents = np.ptp([view.project(stack.points).reshape(-1, 2) for view in views], axis=1)
     widest, highest = extents.max(axis=0)
-    wide = max(_HEIGHT * 1.3 * widest / highest, 1.9)
+    wide = max(_HEIGHT * 1.25 * widest / highest, 1.9)
     count = len(kinds) * len(views)
     figure = new_figure(wide * count + 0.5, _HEIGHT + 1.5)
     rows = figure.subplots(1, count, squeeze=False)[0]
@@ -159,7 +202,7 @@ def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
         label = "temperature [°C]" if kind == "temperature" else "von Mises stress, solid [MPa]"
         figure.colorbar(shades, ax=group, location="bottom", label=label, shrink=0.8, aspect=30)
     _draw_scale(rows[0], stack, views[0])
-    legend_below(figure, _legend(stack, steel, "stress" in kinds))
+    legend_below(figure, _legend(stack, steel))
     return figure
 
 
@@ -169,21 +212,19 @@ def _draw_view(
     """One picture; returns its colours."""
     from matplotlib.tri import Triangulation
 
-    values, options = _shading(stack, kind, steel)
-    kelvin = stack.temperature
-    end = stack.points[-1]
-    mesh, last = section_triangles(stack.fields, values[-1], mirrored=False)
-    _, last_kelvin = section_triangles(stack.fields, kelvin[-1], mirrored=False)
-    shift = end[:, :2] * 1e-3 - stack.fields.points[:, :2]
-    plane, _ = section_triangles(stack.fields, values[-1], mirrored=False, moved=shift)
-    flat = np.column_stack([plane.x, plane.y, np.full(len(plane.x), end[0, 2])])
-    bottom = Triangulation(flat @ view.right, flat @ view.up, mesh.triangles)
-    shades = axes.tripcolor(view.walls, values.ravel(), shading="gouraud", **options)
-    axes.tripcolor(bottom, last, shading="gouraud", **options)
+    fields = stack.fields
+    walls, last, options = _shading(stack, kind)
+    shift = 1e-3 * stack.end[:, :2] - fields.points[:, :2]
+    plane, values = section_triangles(fields, last, mirrored=False, moved=shift)
+    _, kelvin = section_triangles(fields, fields.values("temperature"), mirrored=False)
+    flat = np.column_stack([plane.x, plane.y, np.full(len(plane.x), stack.end[0, 2])])
+    bottom = Triangulation(flat @ view.right, flat @ view.up, plane.triangles)
+    shades = axes.tripcolor(view.walls, walls.ravel(), shading="gouraud", **options)
+    if steel is not None and (view.inside or kind == "stress"):
+        _draw_isotherms(axes, view.walls, stack.temperature.ravel(), steel, kind)
+    axes.tripcolor(bottom, values, shading="gouraud", **options)
     if steel is not None:
-        _draw_isotherms(axes, bottom, last_kelvin, steel, kind)
-        if view.inside:
-            _draw_isotherms(axes, view.walls, kelvin.ravel(), steel, kind)
+        _draw_isotherms(axes, bottom, kelvin, steel, kind)
     _draw_edges(axes, stack, view)
     axes.set_aspect("equal")
     axes.set_axis_off()
@@ -191,20 +232,17 @@ def _draw_view(
     return shades
 
 
-def _shading(stack: Stack, kind: str, steel: Steel | None) -> tuple[Array, dict[str, Any]]:
-    """Values (k, n) in the unit of the scale, and the scale."""
-    from matplotlib import colormaps
-
-    if kind == "temperature" or stack.stress is None or steel is None:
-        celsius = stack.temperature - CELSIUS
-        low, high = float(celsius.min()), float(celsius.max())
-        return celsius, {"cmap": "inferno", "vmin": low, "vmax": max(high, low + 1.0)}
-    stress = 1e-6 * stack.stress
-    solid = stack.temperature <= steel.solidus
-    top = float(stress_levels(float(stress[solid].max()))[-1])
-    colours = colormaps[STRESS_MAP].copy()
-    colours.set_under(SOFT[0])
-    return np.where(solid, stress, -top), {"cmap": colours, "vmin": 0.0, "vmax": top}
+def _shading(stack: Stack, kind: str) -> tuple[Array, Array, dict[str, Any]]:
+    """Values of the walls (r, m) and of the last slice (n,) in the unit of the scale; the scale."""
+    if kind == "temperature" or stack.stress is None:
+        last = stack.fields.values("temperature") - CELSIUS
+        low = float(stack.temperature.min()) - CELSIUS
+        high = max(stack.hottest - CELSIUS, low + 1.0)
+        return stack.temperature - CELSIUS, last, {"cmap": "inferno", "vmin": low, "vmax": high}
+    last = von_mises(stack.fields)
+    assert last is not None
+    top = float(stress_levels(1e-6 * stack.strongest)[-1])
+    return 1e-6 * stack.stress, 1e-6 * last, {"cmap": STRESS_MAP, "vmin": 0.0, "vmax": top}
 
 
 def _draw_isotherms(
@@ -226,17 +264,17 @@ def _draw_edges(axes: Axes, stack: Stack, view: View) -> None:
     from matplotlib.collections import LineCollection
 
     first = view.project(stack.points[0])[view.pieces]
-    last = view.project(stack.points[-1])[stack.outline.everything]
+    last = view.project(stack.points[-1])[stack.pieces]
     nodes, count = np.unique(view.pieces, return_counts=True)
-    upright = [view.project(stack.points[:, node]) for node in nodes[count == 1]]
-    plane = stack.fields.points[:, :2]
-    for node in nodes[count == 2]:  # where two walls meet at an angle
+    upright = list(nodes[count == 1])
+    for node in nodes[count == 2]:
         ends = view.pieces[(view.pieces == node).any(axis=1)]
-        along = plane[ends[:, 1]] - plane[ends[:, 0]]
+        along = stack.plane[ends[:, 1]] - stack.plane[ends[:, 0]]
         along /= np.linalg.norm(along, axis=1)[:, None]
-        if along[0] @ along[1] < 0.7:
-            upright.append(view.project(stack.points[:, node]))
-    axes.add_collection(LineCollection([*first, *last, *upright], **_EDGE))
+        if along[0] @ along[1] < _SHARP:
+            upright.append(node)
+    lines = [view.project(stack.points[:, node]) for node in upright]
+    axes.add_collection(LineCollection([*first, *last, *lines], **_EDGE))
 
 
 def _draw_scale(axes: Axes, stack: Stack, view: View) -> None:
@@ -258,7 +296,7 @@ def _draw_scale(axes: Axes, stack: Stack, view: View) -> None:
         axes.text(left - 1.8 * room, height, f"{tick:g}", ha="right", va="center", fontsize=8)
     middle = 0.5 * float(column[0, 1] + column[-1, 1])
     axes.text(
-        left - 5.5 * room,
+        left - 4.6 * room,
         middle,
         f"position below the meniscus [{unit}]",
         rotation=90,
@@ -268,7 +306,7 @@ def _draw_scale(axes: Axes, stack: Stack, view: View) -> None:
     )
 
 
-def _legend(stack: Stack, steel: Steel | None, stress: bool) -> list[Any]:
+def _legend(stack: Stack, steel: Steel | None) -> list[Any]:
     """Isotherms, what is soft, and how the shape is magnified."""
     from matplotlib.lines import Line2D
 
@@ -278,7 +316,7 @@ def _legend(stack: Stack, steel: Steel | None, stress: bool) -> list[Any]:
             Line2D([], [], color=SOLIDUS_COLOUR, label="solidus"),
             Line2D([], [], color=LIQUIDUS_COLOUR, label="liquidus"),
         ]
-    if stress:
+    if stack.stress is not None:
         handles += [
             Line2D([], [], color=colour, marker="s", markersize=8, linestyle="none", label=name)
             for name, colour in zip(("mushy", "liquid"), SOFT, strict=True)

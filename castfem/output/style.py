@@ -17,6 +17,7 @@ from castfem.output.summary import Zone
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from PIL import Image
 
 DPI = 160
 CELSIUS = 273.15
@@ -25,6 +26,7 @@ LIQUIDUS_COLOUR = "#c0392b"
 # Colour-blind safe (Okabe and Ito); the known probes keep theirs in every figure.
 _COLOURS = {"mid_face": "#0072b2", "corner": "#d55e00", "narrow_face": "#009e73"}
 _OTHER_COLOURS = ("#cc79a7", "#56b4e9", "#e69f00", "#7f7f7f", "#000000")
+_COVERAGE = 1  # how Pillow chooses colours: rare ones, as at the ends of a scale, are kept
 _LONG = 2.0  # m; from here on positions are in metres
 
 
@@ -106,15 +108,34 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path) -> Path:
+def save(figure: Figure, path: Path, *, colours: int | None = None) -> Path:
     """Writes a PNG in one step.
+
+    Args:
+        figure: What to write.
+        path: Of the file.
+        colours: Write no more colours than these: a third of the size where much is shaded.
 
     Raises:
         RunFailure: It cannot be written.
     """
     with replacing(path, durable=False) as temporary:
-        figure.savefig(temporary, format="png", dpi=DPI)
+        if colours is None:
+            figure.savefig(temporary, format="png", dpi=DPI)
+        else:
+            _drawn(figure).quantize(colours, _COVERAGE).save(temporary, format="PNG", dpi=(DPI, DPI))
     return path
+
+
+def _drawn(figure: Figure) -> Image.Image:
+    """A figure as an image."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_level": 1})
+    return Image.open(buffer).convert("RGB")
 
 
 def probe_label(probe: str) -> str:

@@ -85,4 +85,4 @@ def test_rank_that_fails_alone_ends_all(tmp_path):
 def test_check_runs_on_one_rank(tmp_path):
     done, _ = _mpirun(tmp_path, "return ''", "check", "billet125/thermal")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.count("billet125/idealised: sound") == 1
+    assert done.stdout.count("billet125/thermal: sound") == 1

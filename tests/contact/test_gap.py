@@ -1,0 +1,127 @@
+"""Gap: a tapered wall and a block that shrinks away from it; vertices; small and large strain."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mechanics.scenes import SliceScene, elastic, expansion, mapped, skewed
+
+from castfem.contact.contact import Contact
+from castfem.contact.outcome import SurfaceGap, summary
+from castfem.contact.state import OPEN
+from castfem.mechanics.planes import PlainPlanes
+from castfem.mould import Mould, RectangleCavity, Taper, same
+from contact.scenes import LineWall
+
+METHODS = ("penalty", "nitsche")
+CELLS = ("quadrilateral", "triangle")
+YOUNG, POISSON, ALPHA, HALF = 100e9, 0.3, 1e-5, 0.05
+TAPER, SPEED = 1e-3, 0.02  # of the half width per length of mould; m/s
+
+
+def shrinkage(time: float) -> float:
+    """Free shrinkage of the half width, m: slow first, faster than the taper later on."""
+    return HALF * ALPHA * 4.0 * time**2
+
+
+def shrinking_block(method: str, cell: str, large: bool) -> SliceScene:
+    """A quarter block that cools evenly between two walls that close in."""
+    wall = LineWall(lambda z: np.array([HALF - TAPER * z, 0.0]), axis=0)
+    contact = Contact(wall, ("right",), lambda t: SPEED * t, method=method)  # type: ignore
+    return SliceScene(
+        mapped(3, 3, skewed(HALF, 0.03), cell),
+        elastic(YOUNG, POISSON),
+        expansion(ALPHA),
+        tolerance=1e-11,
+        start=1000.0,
+        given={
+            "planes": PlainPlanes(("a0",)),
+            "contact": contact,
+            "large_strain": large,
+        },
+    )
+
+
+@pytest.mark.parametrize("large", [False, True])
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("method", METHODS)
+def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -> None:
+    """Pressure while the taper is ahead, then a gap; both exact, and so the moment between."""
+    scene = shrinking_block(method, cell, large)
+    gaps = SurfaceGap(scene.problem.contact, scene.problem.points)
+    lost = SPEED * TAPER / (HALF * ALPHA * 4.0)
+    assert 9.9 < lost < 10.1
+    for time in (2.0, 5.0, 9.0, lost * (1 - 1e-4), lost * (1 + 1e-4), 12.0, 15.0):
+        scene.step(time, 1000.0 - 4.0 * time**2)
+        state = scene.state.contact
+        ahead = TAPER * SPEED * time - shrinkage(time)
+        found = summary(scene.problem.contact, state)
+        tolerance = 2e-3 if large else 1e-7
+        if time < lost:
+            spring = HALF / YOUNG
+            if method == "penalty":
+                spring += 1.0 / scene.problem.contact.stiffness.mean()
+            assert np.all(state.status != OPEN)
+            assert state.pressure == pytest.approx(ahead / spring, rel=tolerance)
+        else:
+            exact = -ahead if not large else HALF * np.exp(-4e-5 * time**2) - HALF - ahead
+            assert np.all(state.status == OPEN) and not state.pressure.any()
+            free = HALF - TAPER * SPEED * time - HALF * (1.0 - ALPHA * 4.0 * time**2)
+            if large:
+                free = HALF - TAPER * SPEED * time - HALF * np.exp(-ALPHA * 4.0 * time**2)
+            assert exact is not None
+            assert state.gap == pytest.approx(free, rel=2e-3 if large else 1e-9)
+            assert gaps.at(scene.state) == pytest.approx(free, rel=2e-3 if large else 1e-9)
+            assert found.gap == pytest.approx(free, rel=2e-3 if large else 1e-9)
+            # The wall goes on while the slice waits.
+            later = gaps.at(scene.state, SPEED * time + 0.001)
+            assert later == pytest.approx(gaps.at(scene.state) - TAPER * 0.001, rel=1e-9)
+
+
+def test_vertices_of_a_billet() -> None:
+    """All around a quarter billet in a mould: sides, corner arc and their ends."""
+    from mechanics.casting import billet_mesh
+
+    mesh = billet_mesh(corner_radius=5e-3, surface_size=4e-3, core_size=2e-2, order=2)
+    mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(0.0, 0.6)))
+    outer = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
+    scene = SliceScene(
+        mesh, elastic(), expansion(ALPHA), start=1500.0, given={"contact": Contact(mould, outer)}
+    )
+    gaps = SurfaceGap(scene.problem.contact, scene.problem.points)
+    places = scene.vertices[gaps.dofs]
+    assert len(places) == len(np.unique(mesh.facets[np.isin(mesh.facet_group, [
+        i for i, g in enumerate(mesh.groups) if g in outer])]))  # fmt: skip
+    assert np.abs(gaps.at(scene.state)).max() < 1e-8
+    scene.step(1.0, 500.0)
+    shrunk = ALPHA * 1000.0
+    gap, (x, y) = gaps.at(scene.state), places.T
+    flat = np.minimum(x, y) < 0.0625 - 5e-3
+    assert gap[flat] == pytest.approx(shrunk * 0.0625, rel=1e-6)
+    # Along the normal of the arc: its centre has moved inwards, and its radius is smaller.
+    angle = np.arctan2(y - 0.0575, x - 0.0575)[~flat]
+    reach = shrunk * (0.0575 * (np.cos(angle) + np.sin(angle)) + 5e-3)
+    assert gap[~flat] == pytest.approx(reach, rel=0.02)
+
+
+def test_no_wall_below_the_mould() -> None:
+    """Past the end of the mould the gap is infinite, and nothing is in contact."""
+    from mechanics.casting import billet_mesh
+
+    mesh = billet_mesh(corner_radius=5e-3, surface_size=4e-3, core_size=2e-2, order=2)
+    mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(0.01, 0.6)))
+    contact: dict[str, Any] = {"wall": mould, "on": ("wide", "narrow", "corner")}
+    scene = SliceScene(
+        mesh, elastic(40e9), given={"contact": Contact(**contact, position=lambda t: 0.1 * t)}
+    )
+    scene.step(5.0)
+    inside = summary(scene.problem.contact, scene.state.contact)
+    assert inside.pressure > 0.0 and inside.share > 0.9
+    assert inside.force[0] == pytest.approx(inside.force[1], rel=1e-8)
+    scene.step(7.0)
+    outside = summary(scene.problem.contact, scene.state.contact)
+    assert outside.pressure == 0.0 and outside.gap == 0.0 and outside.length == 0.0
+    assert np.all(np.isinf(scene.state.contact.gap))
+    assert np.abs(scene.state.displacement).max() < 1e-12
