@@ -116,11 +116,11 @@ def measure(run: Run, comm: MPI.Comm = MPI.COMM_SELF, repeats: int = 1) -> dict[
 
     Returns:
         Sizes; means over the steps: step_s, heat_s (of the temperature), newton, and seconds by
-        part (see `_parts`); memory is not among them.
+        part (see `_parts`); memory of all ranks after the first march.
     """
     PETSc.Log.begin()
     found: dict[str, Any] = {}
-    clocks = []
+    clocks, memory = [], 0.0
     for _ in range(repeats):
         slice_ = scene(run, comm).march(run.before, run.growth)
         first, rows = len(slice_.times), []
@@ -143,9 +143,11 @@ def measure(run: Run, comm: MPI.Comm = MPI.COMM_SELF, repeats: int = 1) -> dict[
             "modes": slice_.state.modes.tolist(),
         }
         slice_.destroy()
+        memory = memory or peak()
     times = np.array(clocks)
     means = times[times[..., -1].argmin(axis=0), np.arange(run.steps)].mean(axis=0)
     found |= dict(zip(names, means.tolist(), strict=True))
+    found["memory_mb"] = 1e-6 * comm.allreduce(memory)
     return found | {"newton_s": found["step_s"] / max(found["newton"], 1.0)}
 
 
@@ -169,7 +171,6 @@ def main() -> None:
     before = peak()
     repeats = given.pop("repeats", 1)
     best = measure(Run(**given), comm, repeats)
-    best["memory_mb"] = 1e-6 * comm.allreduce(peak())
     best["memory_before_mb"] = 1e-6 * comm.allreduce(before)
     if comm.rank == 0:
         print("RESULT " + json.dumps(best))

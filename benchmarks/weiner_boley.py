@@ -228,7 +228,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
     from castfem.output.style import look, new_figure
 
     with look():
-        figure = new_figure(6.4, 4.8)
+        figure = new_figure(6.4, 5.2)
         axis = figure.subplots()
         for (kind, name), colour in zip(NAMES.items(), COLOURS, strict=True):
             own = [r for r in rows if (r["cell"], r["scheme"], r["grading"]) == kind]
@@ -243,7 +243,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
             xscale="log", yscale="log", xlabel="time of the run, 22 s of casting [s]",
             ylabel="rms stress error [% of 20 MPa]",
         )  # fmt: skip
-        figure.legend(loc="outside lower center", ncols=3)
+        figure.legend(loc="outside lower center", ncols=2)
     return figure
 
 

@@ -5,7 +5,8 @@ The problem owns its vectors; SNES works on vectors of its own (the line search 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -103,25 +104,38 @@ class SnesSolver:
         self._late = apply_options(prefix, options, self.snes, ksp, ksp.getPC())
         self._names = _reason_names()
         self._history: list[dict[str, float]] = []
+        self._raised: BaseException | None = None
+
+    @contextmanager
+    def _called_back(self) -> Iterator[None]:
+        """Charge a call from SNES to "python"; keep what it raises, which PETSc may replace."""
+        self.watch.start("python")
+        try:
+            yield
+        except BaseException as error:
+            self._raised = error
+            raise
+        finally:
+            self.watch.stop()
 
     def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
-        with self.watch.section("python"):
+        with self._called_back():
             self.problem.residual(x, f)
 
     def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
-        with self.watch.section("python"):
+        with self._called_back():
             self.problem.jacobian(x, p)
 
     def _precheck(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         assert self._shorten is not None
-        with self.watch.section("python"):
+        with self._called_back():
             return self._shorten(x, correction)
 
     def _converged(
         self, snes: PETSc.SNES, its: int, norms: tuple[float, float, float]
     ) -> int | None:
         reasons = PETSc.SNES.ConvergedReason
-        with self.watch.section("python"):
+        with self._called_back():
             sizes = self.problem.norms(snes.getSolution(), snes.getFunction()[0])
         self._history.append(sizes)
         worst = max(sizes.values())
@@ -136,8 +150,14 @@ class SnesSolver:
     def solve(self) -> Outcome:
         """Solve from the values in `x`, in place; never raises for a lack of convergence."""
         self._history = []
+        self._raised = None
         with self.watch.section("petsc"):
-            self.snes.solve(None, self.x)
+            try:
+                self.snes.solve(None, self.x)
+            except PETSc.Error:
+                if self._raised is None:
+                    raise
+                raise self._raised from None  # Ctrl-C in the midst of a solve, say
         reason = self.snes.getConvergedReason()
         name = self._names.get(reason, str(reason))
         return Outcome(reason > 0, self.snes.getIterationNumber(), name, self._history)

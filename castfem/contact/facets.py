@@ -81,14 +81,14 @@ class Facets:
 
     def _sides(self, cell: str) -> list[Side]:
         kind = getattr(basix.CellType, cell)
-        corners = basix.geometry(kind)
-        normals = basix.cell.facet_outward_normals(kind)
+        corners = np.asarray(basix.geometry(kind), float)
+        normals = np.asarray(basix.cell.facet_outward_normals(kind), float)
         sides = []
         for i, (start, end) in enumerate(basix.topology(kind)[1]):
             tangent = corners[end] - corners[start]
             points = corners[start] + np.asarray(self._rule[0]).reshape(-1, 1) * tangent
             mine = np.flatnonzero(self.local == i)
-            sides.append(Side(mine, self.cells[mine], points, tangent, np.asarray(normals[i])))
+            sides.append(Side(mine, self.cells[mine], points, tangent, normals[i]))
         return sides
 
     def tabulate(self, expression: Any) -> Callable[[], Array]:
@@ -179,7 +179,7 @@ class FacetFields:
         self._parts = []
         for sides, members in patterns.items():
             places = np.concatenate([facets.sides[i].points for i in sides])
-            through = np.linalg.pinv(element.tabulate(0, places)[0])
+            through = np.linalg.pinv(np.asarray(element.tabulate(0, places), float)[0])
             self._parts.append((members, dofs[facets.cells[members[:, 0]]], through))
 
     def fill(self, values: Array) -> None:
@@ -194,7 +194,7 @@ class FacetFields:
 def _patterns(facets: Facets) -> dict[tuple[int, ...], Indices]:
     """Sides of a cell that are contact facets -> numbers of the facets (cells, sides)."""
     by_cell: dict[int, list[int]] = {}
-    for i in np.argsort(facets.local, kind="stable").tolist():
+    for i in (int(n) for n in np.argsort(facets.local, kind="stable")):
         by_cell.setdefault(int(facets.cells[i]), []).append(i)
     found: dict[tuple[int, ...], list[list[int]]] = {}
     for members in by_cell.values():

@@ -236,4 +236,4 @@ def _viscous(
     tau = 0.5 * (low + high)
     slope = excess(tau)[1] / damping
     by_limit = 1.0 / (1.0 + slope)
-    return np.where(slides, tau, size), by_limit, 1.0 - by_limit
+    return np.where(slides, tau, size), np.asarray(by_limit), np.asarray(1.0 - by_limit)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from castfem.mechanics.slice import Slice
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 # Columns of what the forms see.
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
@@ -52,7 +53,7 @@ class Touch:
     gap: Array
     pressure: Array
     friction: Array
-    slides: npt.NDArray[np.bool_]
+    slides: Flags
     stretch: Array
     seen: Array
     strain: Array
@@ -195,7 +196,7 @@ class WallContact:
         """
         contact, slice_ = self.contact, self._slice
         self._old, self._dt = old, end - start
-        self._held = np.zeros(self.facets.count, dtype=bool)
+        self._held: Flags = np.zeros(self.facets.count, dtype=bool)
         self._position = contact.position(end)
         travelled = self._position - contact.position(start)
         self._travel.value = travelled
@@ -241,17 +242,20 @@ class WallContact:
         stress: Array | float = 0.0
         if self._stress is not None:
             stress, by_strain, by_turn = self._stress.evaluate(n)
-        pressure = forms.nitsche_pressure(self.stiffness, near, stress)
+            pressure = forms.nitsche_pressure(self.stiffness, near, stress)
+        else:
+            pressure = forms.penalty_pressure(self.stiffness, near)
         pressure = np.where(self._held, -stress - self.stiffness * near, pressure)
         closed = (pressure > 0.0) | self._held
-        seen = np.zeros((self.facets.count, WIDTH))
+        seen: Array = np.zeros((self.facets.count, WIDTH))
         seen[:, NORMAL], seen[:, STIFFNESS] = n, self.stiffness * closed
         if self._stress is not None:
             seen[:, BY_STRAIN] = by_strain * closed[:, None]
             seen[:, BY_TURN] = by_turn * closed
         seen[:, TRACTION.start : 2] = -pressure[:, None] * n
         seen[:, BY_PRESSURE.start : 5] = -n
-        slides, friction = closed, np.zeros((self.facets.count, 2))
+        slides: Flags = closed
+        friction: Array = np.zeros((self.facets.count, 2))
         if self.contact.friction is not None:
             slides, friction = self._rub(seen, n, moved - before, pressure)
         self._given.fill(seen)
@@ -302,9 +306,7 @@ class WallContact:
         stretch = np.hypot(*turned.T)
         return turned / stretch[:, None], stretch
 
-    def _rub(
-        self, seen: Array, n: Array, slip: Array, pressure: Array
-    ) -> tuple[npt.NDArray[np.bool_], Array]:
+    def _rub(self, seen: Array, n: Array, slip: Array, pressure: Array) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction."""
         assert self.contact.friction is not None
         along = np.column_stack([-n[:, 1], n[:, 0]])

@@ -7,8 +7,6 @@ in the solution depends on the units chosen.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from petsc4py import PETSc
 
 import numpy as np
@@ -24,11 +22,12 @@ from castfem.mechanics.material import Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.planes import ScaledMotions, check_modes
 from castfem.mechanics.points import Integration, Points, displacement_element
-from castfem.mechanics.scales import Scales, StressScale, over
+from castfem.mechanics.scales import Scales, over
 from castfem.mechanics.search import step_share
 from castfem.mechanics.slice import Slice
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.supports import Constraints, rigid_pins, symmetry_supports
+from castfem.mechanics.trial import Trial
 from castfem.section import Section
 from castfem.snes import Options, Outcome, SnesSolver
 from castfem.stopwatch import Stopwatch
@@ -36,25 +35,7 @@ from castfem.stopwatch import Stopwatch
 Array = npt.NDArray[np.float64]
 
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
-PATIENCE = 8  # Newton steps in which contact may overshoot
-
-
-@dataclass(slots=True)
-class Trial:
-    """What is known at one set of unknowns.
-
-    Attributes:
-        local: The unknowns of this rank. modes: Generalized strains (4,).
-        forces: Nodal forces (owned,), N/m; at supports what they carry.
-        balance: Work of the stress less that of the load along each free motion of the planes, N/m.
-        scale: How large the stress is.
-    """
-
-    local: Array
-    modes: Array
-    forces: Array
-    balance: Array
-    scale: StressScale
+PATIENCE = 8  # Newton iterations in which contact may overshoot
 
 
 class MechanicalProblem:

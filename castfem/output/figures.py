@@ -13,7 +13,8 @@ from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.plot_history import HISTORY_FIGURES
 from castfem.output.plot_mechanics import MECHANICS_FIGURES
 from castfem.output.plot_section import SECTION_FIGURES, Steel
-from castfem.output.plot_shape import SHAPE_FIGURES
+from castfem.output.plot_shape import SHAPE_FIGURES, STRESS_MAP
+from castfem.output.plot_stack import draw_stack
 from castfem.output.style import Course, look, save
 from castfem.output.summary import Summary
 from castfem.output.xdmf import HDF5_NAME
@@ -65,6 +66,9 @@ def _draw_section(path: Path, summary: Summary | None) -> list[Path]:
             figure = draw(fields, steel)
             if figure is not None:
                 drawn.append(save(figure, _target(path, name)))
+        figure = draw_stack(fields, steel)
+        if figure is not None:
+            drawn.append(save(figure, _target(path, "stack"), maps=("inferno", STRESS_MAP)))
     return drawn
 
 

@@ -45,14 +45,15 @@ CASE_NAME = "case.toml"
 RUN_NAME = "run.json"
 LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
-FIGURES = ("temperature", "states", "surface_temperature", "shell", "heat", "steps")
+FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
+MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 TENSILE_FIGURES = ("tensile",)
 _LOCK_NAME = ".castfem.lock"
 _FORMAT = "castfem run"
 ARTEFACTS = (
     *(CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
     *(CHECKPOINT_NAME, SUMMARY_NAME),
-    *(f"{FIGURES_NAME}/{name}.png" for name in FIGURES + TENSILE_FIGURES),
+    *(f"{FIGURES_NAME}/{name}.png" for name in FIGURES + MECHANICS_FIGURES + TENSILE_FIGURES),
 )
 
 

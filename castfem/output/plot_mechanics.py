@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 _WIDTH = 7.2  # inches
 _ALL = {"color": "#444444", "linestyle": ":", "linewidth": 1.5}  # over the whole section
 _LEFT, _RIGHT = "#0072b2", "#d55e00"
-_NOTHING = 1e-6  # of the largest force there could be; less is none
+_CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
+_NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver
 
 
 def draw_stress(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
@@ -72,7 +73,7 @@ def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
 def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
     """Strain of the slice along the strand, and the force that goes with it."""
     strained, loaded = has_values(table, "axial_strain"), has_values(table, "axial_force")
-    if loaded:  # a free strand carries nothing but the solver's rounding
+    if loaded:
         loaded = float(np.nanmax(np.abs(table["axial_force"].to_numpy()))) > _NOTHING
     if not strained and not loaded:
         return None
@@ -87,7 +88,7 @@ def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
         unit = unit_of(table, "axial_force")
         panels[-1].set_ylabel(f"axial force, modelled part [{unit}]", color=_RIGHT)
     elif has_values(table, "axial_force"):
-        axes.set_title("no axial force", loc="right", fontsize=9, color="#555555", y=0.93, x=0.98)
+        axes.text(0.02, 0.05, "no axial force", transform=axes.transAxes, color="#555555")
     if len(panels) == 2:
         panels[1].grid(False)
         for panel, colour in zip(panels, (_LEFT, _RIGHT), strict=True):
@@ -99,17 +100,17 @@ def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
 def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
     """Gap and pressure between strand and mould, how much of the surface touches, friction."""
     found: list[Callable[[Axes], None]] = []
-    for prefix, largest, what in (
-        ("gap", "gap_max", "gap"),
-        ("contact_pressure", "contact_pressure_max", "contact pressure"),
+    for prefix, largest, what, smallest in (
+        ("gap", "gap_max", "gap", _CLOSED),
+        ("contact_pressure", "contact_pressure_max", "contact pressure", 0.0),
     ):
         if curves(table, prefix) or has_values(table, largest):
-            found.append(_over_surface(table, course, prefix, largest, what))
+            found.append(_over_surface(table, course, prefix, largest, what, smallest))
     for name, what in (
-        ("contact_share", "share of the\nsurface in contact"),
+        ("contact_share", "share of the surface\nin contact"),
         ("friction_force", "friction force"),
     ):
-        if has_values(table, name):
+        if has_values(table, name) and table[name].any():
             found.append(_single(table, course, name, what))
     if not found:
         return None
@@ -122,16 +123,23 @@ def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -
 
 
 def _over_surface(
-    table: pandas.DataFrame, course: Course, prefix: str, largest: str, what: str
+    table: pandas.DataFrame,
+    course: Course,
+    prefix: str,
+    largest: str,
+    what: str,
+    smallest: float,
 ) -> Callable[[Axes], None]:
-    """Draws a quantity at the probes and its largest value."""
+    """Draws a quantity at the probes and its largest value; the axis reaches `smallest`."""
 
     def draw(panel: Axes) -> None:
         name = _draw_probes(panel, table, course, prefix) or largest
         if has_values(table, largest):
             panel.plot(course.abscissa, table[largest], **_ALL, label="largest")
         panel.set_ylabel(f"{what} [{unit_of(table, name)}]")
-        panel.set_ylim(bottom=min(0.0, panel.get_ylim()[0] if _negative(panel) else 0.0))
+        low, high = panel.get_ylim()
+        high = max(high, smallest)
+        panel.set_ylim(low if _negative(panel, smallest) else -0.03 * high, high)
         panel.legend(loc="best")
 
     return draw
@@ -165,11 +173,11 @@ def _draw_probes(
     return lines[0][2] if lines else ""
 
 
-def _negative(panel: Axes) -> bool:
-    """Whether anything drawn lies clearly below zero."""
+def _negative(panel: Axes, smallest: float = 0.0) -> bool:
+    """Whether anything drawn lies clearly below zero, beside the size of it all or `smallest`."""
     drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in panel.lines])
     finite = drawn[np.isfinite(drawn)]
-    size = float(np.abs(finite).max(initial=0.0))
+    size = float(np.abs(finite).max(initial=smallest))
     return bool((finite < -0.02 * size).any())
 
 

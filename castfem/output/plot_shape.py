@@ -39,6 +39,7 @@ _BANDS = 12  # of the scale of stress, at most
 _UNMOVED, _MOVED = "#555555", "#c0392b"
 _SHELL = "#dfe6ec"
 _MARGIN = 0.05  # around the section, of its larger side
+_ASIDE = 0.3  # sine from which on the centre lies to one side of a normal
 _UNCLEAR = 4.0  # ratio of the sides from which axes of equal scale leave no room for a shape
 
 
@@ -195,11 +196,13 @@ def _name_extremes(
     nodes, normals = outline.outward(fields.points)
     outward = 1e3 * np.einsum("ij,ij->i", moved[nodes], normals)
     centre = 0.5 * (fields.points[:, :2].min(axis=0) + fields.points[:, :2].max(axis=0))
-    for number in {int(outward.argmax()), int(outward.argmin())}:
+    for number in _extremes(outward, fields.points[nodes, :2]):
         node, normal = nodes[number], normals[number]
         point = 1e3 * (fields.points[node, :2] + factor * moved[node])
         sideways = np.array([-normal[1], normal[0]])
-        sideways *= np.sign(np.round(sideways @ (centre - fields.points[node, :2]), 6))
+        inwards = centre - fields.points[node, :2]
+        aside = float(sideways @ inwards) / float(np.linalg.norm(inwards))
+        sideways *= np.sign(aside) if abs(aside) > _ASIDE else 0.0
         axes.annotate(
             f"{outward[number]:+.2f} mm".replace("-", "\N{MINUS SIGN}"),
             xy=(point[0], point[1]),
@@ -212,6 +215,19 @@ def _name_extremes(
             bbox={"facecolor": "w", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
             arrowprops={"arrowstyle": "-|>", "color": _MOVED, "linewidth": 0.9, "shrinkB": 1.0},
         )
+
+
+def _extremes(outward: Array, points: Array) -> set[int]:
+    """Numbers of the largest and the smallest value, of equal ones those farthest apart."""
+    equal = 0.02 * float(np.abs(outward).max())
+    smallest = int(outward.argmin())
+    found = [smallest]
+    for near in (outward >= outward.max() - equal, outward <= outward.min() + equal):
+        candidates = np.flatnonzero(near)
+        distances = np.linalg.norm(points[candidates] - points[found[-1]], axis=1)
+        found.append(int(candidates[distances.argmax()]))
+    first, second = found[1:]
+    return {first} if outward[first] - outward[second] <= equal else {first, second}
 
 
 SHAPE_FIGURES: dict[str, Callable[[Fields, Steel | None], Figure | None]] = {

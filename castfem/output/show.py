@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError, InputError
+from castfem.output.advice import remarks
 from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import (
@@ -51,6 +52,7 @@ def show(folder: Path | str, console: Console | None = None, *, figures: bool = 
         _print_last_state(out, path, record)
     if summary is not None:
         _print_summary(out, summary)
+    _print_remarks(out, path, summary)
     _print_effort(out, record, summary)
     if record.status == "failed":
         _print(out, f"what happened: {path / LOG_NAME}")
@@ -135,6 +137,21 @@ def _print_summary(out: Console, summary: Summary) -> None:
         for quantity in terms.values():
             table.add_row(quantity.label, shown(quantity.shown, quantity.unit), quantity.unit)
         out.print(table, "", highlight=False)
+
+
+def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
+    """What is worth a look."""
+    try:
+        found = remarks(read_history(path / HISTORY_NAME), summary)
+    except InputError:  # no history; a damaged one is told of when the figures are drawn
+        return
+    if not found:
+        return
+    table = _table("What to look at", "what", "castfem", "unit", "")
+    for remark in found:
+        value = shown(remark.value, remark.unit.replace("°C", "degC"))
+        table.add_row(remark.what, value, remark.unit, remark.where)
+    out.print(table, "", highlight=False)
 
 
 def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:

@@ -26,7 +26,6 @@ LIQUIDUS_COLOUR = "#c0392b"
 # Colour-blind safe (Okabe and Ito); the known probes keep theirs in every figure.
 _COLOURS = {"mid_face": "#0072b2", "corner": "#d55e00", "narrow_face": "#009e73"}
 _OTHER_COLOURS = ("#cc79a7", "#56b4e9", "#e69f00", "#7f7f7f", "#000000")
-_COVERAGE = 1  # how Pillow chooses colours: rare ones, as at the ends of a scale, are kept
 _LONG = 2.0  # m; from here on positions are in metres
 
 
@@ -108,34 +107,46 @@ def new_figure(width: float, height: float) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path, *, colours: int | None = None) -> Path:
+def save(figure: Figure, path: Path, *, maps: tuple[str, ...] = ()) -> Path:
     """Writes a PNG in one step.
 
     Args:
         figure: What to write.
         path: Of the file.
-        colours: Write no more colours than these: a third of the size where much is shaded.
+        maps: Names of colour maps: nothing but their colours, greys and those of the isotherms is
+            written, which makes a third of the size where much is shaded.
 
     Raises:
         RunFailure: It cannot be written.
     """
     with replacing(path, durable=False) as temporary:
-        if colours is None:
-            figure.savefig(temporary, format="png", dpi=DPI)
+        if maps:
+            _indexed(figure, maps).save(temporary, format="PNG", dpi=(DPI, DPI))
         else:
-            _drawn(figure).quantize(colours, _COVERAGE).save(temporary, format="PNG", dpi=(DPI, DPI))
+            figure.savefig(temporary, format="png", dpi=DPI)
     return path
 
 
-def _drawn(figure: Figure) -> Image.Image:
-    """A figure as an image."""
+def _indexed(figure: Figure, maps: tuple[str, ...]) -> Image.Image:
+    """A figure as an image of 256 colours at most, a share of them of each colour map."""
     from io import BytesIO
 
+    import matplotlib
+    from matplotlib.colors import to_rgb
     from PIL import Image
 
     buffer = BytesIO()
     figure.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_level": 1})
-    return Image.open(buffer).convert("RGB")
+    lines = [np.array(to_rgb(colour)) for colour in (SOLIDUS_COLOUR, LIQUIDUS_COLOUR)]
+    fading = [c + (1.0 - c) * t for c in lines for t in (0.0, 0.3, 0.6)]
+    greys = np.repeat(np.linspace(0.0, 1.0, 30)[:, None], 3, axis=1)
+    rest = (256 - len(greys) - len(fading)) // len(maps)
+    shades = [matplotlib.colormaps[name](np.linspace(0.0, 1.0, rest))[:, :3] for name in maps]
+    palette = Image.new("P", (1, 1))
+    colours = np.round(255 * np.vstack([greys, fading, *shades])).astype(int)
+    palette.putpalette(colours.ravel().tolist())
+    whole = Image.open(buffer).convert("RGB")
+    return whole.quantize(palette=palette, dither=Image.Dither.NONE)
 
 
 def probe_label(probe: str) -> str:

@@ -119,3 +119,21 @@ def test_failure_has_a_name(start: float, a: float, reason: str) -> None:
     assert reason in outcome.reason
     assert reason in outcome.describe()
     snes.destroy()
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, InputError, ZeroDivisionError])
+@pytest.mark.parametrize("where", ["residual", "jacobian", "norms"])
+def test_what_a_callback_raises_comes_out(
+    where: str, kind: type[BaseException], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = Square(2.0)
+    made = solver(problem)
+    made.x.set(1.0)
+
+    def stopped(*_: Any) -> None:
+        raise kind("stop")
+
+    monkeypatch.setattr(problem, where, stopped)
+    with pytest.raises(kind, match="stop"):
+        made.solve()
+    assert not made.watch._stack

@@ -1,0 +1,202 @@
+"""What to look at in a run: where the shell is thin, hot, stressed, or off the mould.
+
+Everything is read off the columns of history.csv, with the mould's exit from the zones of the
+summary; what a run has no columns for is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.output.plot_history import curves, has_values, unit_of
+from castfem.output.summary import Summary
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = NDArray[np.float64]
+
+OPEN = 1e-3  # mm; a gap beyond counts as lost contact
+_REHEATED = 5.0  # K; surfaces that heat up by less are not named
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """One line: what, how much, and where.
+
+    Attributes:
+        what: Of which quantity.
+        value: In `unit`.
+        unit: As in history.csv.
+        where: Place and position, for a reader.
+    """
+
+    what: str
+    value: float
+    unit: str
+    where: str
+
+
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """A stretch without contact, between two positions [m].
+
+    Attributes:
+        start: Where contact was lost.
+        end: Where it was found again, or where the history ends.
+        regained: Whether it was found again.
+    """
+
+    start: float
+    end: float
+    regained: bool
+
+    @property
+    def length(self) -> float:
+        """From start to end [m]."""
+        return self.end - self.start
+
+
+def remarks(table: pandas.DataFrame, summary: Summary | None) -> list[Remark]:
+    """What is worth a look in a run.
+
+    Args:
+        table: Of `castfem.output.history.read_history`.
+        summary: Its zones tell where the mould ends; None of a run that has not finished.
+    """
+    if len(table) < 2 or not has_values(table, "position"):
+        return []
+    position = table["position"].to_numpy()
+    if (np.diff(position) < 0).any() or position[-1] <= position[0]:
+        return []
+    found = [*_contact(table, position), *_at_exit(table, position, summary)]
+    return [*found, *_reheating(table, position), *_stress(table, position)]
+
+
+def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
+    """Where contact was lost after there had been contact, and until where.
+
+    Args:
+        gap: (n,) between surface and wall; what is unknown (NaN) goes on as before.
+        position: (n,) growing.
+        threshold: The gap beyond which there is no contact; its place is found by straight lines.
+    """
+    known = np.isfinite(gap)
+    gap, position = gap[known], position[known]
+    apart = gap > threshold
+    changes = np.flatnonzero(apart[1:] != apart[:-1])
+    found: list[Spell] = []
+    lost: float | None = None
+    for i in changes:
+        share = (threshold - gap[i]) / (gap[i + 1] - gap[i])
+        at = float(position[i] + share * (position[i + 1] - position[i]))
+        if apart[i + 1]:
+            lost = at
+        elif lost is not None:
+            found.append(Spell(lost, at, True))
+            lost = None
+    if lost is not None:
+        found.append(Spell(lost, float(position[-1]), False))
+    return found
+
+
+def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """Loss of contact at the probes, the largest gap, the highest pressure."""
+    for label, _, column in curves(table, "gap"):
+        gap, unit = table[column].to_numpy(), unit_of(table, column)
+        stretches = spells(gap, position, OPEN)
+        if not stretches:
+            continue
+        longest = max(stretches, key=lambda spell: spell.length)
+        first = stretches[0]
+        where = f"lost at {_at(first.start, table)}, "
+        where += f"regained at {_mm(first.end)}" if first.regained else "not regained"
+        if len(stretches) > 1:
+            where += f"; {len(stretches)} times, longest {_mm(longest.start)} to {_mm(longest.end)}"
+        largest = float(np.nanmax(gap))
+        yield Remark(f"contact lost, {label}", largest, unit, where)
+    yield from _largest(table, position, "gap", "largest gap", least=OPEN)
+    yield from _largest(table, position, "contact_pressure", "highest contact pressure")
+
+
+def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The largest stress."""
+    yield from _largest(table, position, "von_mises", "largest von Mises stress")
+
+
+def _largest(
+    table: pandas.DataFrame, position: Array, prefix: str, what: str, least: float = 0.0
+) -> Iterator[Remark]:
+    """The largest value of the columns `prefix_max` or, without it, `prefix_PROBE`."""
+    whole = f"{prefix}_max"
+    columns = [(whole, "")] if has_values(table, whole) else []
+    if not columns:
+        columns = [(column, f"{label}, ") for label, _, column in curves(table, prefix)]
+    peaks = [(float(table[column].max()), column, place) for column, place in columns]
+    if not peaks or max(peaks)[0] <= least:
+        return
+    value, column, place = max(peaks)
+    row = int(np.nanargmax(table[column].to_numpy()))
+    where = f"{place}at {_at(float(position[row]), table)}"
+    yield Remark(what, value, unit_of(table, column), where)
+
+
+def _at_exit(table: pandas.DataFrame, position: Array, summary: Summary | None) -> Iterator[Remark]:
+    """The thinnest shell and the hottest place of the surface where the mould ends."""
+    at, name = _exit(position, summary)
+    for prefix, what, pick in (
+        ("shell", "thinnest shell", min),
+        ("surface_temperature", "hottest surface", max),
+    ):
+        values = {
+            label: (float(np.interp(at, position, table[column].to_numpy())), column)
+            for label, _, column in curves(table, prefix)
+        }
+        if values:
+            label = pick(values, key=lambda label: values[label][0])
+            value, column = values[label]
+            yield Remark(what, value, unit_of(table, column), f"{label}, {name}, {_mm(at)}")
+
+
+def _exit(position: Array, summary: Summary | None) -> tuple[float, str]:
+    """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
+    for zone in summary.zones if summary is not None else ():
+        if "mould" in zone.name.lower() and zone.end <= position[-1] * (1 + 1e-9):
+            return zone.end, "mould exit"
+    return float(position[-1]), "end of the run"
+
+
+def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The largest rise of a surface temperature on the way down."""
+    best: tuple[float, str, int, int] | None = None
+    for label, _, column in curves(table, "surface_temperature"):
+        values = table[column].to_numpy()
+        coldest = np.fmin.accumulate(values)
+        rise = values - coldest
+        if not np.isfinite(rise).any():
+            continue
+        end = int(np.nanargmax(rise))
+        start = int(np.nanargmin(values[: end + 1]))
+        if best is None or rise[end] > best[0]:
+            best = float(rise[end]), label, start, end
+    if best is None or best[0] < _REHEATED:
+        return
+    value, label, start, end = best
+    where = f"{label}, from {_mm(position[start])} to {_mm(position[end])}"
+    yield Remark("largest reheating of the surface", value, "K", where)
+
+
+def _mm(position: float) -> str:
+    """A position below the meniscus."""
+    return f"{position:.4g} m" if position > 2.0 else f"{1e3 * position:.4g} mm"
+
+
+def _at(position: float, table: pandas.DataFrame) -> str:
+    """A position and the time when the slice is there."""
+    time = float(np.interp(position, table["position"], table["time"]))
+    return f"{_mm(position)}, t = {time:.3g} s"

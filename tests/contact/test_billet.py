@@ -1,0 +1,116 @@
+"""A freezing billet in a mould: from the liquid on, with friction, on one rank and on several."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from mechanics.casting import STEEL, CastScene, billet_mesh
+
+from castfem.contact.archive import ContactArchive
+from castfem.contact.contact import Contact
+from castfem.contact.friction import Coulomb
+from castfem.contact.outcome import SurfaceGap, summary
+from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mould import Mould, RectangleCavity, Taper, same
+
+SPEED, HALF = 0.06, 0.0625
+
+
+def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any) -> CastScene:
+    """A quarter billet in a tapered mould, not stepped yet."""
+    mesh = billet_mesh(
+        corner_radius=5e-3, surface_size=2.5e-3, core_size=2e-2, face_size=1e-2, cell=cell, order=2
+    )
+    mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(taper, 0.6)))
+    slice_ = given.pop("slice", {})
+    contact = Contact(mould, ("wide", "narrow", "corner"), lambda t: SPEED * t, **given)
+    return CastScene(mesh, comm, contact=contact, **slice_)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("cell", "method", "large"),
+    [("quadrilateral", "penalty", False), ("quadrilateral", "nitsche", False),
+     ("triangle", "penalty", True)],
+)  # fmt: skip
+def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> None:
+    given: dict[str, Any] = {
+        "method": method,
+        "friction": Coulomb(0.2),
+        "slice": {"large_strain": large},
+    }
+    alone = cast(MPI.COMM_SELF, 0.01, cell, **given).march(1.5, 0.25)
+    together = cast(MPI.COMM_WORLD, 0.01, cell, **given).march(1.5, 0.25)
+    states = []
+    for scene in (alone, together):
+        contact, state = scene.problem.contact, scene.state.contact
+        assert contact is not None and state is not None
+        states.append((ContactArchive(contact).arrays(state), summary(contact, state)))
+    (one, first), (many, second) = states
+    for name in ("force", "axial", "length", "pressure"):
+        assert getattr(second, name) == pytest.approx(getattr(first, name), rel=1e-6)
+    assert second.points == first.points
+    assert together.state.contact.pull == pytest.approx(alone.state.contact.pull, rel=1e-6)
+    if MPI.COMM_WORLD.rank == 0:
+        for name in ("contact_place", "contact_status", "contact_gap", "contact_friction"):
+            scale = np.abs(one[name]).max()
+            assert np.abs(one[name] - many[name]).max() <= 1e-6 * scale, name
+
+
+@pytest.mark.mpi
+def test_archive_gives_the_state_back() -> None:
+    scene = cast(MPI.COMM_WORLD, 0.01, method="nitsche", friction=Coulomb(0.2)).march(0.5, 0.25)
+    contact, state = scene.problem.contact, scene.state.contact
+    assert contact is not None and state is not None
+    archive = ContactArchive(contact)
+    arrays = {k: MPI.COMM_WORLD.bcast(v) for k, v in archive.arrays(state).items()}
+    back = archive.state(arrays, contact.initial())
+    for name in ("friction", "pull", "stress", "internal", "place", "gap", "pressure", "status"):
+        assert np.array_equal(getattr(back, name), getattr(state, name)), name
+        assert getattr(back, name).dtype == getattr(state, name).dtype
+
+
+@pytest.mark.parametrize("method", ["penalty", "nitsche"])
+@pytest.mark.parametrize("outside", ["held", "free"])
+def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
+    """Before a shell has formed the mould carries the ferrostatic pressure, whoever holds it."""
+    scene = cast(
+        MPI.COMM_SELF,
+        0.0,
+        method=method,
+        slice={
+            "ferrostatic": Ferrostatic(
+                vertical_head(7000.0, SPEED), STEEL.solid_fraction, outside=outside
+            )
+        },
+    )
+    hot = np.full(len(scene.vertices), STEEL.liquidus + 10.0)
+    result = scene.stepper.step(scene.state, 0.5, hot)
+    assert result.converged
+    found = summary(scene.problem.contact, result.state.contact)
+    head = 7000.0 * 9.81 * SPEED * 0.5
+    carried = head if outside == "free" else 0.0
+    assert found.pressure == pytest.approx(carried, rel=0.03, abs=1e-6 * head)
+    # With the penalty the wall gives way, and the liquid's stand-in stiffness takes a little.
+    rel = 1e-5 if method == "nitsche" else 0.02
+    assert -found.force == pytest.approx([carried * HALF] * 2, rel=rel, abs=1e-6 * head)
+
+
+def test_contact_lost_first_at_the_corner() -> None:
+    """Two seconds through freezing and shrinking, without a cut."""
+    scene = cast(MPI.COMM_SELF, 0.0)
+    gaps = SurfaceGap(scene.problem.contact, scene.problem.points)
+    scene.march(2.0, 0.25)
+    found = summary(scene.problem.contact, scene.state.contact)
+    assert 0.0 < found.share < 1.0 and found.penetration < 1e-6
+    assert found.widest[0] > 0.055 and found.widest[1] > 0.055
+    assert found.force[0] == pytest.approx(found.force[1], rel=1e-4)
+    gap, places = gaps.at(scene.state), scene.vertices[gaps.dofs]
+    middle = np.argmin(np.hypot(places[:, 0], places[:, 1] - HALF))
+    assert abs(gap[middle]) < 1e-6
+    assert gap.max() == pytest.approx(found.gap, rel=0.2)
+    assert np.mean([r.newton for r in scene.results]) < 12
