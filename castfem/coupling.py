@@ -6,7 +6,7 @@ the old one as it was.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
+
 
 @dataclass(frozen=True, slots=True)
 class StrandState:
@@ -33,11 +35,14 @@ class StrandState:
     Attributes:
         thermal: Temperatures. mechanical: Displacement, stress...; None without mechanics.
         heating: Heat of the viscoplastic work at the owned vertices (owned,), W/m3; empty without.
+        trend: Rate of temperature in the last interval (owned,), K/s: what mechanics that go first
+            know of the next; empty where they do not.
     """
 
     thermal: ThermalState
     mechanical: MechanicalState | None
     heating: Array
+    trend: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def time(self) -> float:
@@ -158,8 +163,8 @@ class Coupler:
         zones: Told the gaps. gap: Finds them; None without a mould.
         passes: Largest number of passes through an interval. settled: Change of the gap in a pass
             below which it has settled, m.
-        order: "thermal_first", or "mechanics_first": strained with the temperatures of its
-            beginning (thesis, Fig. 84).
+        order: "thermal_first", or "mechanics_first": strained as if it went on cooling as in the
+            interval before, and held its temperature in the first (297)-(299), Fig. 84.
     """
 
     def __init__(
@@ -208,7 +213,7 @@ class Coupler:
         assert old.mechanical is not None
         first = None
         if self.order == "mechanics_first":
-            first = self.mechanics.step(old.mechanical, end, old.thermal.point.temperature)
+            first = self.mechanics.step(old.mechanical, end, self._expected(old, end))
             if first.converged and gap is not None:
                 gap = self.gap_of(first.state)
         if gap is not None:
@@ -217,8 +222,18 @@ class Coupler:
         result = first or self.mechanics.step(old.mechanical, end, leg.state.point.temperature)
         if not result.converged:
             return Interval(False, old, leg, result, 1)
-        state = StrandState(leg.state, result.state, self._heating(result, end - old.time))
+        duration = end - old.time
+        trend = np.zeros(0)
+        if first is not None:
+            cooled = leg.state.point.temperature - old.thermal.point.temperature
+            trend = cooled / duration
+        state = StrandState(leg.state, result.state, self._heating(result, duration), trend)
         return Interval(True, state, leg, result, 1)
+
+    def _expected(self, old: StrandState, end: float) -> Array:
+        """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""
+        found = old.thermal.point.temperature + (end - old.time) * old.trend
+        return np.maximum(found, COLDEST)
 
     def gap_of(self, state: MechanicalState) -> Array | None:
         """Gap to the wall at the owned vertices (owned,), m, 0 off the surface; None without one.
@@ -249,7 +264,8 @@ class Coupler:
         """The slice at the meniscus: undeformed and free of stress."""
         mechanical = self.mechanics.initial(thermal.time, thermal.point.temperature)
         owned = len(thermal.enthalpy) if self.dissipation else 0
-        return StrandState(thermal, mechanical, np.zeros(owned))
+        trend = np.zeros(len(thermal.enthalpy) if self.order == "mechanics_first" else 0)
+        return StrandState(thermal, mechanical, np.zeros(owned), trend)
 
 
 def take_interval(

@@ -160,6 +160,8 @@ class March:
             found |= self.archive.arrays(state.mechanical)
             if self.scene.case.coupling.dissipation:
                 found["heating"] = gather(state.heating)
+            if self.scene.case.coupling.order == "mechanics_first":
+                found["trend"] = gather(state.trend)
         return found
 
     def description(self) -> dict[str, Any]:
@@ -193,8 +195,11 @@ class March:
         mechanical = None
         if self.archive is not None:
             mechanical = self.archive.state(meta["mechanical"], arrays)
-        heating = np.asarray(arrays["heating"])[nodes] if "heating" in arrays else np.zeros(0)
-        self.state = StrandState(thermal, mechanical, heating)
+        heating, trend = (
+            np.asarray(arrays[name])[nodes] if name in arrays else np.zeros(0)
+            for name in ("heating", "trend")
+        )
+        self.state = StrandState(thermal, mechanical, heating, trend)
         self.counts = Counts(**meta["counts"])
         self.scene.control.step = meta["step"]
         self.scene.steps.control.step = meta["substep"]

@@ -158,8 +158,8 @@ class Coupling(TableModel):
     )
     order: Literal["thermal_first", "mechanics_first"] = Field(
         "thermal_first",
-        description="who goes first; mechanics_first strains a slice with the temperatures of the "
-        "interval before (thesis, IV)",
+        description="who goes first; mechanics_first strains the slice as if it went on cooling "
+        "as in the interval before (thesis, Fig. 84)",
     )
     passes: int = Field(
         1,

@@ -118,8 +118,7 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         where += f"regained at {_mm(first.end)}" if first.regained else "not regained"
         if len(stretches) > 1:
             where += f"; {len(stretches)} times, longest {_mm(longest.start)} to {_mm(longest.end)}"
-        largest = float(np.nanmax(gap))
-        yield Remark(f"contact lost, {label}", largest, unit, where)
+        yield Remark(f"contact lost, {label}", float(np.nanmax(gap)), unit, where)
     yield from _largest(table, position, "gap", "largest gap", least=OPEN)
     yield from _largest(table, position, "contact_pressure", "highest contact pressure")
 
@@ -132,17 +131,20 @@ def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
 def _largest(
     table: pandas.DataFrame, position: Array, prefix: str, what: str, least: float = 0.0
 ) -> Iterator[Remark]:
-    """The largest value of the columns `prefix_max` or, without it, `prefix_PROBE`."""
+    """The largest value of the columns `prefix_max`, and which probe has most of it there."""
     whole = f"{prefix}_max"
-    columns = [(whole, "")] if has_values(table, whole) else []
-    if not columns:
-        columns = [(column, f"{label}, ") for label, _, column in curves(table, prefix)]
-    peaks = [(float(table[column].max()), column, place) for column, place in columns]
+    probes = [(label, column) for label, _, column in curves(table, prefix)]
+    columns = [whole] if has_values(table, whole) else [column for _, column in probes]
+    peaks = [(float(table[column].max()), column) for column in columns]
     if not peaks or max(peaks)[0] <= least:
         return
-    value, column, place = max(peaks)
+    value, column = max(peaks)
     row = int(np.nanargmax(table[column].to_numpy()))
-    where = f"{place}at {_at(float(position[row]), table)}"
+    where = f"at {_at(float(position[row]), table)}"
+    there = [(float(table[column].iloc[row]), label) for label, column in probes]
+    there = [entry for entry in there if np.isfinite(entry[0])]
+    if there:
+        where += "; of the probes {1}, {0:.3g}".format(*max(there))
     yield Remark(what, value, unit_of(table, column), where)
 
 
@@ -157,10 +159,11 @@ def _at_exit(table: pandas.DataFrame, position: Array, summary: Summary | None) 
             label: (float(np.interp(at, position, table[column].to_numpy())), column)
             for label, _, column in curves(table, prefix)
         }
+        values = {label: entry for label, entry in values.items() if np.isfinite(entry[0])}
         if values:
             label = pick(values, key=lambda label: values[label][0])
             value, column = values[label]
-            yield Remark(what, value, unit_of(table, column), f"{label}, {name}, {_mm(at)}")
+            yield Remark(what, value, unit_of(table, column), f"{label}, {name} at {_mm(at)}")
 
 
 def _exit(position: Array, summary: Summary | None) -> tuple[float, str]:
@@ -193,7 +196,7 @@ def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
 
 def _mm(position: float) -> str:
     """A position below the meniscus."""
-    return f"{position:.4g} m" if position > 2.0 else f"{1e3 * position:.4g} mm"
+    return f"{position:.2f} m" if position > 2.0 else f"{1e3 * position:.0f} mm"
 
 
 def _at(position: float, table: pandas.DataFrame) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH = 7.2  # inches
-_ALL = {"color": "#444444", "linestyle": ":", "linewidth": 1.5}  # over the whole section
+_ALL: dict[str, Any] = {"color": "#444444", "linestyle": ":", "linewidth": 1.5}  # over the whole section
 _LEFT, _RIGHT = "#0072b2", "#d55e00"
 _CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
 _NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver

@@ -65,7 +65,8 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
     mesh, values = section_triangles(fields, 1e-6 * stress, mirrored=False, moved=factor * moved)
     figure, axes = frame(mesh, when("Von Mises stress", fields, index), bar=True)
     levels = stress_levels(float(1e-6 * stress[solid].max()))
-    values = np.clip(values, levels[0], levels[-1])  # what lies beyond is soft, and covered
+    # what lies beyond the scale is soft, and covered; its very end would not be drawn
+    values = np.clip(values, levels[0], (1 - 1e-6) * levels[-1])
     shades = axes.tricontourf(mesh, values, levels=levels, cmap=STRESS_MAP)
     label = "von Mises stress in the solid [MPa]"
     colour_bar(figure, axes, shades, lies_flat(mesh), label)
@@ -114,7 +115,7 @@ def stress_levels(largest: float) -> Array:
     from matplotlib.ticker import MaxNLocator
 
     ticks = MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, max(largest, 1e-6))
-    ticks = ticks[ticks >= 0.0]
+    ticks = np.asarray(ticks)[np.asarray(ticks) >= 0.0]
     return np.asarray(ticks[: np.searchsorted(ticks, largest * (1 - 1e-9)) + 1], dtype=np.float64)
 
 

@@ -35,7 +35,7 @@ _ELEVATION = np.radians(-24.0)  # the eye lies below: the last slice is seen, no
 _OUTSIDE = 50.0  # degrees from x
 _INSIDE = {"quarter": 230.0, "half": 130.0}  # from where planes of symmetry are seen
 _HEIGHT = 5.2  # inches of a panel
-_EDGE = {"color": "#333333", "linewidth": 0.6}
+_EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.6}
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,10 +239,10 @@ def _shading(stack: Stack, kind: str) -> tuple[Array, Array, dict[str, Any]]:
         low = float(stack.temperature.min()) - CELSIUS
         high = max(stack.hottest - CELSIUS, low + 1.0)
         return stack.temperature - CELSIUS, last, {"cmap": "inferno", "vmin": low, "vmax": high}
-    last = von_mises(stack.fields)
-    assert last is not None
+    stress = von_mises(stack.fields)
+    assert stress is not None
     top = float(stress_levels(1e-6 * stack.strongest)[-1])
-    return 1e-6 * stack.stress, 1e-6 * last, {"cmap": STRESS_MAP, "vmin": 0.0, "vmax": top}
+    return 1e-6 * stack.stress, 1e-6 * stress, {"cmap": STRESS_MAP, "vmin": 0.0, "vmax": top}
 
 
 def _draw_isotherms(

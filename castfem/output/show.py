@@ -147,11 +147,22 @@ def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
         return
     if not found:
         return
-    table = _table("What to look at", "what", "castfem", "unit", "")
-    for remark in found:
-        value = shown(remark.value, remark.unit.replace("°C", "degC"))
-        table.add_row(remark.what, value, remark.unit, remark.where)
-    out.print(table, "", highlight=False)
+    _print(out, "What to look at", "bold")
+    lines = [(remark, _finely(remark.value, remark.unit)) for remark in found]
+    what, value = (
+        max(len(text) for text in texts)
+        for texts in zip(*((remark.what, text) for remark, text in lines), strict=True)
+    )
+    for remark, text in lines:
+        _print(out, f"{remark.what:<{what}}  {text:>{value}}  {remark.where}")
+    out.print()
+
+
+def _finely(value: float, unit: str) -> str:
+    """A value with its unit; lengths below 1 mm to the micrometre."""
+    if unit == "mm" and abs(value) < 1.0:
+        return f"{value:.3f} mm"
+    return f"{shown(value, unit)} {unit}"
 
 
 def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:

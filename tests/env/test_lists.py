@@ -23,6 +23,7 @@ CONDA = {
     "python3-gmsh": "python-gmsh",
     "openmpi-bin": "openmpi",
     "g++": "cxx-compiler",
+    "libopenblas0-serial": "libopenblas",
     "python3-h5py-mpi": "h5py",
     "python3-venv": None,
     "xvfb": None,

@@ -113,7 +113,7 @@ def test_a_thermal_scene_knows_no_mechanics() -> None:
 
 def test_half_space_of_weiner_and_boley(tmp_path: Path) -> None:
     """The case as shipped, coarse: 5 % of 20 MPa at 5 s, and the record of what it needed."""
-    case = load_case(CASES / "verification" / "weiner_boley_coarse.toml", ['casting.length="84 mm"'])
+    case = load_case(CASES / "verification" / "weiner_boley_coarse.toml", ["casting.length=84 mm"])
     run(case, tmp_path)
     exact = HalfSpace()
     with Fields(tmp_path) as fields:

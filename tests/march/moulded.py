@@ -1,0 +1,68 @@
+"""Billets in moulds for the tests: coarse, in memory or in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mpi4py import MPI
+
+from castfem import march
+from castfem.case import Case, load_case
+from castfem.coupling import StrandState
+from castfem.march import March
+from castfem.measure import Reading
+from castfem.output.summary import Summary
+from castfem.report import summarise
+from castfem.scene import build_scene
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+COARSE = (
+    "mesh.surface_size=2 mm",
+    "mesh.corner_size=2 mm",
+    "mesh.face_size=10 mm",
+    "mesh.core_size=14 mm",
+    "coupling.interval=0.25 s",
+    "output.fields=[]",
+    "output.figures=false",
+)
+
+
+def billet(name: str, *overrides: str) -> Case:
+    """One of the shipped billets on a coarse mesh."""
+    return load_case(CASES / f"{name}.toml", (*COARSE, *overrides))
+
+
+def run(case: Case, folder: Path, **options: object) -> Summary:
+    """Run into a folder, on one rank."""
+    return march.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
+
+
+@dataclass
+class Kept:
+    """Every reading of a march in memory, and its state after each interval."""
+
+    readings: list[Reading] = field(default_factory=list)
+    states: list[StrandState] = field(default_factory=list)
+    summary: Summary | None = None
+
+    def step(self, march: March, reading: Reading) -> None:
+        self.readings.append(reading)
+        self.states.append(march.state)
+
+    def value(self, name: str) -> float:
+        """A result where the march ended, SI."""
+        assert self.summary is not None
+        return self.summary.quantities[name].value
+
+
+def marched(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
+    """March in memory to the end."""
+    scene, kept = build_scene(case, comm), Kept()
+    try:
+        last = March(scene, kept)  # type: ignore[arg-type]
+        last.run()
+        kept.summary = summarise(last, "finished")
+    finally:
+        scene.destroy()
+    return kept

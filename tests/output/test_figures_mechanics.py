@@ -1,0 +1,444 @@
+"""Figures of a strained strand, its slices in three dimensions, and what to look at in it."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from rich.console import Console
+
+from castfem.output.advice import OPEN, Spell, remarks, spells
+from castfem.output.fields import Fields
+from castfem.output.figures import draw_figures
+from castfem.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
+from castfem.output.history import History, read_history
+from castfem.output.layout import components
+from castfem.output.plot_history import draw_steps, probes_with
+from castfem.output.plot_mechanics import draw_axial, draw_contact, draw_size, draw_stress
+from castfem.output.plot_section import Steel
+from castfem.output.plot_shape import SOFT, draw_shape, draw_von_mises, stress_levels
+from castfem.output.plot_stack import Stack, View, draw_stack
+from castfem.output.shape import Outline, displacement, magnification, von_mises
+from castfem.output.show import show
+from castfem.output.style import Course
+from castfem.output.summary import Summary, Zone
+from castfem.output.xdmf import FieldWriter
+
+from .imagined import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, rows, summary, temperature
+
+STEEL = Steel(SOLIDUS, LIQUIDUS)
+LOST, REGAINED = 0.12, 0.36  # m; where the corner leaves the wall, and comes back
+MECHANICS = [
+    ("newton_mechanics", "-"),
+    ("von_mises_max", "MPa"),
+    *((f"von_mises_{p}", "MPa") for p in ("mid_face", "corner")),
+    *((f"displacement_{p}", "mm") for p in ("mid_face", "corner")),
+    *((f"size_{p}", "mm") for p in ("mid_face", "corner")),
+    ("axial_strain", "-"),
+    ("axial_force", "kN"),
+    ("force_error", "-"),
+    *((f"gap_{p}", "mm") for p in ("mid_face", "corner")),
+    ("gap_max", "mm"),
+    *((f"contact_pressure_{p}", "MPa") for p in ("mid_face", "corner")),
+    ("contact_pressure_max", "MPa"),
+    ("penetration", "um"),
+    ("contact_share", "-"),
+    ("friction_force", "kN"),
+]
+
+
+def strained(row: dict[str, float]) -> dict[str, float]:
+    """A row of the history with what a strand in a mould adds to it."""
+    z = row["position"]
+    reach = 5.0 * min(z - LOST, REGAINED - z)
+    gap = max(0.0, reach)
+    return row | {
+        "newton_mechanics": 3.0,
+        "von_mises_max": 20.0 * z,
+        "von_mises_mid_face": 6.0 * z,
+        "von_mises_corner": 18.0 * z,
+        "displacement_mid_face": 0.3 * z,
+        "displacement_corner": -0.4 * z,
+        "size_mid_face": 125.0 + 0.6 * z,
+        "size_corner": 172.6 - 0.8 * z,
+        "axial_strain": -5e-3 * z,
+        "axial_force": 1e-12,
+        "force_error": 1e-10 * z,
+        "gap_mid_face": 0.0,
+        "gap_corner": reach,
+        "gap_max": 1.1 * gap,
+        "contact_pressure_mid_face": 0.1 * z,
+        "contact_pressure_corner": 0.0 if gap else 0.2 * z,
+        "contact_pressure_max": 0.1 * z if gap else 0.2 * z,
+        "penetration": 0.01,
+        "contact_share": 0.8 if gap else 1.0,
+        "friction_force": 0.0,
+    }
+
+
+def moved_points(points: np.ndarray, time: float) -> np.ndarray:
+    """Displacement (n, 2) [m]: 0.3 mm outwards at the right, 0.6 mm inwards at the top, at 10 s."""
+    return time / 10.0 * np.column_stack([3e-4 * points[:, 0], -6e-4 * points[:, 1]]) / HALF
+
+
+def write_strained(
+    path: Path,
+    *,
+    cell: str = "quadrilateral",
+    order: int = 1,
+    part: str = "quarter",
+    tensor: bool = False,
+    last: float = 10.0,
+) -> Path:
+    """Writes a run with mechanics and a mould; its stress is uniform, 2 MPa after 10 s."""
+    points, cells = rectangle(12, 12, HALF, HALF, cell, order, power=1.7)
+    if part == "whole":
+        points = points - 0.5 * HALF
+    if part == "half":
+        points = points - [0.0, 0.5 * HALF]
+    facts = {"solidus": SOLIDUS, "liquidus": LIQUIDUS, "symmetry": part}
+    with OutputFolder(path) as folder:
+        folder.begin("title = 'x'\n")
+        with (
+            History(folder / "history.csv", [*COLUMNS, *MECHANICS]) as history,
+            FieldWriter(path, points, cells, cell, order, attributes=facts) as fields,
+        ):
+            for row in rows(30):
+                history.append(strained(row))
+            for time in np.linspace(0.0, last, 6):
+                stress = np.zeros((len(points), 4))
+                stress[:, 2] = -2e5 * time
+                found = {
+                    "temperature": temperature(np.abs(points) * (1 + (part == "whole")), time),
+                    "displacement": moved_points(points, time),
+                    "stress" if tensor else "von_mises": stress if tensor else -stress[:, 2],
+                }
+                fields.write(time, 0.06 * time, found)
+        folder.write_summary(summary())
+        folder.finish(wall_time={"march": 1.0})
+    return path
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with mechanics; not to be changed."""
+    return write_strained(tmp_path_factory.mktemp("strained"))
+
+
+@pytest.fixture
+def table(run):
+    """Its history."""
+    return read_history(run / "history.csv")
+
+
+@pytest.fixture
+def course(table):
+    """Its way."""
+    return Course(table["time"].to_numpy(), table["position"].to_numpy())
+
+
+def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
+    run = write_strained(tmp_path)
+    drawn = draw_figures(run)
+    assert {path.stem for path in drawn} == {*FIGURES, *MECHANICS_FIGURES}
+    for path in drawn:
+        image = matplotlib.image.imread(path)
+        assert min(image.shape[:2]) > 400
+        assert image[..., :3].std() > 0.02
+        assert path.stat().st_size < 300_000
+    OutputFolder(run).begin("x = 1\n")
+    assert not (run / "figures").exists()
+
+
+@pytest.mark.parametrize(
+    ("cell", "order"),
+    [("quadrilateral", 1), ("quadrilateral", 2), ("triangle", 1), ("triangle", 2)],
+)
+@pytest.mark.parametrize(("part", "planes", "faces"), [("quarter", 2, 2), ("half", 1, 3)])
+def test_the_outline_is_the_surface_and_the_planes_of_symmetry(
+    tmp_path, cell, order, part, planes, faces
+):
+    write_strained(tmp_path, cell=cell, order=order, part=part)
+    with Fields(tmp_path) as fields:
+        outline = Outline.of(fields)
+        lengths = [
+            np.linalg.norm(fields.points[p[:, 1]] - fields.points[p[:, 0]], axis=1).sum()
+            for p in (outline.surface, *outline.cuts.values())
+        ]
+        assert lengths == pytest.approx([faces * HALF, *planes * [HALF]])
+        for axis, pieces in outline.cuts.items():
+            assert np.abs(fields.points[pieces][..., axis]).max() < 1e-12
+        nodes, normals = outline.outward(fields.points)
+        right = np.isclose(fields.points[nodes, 0], HALF)
+        inner = np.abs(fields.points[nodes, 1] - fields.points[:, 1].min() - HALF / 2) < 0.4 * HALF
+        assert np.allclose(normals[right & inner], [1.0, 0.0])
+        assert (right & inner).any()
+
+
+@pytest.mark.parametrize(
+    ("largest", "factor"),
+    [(2.4e-4, 10.0), (6e-4, 5.0), (1.5e-3, 2.0), (0.1, 1.0), (0.0, 1.0), (4e-6, 500.0)],
+)
+def test_displacements_are_magnified_by_a_round_factor(largest, factor):
+    moved = np.array([[0.0, 0.0], [0.0, -largest]])
+    assert magnification(moved, np.array([[0.0, 0.0, 0.0], [0.0625, 0.0625, 0.0]])) == factor
+
+
+def test_von_mises_stress_is_read_or_taken_from_the_tensor(tmp_path, run):
+    write_strained(tmp_path, tensor=True)
+    with Fields(tmp_path) as tensor, Fields(run) as scalar:
+        assert np.allclose(von_mises(tensor), 2e6)
+        assert np.allclose(von_mises(scalar), 2e6)
+        assert components(np.ones((3, 4)), 3, "stress").shape == (3, 9)
+    points, cells = rectangle(2, 2, HALF, HALF, "quadrilateral", 1)
+    shear = np.tile([0.0, 0.0, 0.0, 1e6], (len(points), 1))
+    with FieldWriter(tmp_path, points, cells, "quadrilateral", 1) as writer:
+        writer.write(0.0, 0.0, {"stress": shear, "temperature": np.full(len(points), 1800.0)})
+    with Fields(tmp_path) as fields:
+        assert np.allclose(von_mises(fields), np.sqrt(3.0) * 1e6)
+        assert draw_von_mises(fields, Steel(1700.0, 1750.0)) is None  # nothing is solid
+        assert draw_von_mises(fields, None) is None
+        assert draw_stack(fields, None) is None  # one slice only
+        assert draw_shape(fields, None) is None
+        assert not displacement(fields).any()
+
+
+@pytest.mark.parametrize("largest", [10.3, 0.0421, 1.0, 250.0])
+def test_the_scale_of_stress_is_round_and_ends_above_the_largest(largest):
+    levels = stress_levels(largest)
+    assert levels[0] == 0.0
+    assert levels[-2] < largest <= levels[-1] * (1 + 1e-9)
+    assert 4 < len(levels) <= 14
+
+
+@pytest.mark.parametrize("part", ["quarter", "half", "whole"])
+def test_section_figures_show_the_modelled_part_with_its_factor(tmp_path, part):
+    write_strained(tmp_path, part=part)
+    with Fields(tmp_path) as fields:
+        for figure in (draw_von_mises(fields, STEEL), draw_shape(fields, STEEL)):
+            assert figure is not None
+            labels = {text.get_text() for text in figure.legends[0].get_texts()}
+            factor = 2 if part == "quarter" else 5
+            assert {"at the meniscus", f"displacement × {factor}", "solidus"} <= labels
+            assert ("symmetry" in labels) == (part != "whole")
+            low, high = figure.axes[0].get_xlim()
+            assert low < fields.points[:, 0].min() * 1e3 < high - 50.0
+        texts = [text.get_text() for text in figure.axes[0].texts]
+        named = {"quarter": ["+0.30 mm", "−0.60 mm"], "half": ["+0.30 mm", "−0.30 mm"]}
+        assert sorted(texts) == named.get(part, ["+0.15 mm", "−0.30 mm"])
+
+
+def test_what_is_soft_is_grey_and_stress_there_leaves_the_scale_alone(tmp_path):
+    run = write_strained(tmp_path)
+    with FieldWriter.resume(run, 9.0) as writer, Fields(run) as fields:
+        kelvin = temperature(fields.points[:, :2], 10.0)
+        stress = np.where(kelvin > SOLIDUS, 9e9, 1e6 * (2.0 + fields.points[:, 0] / HALF))
+        moved = moved_points(fields.points[:, :2], 10.0)
+        now = {"temperature": kelvin, "von_mises": stress, "displacement": moved}
+        writer.write(10.0, 0.6, now)
+    with Fields(run) as fields:
+        figure = draw_von_mises(fields, STEEL)
+        assert figure is not None
+        bar = next(a for a in figure.axes[0].child_axes if "MPa" in a.get_ylabel())
+        assert bar.get_ylim() == pytest.approx((0.0, 3.0))
+        figure.canvas.draw()
+        image = np.asarray(figure.canvas.buffer_rgba())[..., :3] / 255.0
+        x, y = figure.axes[0].transData.transform((10.0, 10.0))
+        assert np.allclose(image[len(image) - int(y), int(x)], to_rgb(SOFT[1]), atol=0.01)
+
+
+def test_history_figures_say_what_they_draw(table, course):
+    figure = draw_stress(table, course, None)
+    labels = [line.get_label() for line in figure.axes[0].lines]
+    assert labels == ["surface, mid-face", "surface, corner", "largest in the section"]
+    figure = draw_size(table, course, None)
+    assert len(figure.axes) == 1  # the displacement says nothing more
+    lines = figure.axes[0].lines
+    assert lines[0].get_label() == "mid-face, from 125.00 mm"
+    assert lines[1].get_label() == "diagonal, from 172.60 mm"
+    assert lines[1].get_ydata()[-1] == pytest.approx(-0.48)
+    figure = draw_axial(table, course, None)
+    assert len(figure.axes) == 1
+    assert figure.axes[0].lines[0].get_ydata()[-1] == pytest.approx(-0.3)
+    assert figure.axes[0].texts[0].get_text() == "no axial force"
+
+
+def test_displacements_and_forces_are_drawn_where_they_say_something(table, course):
+    units = table.attrs["units"]
+    half = table.drop(columns=["size_mid_face"])
+    half["axial_force"] = 12.0
+    half.attrs["units"] = units
+    labels = [axes.get_ylabel() for axes in draw_size(half, course, None).axes]
+    assert labels == ["change of size [mm]", "outward displacement [mm]"]
+    labels = [axes.get_ylabel() for axes in draw_axial(half, course, None).axes]
+    assert labels == ["axial strain [%]", "axial force, modelled part [kN]"]
+
+
+def test_contact_and_steps_are_drawn_from_the_columns_that_are_there(table, course):
+    labels = [axes.get_ylabel() for axes in draw_contact(table, course, None).axes]
+    share = "share of the surface\nin contact [%]"
+    assert labels == ["gap [mm]", "contact pressure [MPa]", share]  # no friction anywhere
+    assert probes_with(table, "gap") == {"mid_face": "gap_mid_face", "corner": "gap_corner"}
+    figure = draw_steps(table, course, None)
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert labels[1:] == [
+        "Newton\niterations [-]",
+        "relative error [-]",
+        "largest\npenetration [µm]",
+    ]
+    assert [t.get_text() for t in figure.axes[1].get_legend().get_texts()] == [
+        "temperature",
+        "mechanics",
+    ]
+    thermal = table[[name for name, _ in COLUMNS]]
+    thermal.attrs["units"] = table.attrs["units"]
+    for draw in (draw_contact, draw_stress, draw_size, draw_axial):
+        assert draw(thermal, course, None) is None
+
+
+@pytest.mark.parametrize(("part", "views"), [("quarter", 2), ("half", 2), ("whole", 1)])
+def test_the_stack_shows_outside_and_core_in_temperature_and_stress(tmp_path, part, views):
+    write_strained(tmp_path, part=part, cell="triangle", order=2)
+    with Fields(tmp_path) as fields:
+        figure = draw_stack(fields, STEEL)
+        assert figure is not None
+        titles = [axes.get_title() for axes in figure.axes[: 2 * views]]
+        assert titles == ["from outside", "from the core"][:views] * 2
+        bars = [a.get_xlabel() for a in figure.axes[2 * views :]]
+        assert bars == ["temperature [°C]", "von Mises stress, solid [MPa]"]
+        labels = [text.get_text() for text in figure.legends[0].get_texts()]
+        assert f"displacement × {2 if part == 'quarter' else 5}" in labels
+        ticks = [text.get_text() for text in figure.axes[0].texts]
+        assert ticks[:3] == ["0", "100", "200"]
+
+
+def test_rows_of_the_stack_lie_straight_between_its_slices(run):
+    with Fields(run) as fields:
+        stack = Stack.of(fields, STEEL)
+        assert stack is not None
+        assert stack.factor == 2.0
+        nodes = [
+            int(np.abs(stack.plane - 1e3 * np.array(p)).sum(axis=1).argmin())
+            for p in ((HALF, 0.0), (0.0, HALF))
+        ]
+        for z, row in ((0.12, None), (0.3, None), (0.6, -1)):
+            row = int(np.abs(stack.position - z).argmin()) if row is None else row
+            right, top = stack.points[row][nodes]
+            share = stack.position[row] / 0.6
+            assert right[:2] == pytest.approx([62.5 + 2 * 0.3 * share, 0.0], abs=1e-4)
+            assert top[:2] == pytest.approx([0.0, 62.5 - 2 * 0.6 * share], abs=1e-4)
+        assert stack.points[0, 0, 2] == 0.0
+        assert stack.points[-1, 0, 2] == stack.end[0, 2] < 0.0
+        assert stack.strongest == pytest.approx(2e6)
+
+
+def test_only_walls_that_face_the_eye_are_drawn(run):
+    with Fields(run) as fields:
+        stack = Stack.of(fields, STEEL)
+        assert stack is not None
+        outside, inside = View.of(stack, 50.0), View.of(stack, 230.0)
+        assert np.isclose(stack.plane[outside.pieces].max(axis=2), 1e3 * HALF).all()
+        assert np.isclose(stack.plane[inside.pieces].min(axis=2), 0.0).all()
+        for view in (outside, inside):
+            x, y = view.walls.x[view.walls.triangles], view.walls.y[view.walls.triangles]
+            twice = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (
+                y[:, 1] - y[:, 0]
+            )
+            assert (np.sign(twice) == np.sign(twice[0])).all()  # no wall is seen from behind
+
+
+def test_a_strip_and_a_slice_that_stands_still_are_no_strand(tmp_path):
+    points, cells = rectangle(40, 1, 0.06, 1e-3, "quadrilateral", 1)
+    fall = {"strip": 0.06, "still": 0.0}
+    for name, speed in fall.items():
+        (tmp_path / name).mkdir()
+        width = 1.0 if name == "strip" else 60.0
+        with FieldWriter(tmp_path / name, points * [1, width], cells, "quadrilateral", 1) as writer:
+            for time in (0.0, 1.0, 2.0):
+                values = np.linspace(1600.0, 1800.0, len(points))
+                u = np.full((len(points), 2), 1e-4)
+                fields = {"temperature": values, "von_mises": 1e4 * values, "displacement": u}
+                writer.write(time, speed * time, fields)
+        with Fields(tmp_path / name) as fields:
+            assert draw_stack(fields, STEEL) is None
+            assert draw_von_mises(fields, STEEL) is not None
+            assert (draw_shape(fields, STEEL) is None) == (name == "strip")
+
+
+def test_spells_without_contact_are_found_between_the_rows():
+    z = np.linspace(0.0, 1.0, 11)
+    gap = np.array([0, 0, 2e-3, 5e-3, 0, 0, 0, 4e-3, np.nan, 5e-3, 6e-3])
+    first, second = spells(gap, z, OPEN)
+    assert first == Spell(pytest.approx(0.15), pytest.approx(0.38), True)
+    assert second == Spell(pytest.approx(0.625), 1.0, False)
+    assert spells(np.full(11, 0.5), z, OPEN) == []  # never in contact
+    assert spells(np.zeros(11), z, OPEN) == []
+    (late,) = spells(np.r_[1.0, 1.0, np.zeros(8), 1.0], z, OPEN)
+    assert (late.start, late.regained) == (pytest.approx(0.9001), False)
+
+
+def of(found, what):
+    """The remark on something."""
+    (remark,) = [remark for remark in found if remark.what == what]
+    return remark
+
+
+def test_remarks_name_what_is_worth_a_look(table):
+    found = remarks(table, summary())
+    lost = of(found, "contact lost, corner")
+    assert "lost at 120 mm, t = 2 s, regained at 360 mm" in lost.where
+    assert lost.value == table["gap_corner"].max()
+    assert not [r for r in found if r.what == "contact lost, mid-face"]
+    assert of(found, "largest gap").value == table["gap_max"].max()
+    pressure = of(found, "highest contact pressure")
+    assert pressure.value == pytest.approx(0.12)
+    assert pressure.where == "at 600 mm, t = 10 s; of the probes corner, 0.12"
+    thinnest = of(found, "thinnest shell")
+    assert thinnest.value == pytest.approx(table["shell_mid_face"].iloc[-1])
+    assert thinnest.where == "mid-face, mould exit at 600 mm"
+    hottest = of(found, "hottest surface")
+    assert (hottest.value, hottest.unit) == (
+        pytest.approx(table["surface_temperature_mid_face"].iloc[-1]),
+        "°C",
+    )
+    assert of(found, "largest von Mises stress").value == pytest.approx(12.0)
+
+
+def test_the_mould_ends_where_its_zone_does_and_reheating_is_named(table):
+    zones = (Zone("mould", 0.0, 0.3), Zone("spray", 0.3, 2.0))
+    units = table.attrs["units"]
+    late = table["position"] > 0.4
+    table.loc[late, "surface_temperature_corner"] += 100.0
+    table.attrs["units"] = units
+    found = remarks(table, Summary("x", "finished", zones=zones))
+    assert of(found, "thinnest shell").where.endswith("mould exit at 300 mm")
+    z, shell = table["position"], table["shell_mid_face"]
+    assert of(found, "thinnest shell").value == pytest.approx(np.interp(0.3, z, shell))
+    reheated = of(found, "largest reheating of the surface")
+    assert reheated.unit == "K"
+    assert 50.0 < reheated.value < 100.0
+    assert reheated.where.startswith("corner, from ")
+    found = remarks(table, Summary("x", "finished", zones=(Zone("mould", 0.0, 0.8),)))
+    assert of(found, "thinnest shell").where.endswith("end of the run at 600 mm")
+
+
+def test_remarks_need_a_way_downwards(table):
+    units = table.attrs["units"]
+    still = table.assign(position=0.0)
+    still.attrs["units"] = units
+    assert remarks(still, None) == []
+    assert remarks(table.iloc[:1], None) == []
+
+
+def test_show_prints_what_to_look_at_on_whole_lines(run):
+    stream = io.StringIO()
+    show(run, Console(file=stream, width=60), figures=False)
+    text = stream.getvalue()
+    assert "What to look at\n" in text
+    (line,) = [line for line in text.splitlines() if line.startswith("contact lost, corner")]
+    assert "0.5" in line
+    assert " mm  lost at 120 mm, t = 2 s, regained at 360 mm" in line
