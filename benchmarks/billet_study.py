@@ -29,7 +29,7 @@ from castfem.scene import build_scene
 CASES = ROOT / "cases" / "billet125"
 MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
 NAMES = dict(zip(MOULDS, ("idealised", "+3 %/m", "+1 %/m", "0 %/m", "-1 %/m", "-3 %/m"), strict=True))
-PATIENCE = 300.0  # s of wall time, after which a run is given up
+PATIENCE = 60.0  # s of wall time, after which a run is given up
 
 SHOWN = {
     "heat_removed_slice": ("heat [kJ]", ".2f"),

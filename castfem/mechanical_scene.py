@@ -12,8 +12,7 @@ from castfem.case import mechanics as given
 from castfem.case.table import Table
 from castfem.case.wall import build_friction, build_mould
 from castfem.contact.contact import Contact
-from castfem.laws.elasticity import Elasticity, Solidity
-from castfem.laws.library import DeltaShare, load_elasticity, load_law
+from castfem.mechanical_law import build_law
 from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
 from castfem.mechanics.planes import Course, PlainPlanes, allowed_modes
 from castfem.mechanics.problem import MechanicalProblem
@@ -56,22 +55,9 @@ def build_mechanics(
 
 def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Section) -> Slice:
     """What the slice of `case` is made of and how it is held."""
-    solidity = Solidity.of(
-        steel,
-        stiffness_ratio=table.liquid_stiffness,
-        mush=table.mush,
-        coherency=table.coherency,
-    )
-    delta = None if steel.diagram is None else DeltaShare(steel.diagram)
-    law = load_law(
-        table.law,
-        _elasticity(table, steel, solidity),
-        carbon=steel.composition.get("C"),
-        delta_share=delta,
-    )
     free = given.free_motions(table.planes, allowed_modes(section.groups))
     return Slice(
-        law=law,
+        law=build_law(table, steel),
         thermal_strain=steel.thermal_strain,
         planes=_planes(table.planes, free),
         held=tuple(_held(one) for one in table.held),
@@ -95,14 +81,6 @@ def _contact(case: Case, section: Section) -> Contact | None:
         factor=table.contact.factor,
         friction=build_friction(table.friction),
     )
-
-
-def _elasticity(table: given.Mechanics, steel: Steel, solidity: Solidity) -> Elasticity:
-    """The set that is named, the steel's own, or that of plain carbon steel."""
-    own = steel.has("youngs_modulus") and steel.has("poisson_ratio")
-    if table.elasticity is None and own:
-        return Elasticity(steel.youngs_modulus, steel.poisson_ratio, solidity)
-    return load_elasticity(table.elasticity or "elastic_steel", solidity)
 
 
 def _course(value: float | Table) -> Course:

@@ -5,6 +5,7 @@ The problem owns its vectors; SNES works on vectors of its own (the line search 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -205,14 +206,22 @@ def apply_options(prefix: str, options: Options, *objects: PETSc.Object) -> list
         for thing in objects:
             thing.setFromOptions()
     except PETSc.Error as error:
-        raise InputError(
-            f"solver options {dict(options)}: PETSc refuses them (error {error.ierr}); "
-            "see its manual for names and values"
-        ) from error
+        raise InputError(_refused(prefix, options, str(error))) from error
     finally:
         late = [k for k in mine if k.removeprefix(prefix).startswith(LATE)]
         forget_options([k for k in mine if k not in late])
     return late
+
+
+def _refused(prefix: str, options: Options, told: str) -> str:
+    """What PETSc says of a value, after the options that hold it (all, if it does not tell)."""
+    reason = re.sub(r"^\[\d+\] ", "", told.splitlines()[-1])
+    meant = {
+        k: v for k, v in options.items() if re.search(rf"(?<!\w){re.escape(str(v))}\b", reason)
+    }
+    named = ", ".join(f'{k} = "{v}"' for k, v in (meant or options).items())
+    what = prefix.rstrip("_")
+    return f"{what} solver, {named}: PETSc refuses: {reason}; its manual has names and values"
 
 
 def forget_options(names: Iterable[str]) -> None:

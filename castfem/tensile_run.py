@@ -18,7 +18,7 @@ from castfem.laws.analytical import axial_stress, flow_curve
 from castfem.laws.base import Array
 from castfem.laws.elasticity import Elasticity
 from castfem.laws.flow import STRAIN
-from castfem.laws.library import AnyLaw, law_from
+from castfem.laws.library import AnyLaw, law_from, told_of
 from castfem.laws.tables import Constant, Rows
 from castfem.laws.uniaxial import Tension, pull
 from castfem.output.folder import OutputFolder
@@ -77,7 +77,7 @@ class TensileTest:
         try:
             known = load_elasticity(given.elasticity)
         except InputError as error:
-            raise _within(f"{origin}.elasticity", error) from None
+            raise told_of(f"{origin}.elasticity", error) from None
         elasticity = Elasticity(
             known.young if given.young is None else _curve(given.young),
             known.poisson if given.poisson is None else _curve(given.poisson),
@@ -90,7 +90,7 @@ class TensileTest:
             try:
                 law = load_law(given.material, elasticity, carbon=carbon)
             except InputError as error:
-                raise _within(where, error) from None
+                raise told_of(where, error) from None
         try:
             law.coefficients(self.temperature[:-1], self.temperature[1:])
         except ValueError as error:
@@ -108,11 +108,6 @@ class TensileTest:
             return None
         modulus = float(self.law.elasticity.young(np.full(1, level))[0])
         return axial_stress(self.strain, self.rate, modulus, curve)
-
-
-def _within(where: str, error: InputError) -> InputError:
-    """The problems of a parameter set, told as those of the key that names it."""
-    return InputError([f"{where}: {problem.removeprefix('law: ')}" for problem in error.problems])
 
 
 def _curve(value: float | Table) -> Constant | Rows:

@@ -30,11 +30,15 @@ class Reading:
         problems: One line each.
         steel: Where the steel was chosen ("billet.toml: steel"), for its own messages; of a tensile
             test, where its material was.
+        law: The same for the law of the mechanics ("billet.toml: mechanics.law").
+        elasticity: The same for its elasticity.
     """
 
     case: AnyCase | None
     problems: tuple[str, ...]
     steel: str = "steel"
+    law: str = "mechanics.law"
+    elasticity: str = "mechanics.elasticity"
 
 
 def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
@@ -111,7 +115,8 @@ def _validate(written: document.Document) -> Reading:
     lines = [*written.faults, *(_line(written, problem) for problem in found)]
     table, key = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
     steel = f"{written.origin((table, key))}: {table}"
-    return Reading(case, tuple(dict.fromkeys(lines)), steel)
+    laws = [f"{written.origin(('mechanics', k))}: mechanics.{k}" for k in ("law", "elasticity")]
+    return Reading(case, tuple(dict.fromkeys(lines)), steel, *laws)
 
 
 def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[problems.Problem]]:

@@ -21,6 +21,7 @@ from castfem.case.cooling import (
     Spray,
     Zone,
 )
+from castfem.case.mechanics import Coupling, Held, Mechanics, Motion, Motions
 from castfem.case.mould import (
     Copper,
     Coulomb,
@@ -113,6 +114,10 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[thermal]", Thermal),
     ("[thermal.time]", Stepping),
     ("[thermal.time.adaptive]", Adaptive),
+    ("[mechanics]", Mechanics),
+    ("[mechanics.planes]", Motions),
+    ("[[mechanics.held]]", Held),
+    ("[coupling]", Coupling),
     ("[mould]", Mould),
     ("[mould.copper]", Copper),
     ("[mould.contact]", Touch),
@@ -150,9 +155,14 @@ def _table(name: str, model: type[TableModel]) -> Iterator[str]:
     yield f"\n### `{name}`\n\n{text}\n\n"
     yield "| key | takes | default | meaning |\n|---|---|---|---|\n"
     for key, field in model.model_fields.items():
-        if key in ("law", "shape") or _is_table(field):
+        if _is_tag(key, field) or _is_table(field):
             continue
         yield f"| `{key}` | {_takes(field)} | {_default(field)} | {field.description or ''} |\n"
+
+
+def _is_tag(key: str, field: FieldInfo) -> bool:
+    """Whether a key only tells which table of several this is; the heading shows it."""
+    return key in ("law", "shape") and typing.get_origin(field.annotation) is typing.Literal
 
 
 def _is_table(field: FieldInfo) -> bool:
@@ -172,6 +182,9 @@ def _takes(field: FieldInfo) -> str:
 
 def _mark(mark: Kind | Curve, example: object) -> str:
     """Return the kind of quantity and how it may be written."""
+    if isinstance(mark, Motion):
+        plain = Curve(mark.kind, mark.over)
+        return f'`"free"`; {_mark(plain, mark.kind.example)}'
     if isinstance(mark, Curve):
         return f"{_mark(mark.kind, example)}, or a table over {mark.over}"
     text = str(example or mark.example)

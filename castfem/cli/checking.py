@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def problems_of(
     path: Path, overrides: Iterable[str]
 ) -> tuple[AnyCase | None, Steel | None, list[str]]:
-    """Return a case, its steel and all the problems of both; None for what is not sound.
+    """Return a case, its steel and all the problems of both, laws too; None for what is not sound.
 
     A tensile test has a law instead of a steel.
     """
@@ -29,6 +29,7 @@ def problems_of(
             _try_law(reading, reading.case)
         else:
             steel = _steel(reading)
+            _try_mechanics(reading, steel)
     except InputError as error:
         problems += error.problems
     return (None if problems else reading.case), steel, problems
@@ -48,6 +49,16 @@ def _steel(reading: Reading) -> Steel | None:
         overrides=table.overrides,
         origin=reading.steel,
     )
+
+
+def _try_mechanics(reading: Reading, steel: Steel | None) -> None:
+    """Make the law of the slice, if the case has one and all of it is sound."""
+    table = reading.case.mechanics if isinstance(reading.case, Case) else None
+    if table is None or steel is None or reading.problems:
+        return
+    from castfem.mechanical_law import build_law
+
+    build_law(table, steel, reading.law, reading.elasticity)
 
 
 def _try_law(reading: Reading, case: TensileCase) -> None:
@@ -103,6 +114,9 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
         f"  steel {steel.name}: solidus {solidus:.5g} degC, liquidus {liquidus:.5g} degC",
         f"  mesh of {cells} cells",
     ]
+    if case.mechanics is not None:
+        walls = "free" if case.mould is None else "in a rigid mould"
+        lines.append(f"  mechanics: {Path(case.mechanics.law).stem}, {walls}")
     for span in case.zones():
         laws = ", ".join(law.law for _, law in span.laws) or "insulated"
         lines.append(f"  {span.start:7.3f} - {span.end:7.3f} m  {span.name}: {laws}")

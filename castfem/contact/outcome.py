@@ -86,7 +86,7 @@ class SurfaceGap:
     def mean(self, values: Array) -> Array:
         """Mean of values at the facets' points (points,) around each of the vertices `dofs`."""
         weights = self._contact.facets.weight
-        return (self._gathered(weights * values) / self._gathered(weights))[self.dofs]
+        return self._gathered(weights * values)[self.dofs] / self._gathered(weights)[self.dofs]
 
     def at(self, state: MechanicalState, position: float | None = None) -> Array:
         """Distance to the wall along its normal at the vertices `dofs` (n,), m (collective).

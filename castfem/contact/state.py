@@ -1,4 +1,4 @@
-"""The committed state of contact."""
+"""The committed state of contact, that of one set of unknowns, and a summary."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 OPEN, STICK, SLIP = 0, 1, 2
 
@@ -39,6 +40,26 @@ class ContactState:
     pressure: Array
     status: npt.NDArray[np.int8]
     weight: Array
+
+
+@dataclass(slots=True)
+class Touch:
+    """Contact at one set of unknowns, by facet point; most names are those of `ContactState`.
+
+    Attributes:
+        slides: Whether points slide. stretch: Length of surface over undeformed length.
+        seen: What the forms see (n, columns). strain: Increment (n, 4), of Nitsche's law.
+    """
+
+    place: Array
+    normal: Array
+    gap: Array
+    pressure: Array
+    friction: Array
+    slides: Flags
+    stretch: Array
+    seen: Array
+    strain: Array
 
 
 @dataclass(frozen=True, slots=True)

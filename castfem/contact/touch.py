@@ -6,7 +6,6 @@ Everything is evaluated at the facets' quadrature points with numpy; the forms o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,7 @@ from castfem import reductions
 from castfem.contact.contact import Contact
 from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
-from castfem.contact.state import OPEN, SLIP, STICK, ContactState
+from castfem.contact.state import OPEN, SLIP, STICK, ContactState, Flags, Touch
 from castfem.contact.stress import SurfaceStress
 from castfem.errors import InputError
 from castfem.forms import contact as forms
@@ -31,32 +30,12 @@ if TYPE_CHECKING:
     from castfem.mechanics.slice import Slice
 
 Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 # Columns of what the forms see.
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
 RASTER = 2.0**-32  # of the section's size
-
-
-@dataclass(slots=True)
-class Touch:
-    """Contact at one set of unknowns, by facet point; most names are those of `ContactState`.
-
-    Attributes:
-        slides: Whether points slide. stretch: Length of surface over undeformed length.
-        seen: What the forms see (n, WIDTH). strain: Increment (n, 4), of Nitsche's law.
-    """
-
-    place: Array
-    normal: Array
-    gap: Array
-    pressure: Array
-    friction: Array
-    slides: Flags
-    stretch: Array
-    seen: Array
-    strain: Array
+REACH = 1e-2  # of the height of surface cells: a wall farther away holds nothing
 
 
 class WallContact:
@@ -237,7 +216,6 @@ class WallContact:
         before = self._where(fields.u_old.x.array, fields.modes_old.value)[1]
         strand, stretch = self.facing(fields.u.x.array, fields.modes.value)
         n, gap = self._meet(moved, strand)
-        gap[~np.isfinite(gap)] = np.inf
         near = np.minimum(gap, self._size)
         stress: Array | float = 0.0
         if self._stress is not None:
@@ -276,7 +254,8 @@ class WallContact:
         n = np.asarray(reach.normal)
         rest = (start - near) + moved
         facing = np.einsum("ni,ni->n", n, strand)
-        return n, np.asarray(reach.gap) * facing - np.einsum("ni,ni->n", n, rest)
+        gap = np.asarray(reach.gap) * facing - np.einsum("ni,ni->n", n, rest)
+        return n, np.where(np.isfinite(gap), gap, np.inf)
 
     def _where(self, u: Array, modes: Array) -> tuple[Array, Array]:
         """Place and displacement of the points (n, 2), m."""
@@ -324,10 +303,16 @@ class WallContact:
     def hold(self, on: bool) -> bool:
         """Keep closed what was so at the start of the step, or let it open again (collective).
 
+        What the wall has left behind meanwhile is let go of.
+
         Returns:
             Whether there is anything to keep.
         """
-        self._held = (self._old.pressure > 0.0) & on
+        self._held = np.zeros(self.facets.count, dtype=bool)
+        if on:
+            u, modes = self._fields.u_old.x.array, self._fields.modes_old.value
+            gap = self._meet(self._where(u, modes)[1], self.facing(u, modes)[0])[1]
+            self._held = (self._old.pressure > 0.0) & (gap < REACH * self._height)
         return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
 
     def kink(self, base: Touch) -> float:

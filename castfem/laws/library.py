@@ -82,6 +82,8 @@ PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
     },
     "unified_steel": {},
 }
+_YOUNG = Parameter(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="20 GPa"))
+_POISSON = Parameter(Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"))
 _NUMBERS = {
     "carbon": Kind("1", least=0.0, most=2.11, label="carbon content in wt%", sample="0.1"),
     "threshold": Kind("1", least=0.0, most=1.0, label="share", sample="0.1"),
@@ -172,7 +174,7 @@ def load_law(
     Raises:
         InputError: With all problems found, one line each.
     """
-    data, label = _parse(name, Path(base_dir or "."))
+    data, label = _parse(name, Path(base_dir or "."), "law")
     return law_from(data, elasticity, label, carbon=carbon, delta_share=delta_share)
 
 
@@ -277,30 +279,56 @@ def load_elasticity(name: str = "elastic_steel", solidity: Solidity | None = Non
     Raises:
         InputError: With all problems found, one line each.
     """
-    data, label = _parse(name, Path("."))
+    data, label = _parse(name, Path("."), "young")
     reader = _Reader(data, label)
     reader.unknown(("description", "young", "poisson"))
-    young = reader.curve("young", Parameter(Kind("Pa", "GPa", above=0.0, label="Young's modulus")))
-    poisson = reader.curve("poisson", Parameter(Kind("1", least=0.0, most=0.499)))
+    young = reader.curve("young", _YOUNG)
+    poisson = reader.curve("poisson", _POISSON)
     if reader.problems:
         raise InputError(reader.problems)
     return Elasticity(young, poisson, solidity or Solidity())
 
 
-def _parse(name: str, base: Path) -> tuple[dict[str, Any], str]:
-    """Read the file of a set; how it is called in messages comes with it."""
-    if name.endswith(".toml") or "/" in name or os.sep in name:
-        path, label = base / name, str(base / name)
+def told_of(where: str, error: InputError) -> InputError:
+    """The problems of a parameter set, told as those of the key that names it."""
+    return InputError([f"{where}: {problem.removeprefix('law: ')}" for problem in error.problems])
+
+
+def _label(path: Path) -> str:
+    """Return how a file is called in messages: relative to the working folder, if it is there."""
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+def _parse(name: str, base: Path, holds: str) -> tuple[dict[str, Any], str]:
+    """Read the file of a set; how it is called in messages comes with it.
+
+    Args:
+        name: A shipped set or a path, relative to `base`.
+        base: Folder.
+        holds: Key that a shipped set has if it is of the kind asked for: "law" or "young".
+    """
+    own = name.endswith(".toml") or "/" in name or os.sep in name
+    if own:
+        path, label = base / name, _label(base / name)
     else:
         path, label = FOLDER / f"{name}.toml", f"law {name}"
+    shipped = {p.stem: p for p in sorted(FOLDER.glob("*.toml"))}
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig")), label
-    except FileNotFoundError:
-        names = sorted(p.stem for p in FOLDER.glob("*.toml"))
+        if own or name in shipped:
+            data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+            if own or holds in data:
+                return data, label
+        names = [n for n, p in shipped.items() if holds in tomllib.loads(p.read_text("utf-8"))]
         raise InputError(
-            f'law: "{name}" not found; one of {choices(names)}, or the path of a TOML file'
-            f"{nearest(name, names)}"
-        ) from None
+            f'law: "{name}" {"holds none" if name in shipped else "not found"}; '
+            f"one of {choices(names)}, or the path of a TOML file{nearest(name, names)}"
+        )
+    except FileNotFoundError:
+        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
+        raise InputError(f'law: "{label}" not found{near}') from None
     except OSError as error:
         raise InputError(f"{label}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:

@@ -1,7 +1,7 @@
 """What to look at in a run: where the shell is thin, hot, stressed, or off the mould.
 
-Everything is read off the columns of history.csv, with the mould's exit from the zones of the
-summary; what a run has no columns for is left out.
+It is read off the columns of history.csv, with the mould's exit from the zones of the summary, and
+off the fields where the surface is worse off than at the probes; what a run has not is left out.
 """
 
 from __future__ import annotations
@@ -13,7 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from castfem.output.fields import Fields
 from castfem.output.plot_history import curves, has_values, unit_of
+from castfem.output.plot_section import Steel
+from castfem.output.spots import hottest, thinnest
+from castfem.output.style import CELSIUS
 from castfem.output.summary import Summary
 
 if TYPE_CHECKING:
@@ -22,6 +26,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
+_THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
+_THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
 _REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
 
@@ -62,12 +68,15 @@ class Spell:
         return self.end - self.start
 
 
-def remarks(table: pandas.DataFrame, summary: Summary | None) -> list[Remark]:
+def remarks(
+    table: pandas.DataFrame, summary: Summary | None, fields: Fields | None = None
+) -> list[Remark]:
     """What is worth a look in a run.
 
     Args:
         table: Of `castfem.output.history.read_history`.
         summary: Its zones tell where the mould ends; None of a run that has not finished.
+        fields: Tell of weak spots between the probes.
     """
     if len(table) < 2 or not has_values(table, "position"):
         return []
@@ -75,6 +84,8 @@ def remarks(table: pandas.DataFrame, summary: Summary | None) -> list[Remark]:
     if (np.diff(position) < 0).any() or position[-1] <= position[0]:
         return []
     found = [*_contact(table, position), *_at_exit(table, position, summary)]
+    if fields is not None:
+        found += _between_probes(fields, position, summary, {r.what: r.value for r in found})
     return [*found, *_reheating(table, position), *_stress(table, position)]
 
 
@@ -118,7 +129,7 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         where += f"regained at {_mm(first.end)}" if first.regained else "not regained"
         if len(stretches) > 1:
             where += f"; {len(stretches)} times, longest {_mm(longest.start)} to {_mm(longest.end)}"
-        yield Remark(f"contact lost, {label}", float(np.nanmax(gap)), unit, where)
+        yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where)
     yield from _largest(table, position, "gap", "largest gap", least=OPEN)
     yield from _largest(table, position, "contact_pressure", "highest contact pressure")
 
@@ -135,11 +146,12 @@ def _largest(
     whole = f"{prefix}_max"
     probes = [(label, column) for label, _, column in curves(table, prefix)]
     columns = [whole] if has_values(table, whole) else [column for _, column in probes]
-    peaks = [(float(table[column].max()), column) for column in columns]
+    finite = {column: _finite(table[column].to_numpy()) for column in columns}
+    peaks = [(float(np.nanmax(v)), column) for column, v in finite.items() if not np.isnan(v).all()]
     if not peaks or max(peaks)[0] <= least:
         return
     value, column = max(peaks)
-    row = int(np.nanargmax(table[column].to_numpy()))
+    row = int(np.nanargmax(finite[column]))
     where = f"at {_at(float(position[row]), table)}"
     there = [(float(table[column].iloc[row]), label) for label, column in probes]
     there = [entry for entry in there if np.isfinite(entry[0])]
@@ -152,8 +164,8 @@ def _at_exit(table: pandas.DataFrame, position: Array, summary: Summary | None) 
     """The thinnest shell and the hottest place of the surface where the mould ends."""
     at, name = _exit(position, summary)
     for prefix, what, pick in (
-        ("shell", "thinnest shell", min),
-        ("surface_temperature", "hottest surface", max),
+        ("shell", _THINNEST, min),
+        ("surface_temperature", _HOTTEST, max),
     ):
         values = {
             label: (float(np.interp(at, position, table[column].to_numpy())), column)
@@ -164,6 +176,26 @@ def _at_exit(table: pandas.DataFrame, position: Array, summary: Summary | None) 
             label = pick(values, key=lambda label: values[label][0])
             value, column = values[label]
             yield Remark(what, value, unit_of(table, column), f"{label}, {name} at {_mm(at)}")
+
+
+def _between_probes(
+    fields: Fields, position: Array, summary: Summary | None, probes: dict[str, float]
+) -> Iterator[Remark]:
+    """Places of the surface at the exit that are worse off than every probe."""
+    at, name = _exit(position, summary)
+    steel = Steel.of(fields.attributes)
+    times = np.flatnonzero(np.isclose(fields.positions, at, rtol=1e-6, atol=0.0))
+    if "temperature" not in fields.names or "symmetry" not in fields.attributes or not len(times):
+        return  # a strip has sides, but no surface beside its probe
+    index = int(times[0])
+    thin = None if steel is None else thinnest(fields, steel.solidus, index)
+    if thin is not None and 1e3 * thin.value < (1 - _THINNER) * probes.get(_THINNEST, np.nan):
+        where = f"x = {1e3 * thin.x:.1f}, y = {1e3 * thin.y:.1f} mm, {name} at {_mm(at)}"
+        yield Remark("thinnest shell between the probes", 1e3 * thin.value, "mm", where)
+    hot = hottest(fields, index)
+    if hot.value - CELSIUS > probes.get(_HOTTEST, np.nan) + _HOTTER:
+        where = f"x = {1e3 * hot.x:.1f}, y = {1e3 * hot.y:.1f} mm, {name} at {_mm(at)}"
+        yield Remark("hottest spot between the probes", hot.value - CELSIUS, "°C", where)
 
 
 def _exit(position: Array, summary: Summary | None) -> tuple[float, str]:
@@ -192,6 +224,11 @@ def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     value, label, start, end = best
     where = f"{label}, from {_mm(position[start])} to {_mm(position[end])}"
     yield Remark("largest reheating of the surface", value, "K", where)
+
+
+def _finite(values: Array) -> Array:
+    """Values with NaN for what is infinite, as a gap where there is no wall."""
+    return np.where(np.isfinite(values), values, np.nan)
 
 
 def _mm(position: float) -> str:

@@ -168,6 +168,8 @@ def _draw_step(panel: Axes, table: pandas.DataFrame, course: Course, names: list
 
 def _draw_newton(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
     """Newton iterations of the temperature and of the mechanics."""
+    from matplotlib.ticker import MaxNLocator
+
     for name in names:
         mechanical = name.endswith("mechanics")
         colour = _MECHANICAL if mechanical else _THERMAL
@@ -180,7 +182,7 @@ def _draw_newton(panel: Axes, table: pandas.DataFrame, course: Course, names: li
                 course.abscissa, values, where="pre", color=colour, linewidth=1.0, label=label
             )
     panel.set_ylim(0, np.nanmax(table[names].to_numpy()) + 1)
-    panel.yaxis.get_major_locator().set_params(integer=True)
+    panel.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
     panel.set_ylabel("Newton\niterations [-]")
 
 

@@ -17,9 +17,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH = 7.2  # inches
-_ALL: dict[str, Any] = {"color": "#444444", "linestyle": ":", "linewidth": 1.5}  # over the whole section
+_ALL: dict[str, Any] = {
+    "color": "#444444",
+    "linestyle": ":",
+    "linewidth": 1.5,
+}  # over the whole section
 _LEFT, _RIGHT = "#0072b2", "#d55e00"
 _CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
+_HELD = 1e-6  # mm; a surface that moves by less is held, as that of a strip
 _NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver
 
 
@@ -48,6 +53,7 @@ def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
     others = [
         c for c in curves(table, "displacement") if c[2][len("displacement_") :] not in measured
     ]
+    others = [c for c in others if float(np.ptp(table[c[2]].dropna())) > _HELD]
     panels = [lines for lines in (sizes, others) if lines]
     if not panels:
         return None

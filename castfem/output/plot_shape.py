@@ -114,9 +114,10 @@ def stress_levels(largest: float) -> Array:
     """Round levels [MPa] from 0 to the first above the largest stress."""
     from matplotlib.ticker import MaxNLocator
 
-    ticks = MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, max(largest, 1e-6))
-    ticks = np.asarray(ticks)[np.asarray(ticks) >= 0.0]
-    return np.asarray(ticks[: np.searchsorted(ticks, largest * (1 - 1e-9)) + 1], dtype=np.float64)
+    locator = MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10])
+    ticks = np.asarray(locator.tick_values(0.0, max(largest, 1e-6)), dtype=np.float64)
+    ticks = ticks[ticks >= 0.0]
+    return ticks[: int(np.searchsorted(ticks, largest * (1 - 1e-9))) + 1]
 
 
 def _magnified(fields: Fields, index: int) -> tuple[Array, float, Outline]:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError, InputError
 from castfem.output.advice import remarks
+from castfem.output.fields import Fields
 from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import (
@@ -17,6 +18,7 @@ from castfem.output.summary import (
     from_si,
     unit_of_difference,
 )
+from castfem.output.xdmf import HDF5_NAME
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -142,8 +144,13 @@ def _print_summary(out: Console, summary: Summary) -> None:
 def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
     """What is worth a look."""
     try:
-        found = remarks(read_history(path / HISTORY_NAME), summary)
-    except InputError:  # no history; a damaged one is told of when the figures are drawn
+        table = read_history(path / HISTORY_NAME)
+        if (path / HDF5_NAME).is_file():
+            with Fields(path) as fields:
+                found = remarks(table, summary, fields)
+        else:
+            found = remarks(table, summary)
+    except InputError:  # no history; what is damaged is told of when the figures are drawn
         return
     if not found:
         return

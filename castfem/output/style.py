@@ -143,8 +143,8 @@ def _indexed(figure: Figure, maps: tuple[str, ...]) -> Image.Image:
     rest = (256 - len(greys) - len(fading)) // len(maps)
     shades = [matplotlib.colormaps[name](np.linspace(0.0, 1.0, rest))[:, :3] for name in maps]
     palette = Image.new("P", (1, 1))
-    colours = np.round(255 * np.vstack([greys, fading, *shades])).astype(int)
-    palette.putpalette(colours.ravel().tolist())
+    colours = np.round(255 * np.vstack([greys, fading, *shades])).astype(np.uint8)
+    palette.putpalette(colours.tobytes())
     whole = Image.open(buffer).convert("RGB")
     return whole.quantize(palette=palette, dither=Image.Dither.NONE)
 

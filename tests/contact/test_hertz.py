@@ -54,7 +54,7 @@ def against_hertz(state: ContactState, force: float) -> tuple[float, float, floa
     order = np.argsort(x)
     width = state.weight[state.pressure > 0].sum()
     # The peak from a parabola through the pressures near the middle: p^2 is linear in x^2.
-    inner = order[x[order] < 0.5 * half]
+    inner = order[: max(4, int((x < 0.5 * half).sum()))]
     fit = np.polyfit((x[inner] / half) ** 2, (state.pressure[inner] / peak) ** 2, 1)
     return float(error), float(np.sqrt(fit[1]) - 1), float(width / half - 1)
 

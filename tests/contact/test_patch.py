@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, elastic, mapped, skewed
+from mechanics.scenes import Array, SliceScene, elastic, mapped, skewed
 
 from castfem.contact.contact import Contact
 from castfem.contact.outcome import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mould import Contour, Reach, Straight
 from contact.scenes import LineWall
 
 METHODS = ("penalty", "nitsche")
@@ -66,13 +67,29 @@ def test_wall_presses_a_block(method: str, cell: str, kind: str) -> None:
     assert force[1] == pytest.approx(-support[1], rel=1e-8)
 
 
+class PiecedWall:
+    """The line y = 0 in segments that match nothing in the mesh."""
+
+    def __init__(self) -> None:
+        ends = np.array([-0.01, 0.0031, 0.0047, 0.0131, 0.0202, 0.0299, 0.05])
+        pairs = zip(ends[:-1], ends[1:], strict=True)
+        self.contour = Contour([Straight((float(a), 0.0), (float(b), 0.0)) for a, b in pairs])
+
+    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+        return self.contour.reach(points, normals)
+
+    def temperature(self, position: float) -> float:
+        return 400.0
+
+
 @pytest.mark.parametrize("large", [False, True])
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("method", METHODS)
-def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool) -> None:
+@pytest.mark.parametrize("pieces", [False, True])
+def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, pieces: bool) -> None:
     """A block is pressed against a wall below by a uniform pressure from above."""
     groups = ("left", "foot", "right", "top")
-    wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
+    wall = PiecedWall() if pieces else LineWall(lambda z: np.zeros(2), lambda z: np.pi)
     scene = SliceScene(
         mapped(3, 2, skewed(WIDTH, HEIGHT, 0.0), cell, groups=groups),
         elastic(YOUNG, POISSON),

@@ -125,18 +125,24 @@ def test_more_passes_come_to_one_answer() -> None:
     assert away[1] < 0.5 * away[0] and away[2] < 0.5 * away[0]
 
 
-# Interval of Figure 84: as long as it takes the surface to cool to half.
-LONG = ("coupling.interval=1 s", 'casting.length="240 mm"')
+# A hot body meets a cold one, and the intervals are long: Figure 84.
+SHOCK = (
+    "cooling.mould.surface.0.coefficient=10000 W/(m^2 K)",
+    'casting.length="240 mm"',
+    "coupling.interval=1 s",
+)
 
 
 def test_mechanics_first_expects_what_never_comes() -> None:
     """Thesis, Figure 84: the corner has cooled fast, so the mechanics expect it to go on so.
 
     In the first interval they know of no cooling (297); in the second they strain a corner that is
-    far colder than it ever gets, and the third has to warm it again.
+    500 K colder than it gets, and the third has to warm it again. Peak stress in MPa at 2 s: 65
+    where there are 45, 42 with the temperatures first.
     """
-    old = marched(billet("taper_1", *LONG, "coupling.order=mechanics_first"))
-    new = marched(billet("taper_1", *LONG))
+    old = marched(billet("idealised", *SHOCK, "coupling.order=mechanics_first"))
+    new = marched(billet("idealised", *SHOCK))
+    short = marched(billet("idealised", *SHOCK[:2], "coupling.interval=0.2 s"))
     first, second, third = old.states[1:4]
     assert first.mechanical is not None and second.mechanical is not None
     start = old.states[0].thermal.point.temperature
@@ -144,20 +150,14 @@ def test_mechanics_first_expects_what_never_comes() -> None:
     cooled = first.thermal.point.temperature - start
     assert np.allclose(second.mechanical.temperature, first.thermal.point.temperature + cooled)
     too_cold = second.thermal.point.temperature - second.mechanical.temperature
-    assert too_cold.max() > 100.0
+    assert too_cold.max() > 400.0
     assert third.mechanical is not None
-    assert (third.mechanical.temperature - second.mechanical.temperature).max() > 50.0
+    assert (third.mechanical.temperature - second.mechanical.temperature).max() > 300.0
     for state in new.states[1:]:
         assert state.mechanical is not None
         assert np.array_equal(state.mechanical.temperature, state.thermal.point.temperature)
-    # What was strained wrongly stays in the shell: against short intervals the old order is off
-    # by more than the new one.
-    short = marched(billet("taper_1", "coupling.interval=0.1 s", LONG[1]))
-    off = {
-        name: abs(kept.value("von_mises_max") - short.value("von_mises_max"))
-        for name, kept in (("old", old), ("new", new))
-    }
-    assert off["old"] > 2.0 * off["new"]
+    peaks = [strained(kept.readings[i]).peak for kept, i in ((old, 2), (new, 2), (short, 10))]
+    assert abs(peaks[0] - peaks[2]) > 5.0 * abs(peaks[1] - peaks[2])
 
 
 def test_mechanics_first_goes_on_from_a_checkpoint(tmp_path: Path) -> None:

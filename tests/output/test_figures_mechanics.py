@@ -1,21 +1,15 @@
-"""Figures of a strained strand, its slices in three dimensions, and what to look at in it."""
+"""Figures of a strained strand, over its section, along it, and in three dimensions."""
 
 from __future__ import annotations
-
-import io
-from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
-from rich.console import Console
 
-from castfem.output.advice import OPEN, Spell, remarks, spells
 from castfem.output.fields import Fields
 from castfem.output.figures import draw_figures
 from castfem.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
-from castfem.output.history import History, read_history
 from castfem.output.layout import components
 from castfem.output.plot_history import draw_steps, probes_with
 from castfem.output.plot_mechanics import draw_axial, draw_contact, draw_size, draw_stress
@@ -23,116 +17,13 @@ from castfem.output.plot_section import Steel
 from castfem.output.plot_shape import SOFT, draw_shape, draw_von_mises, stress_levels
 from castfem.output.plot_stack import Stack, View, draw_stack
 from castfem.output.shape import Outline, displacement, magnification, von_mises
-from castfem.output.show import show
 from castfem.output.style import Course
-from castfem.output.summary import Summary, Zone
 from castfem.output.xdmf import FieldWriter
 
-from .imagined import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, rows, summary, temperature
+from .imagined import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
+from .strained import moved_points, write_strained
 
 STEEL = Steel(SOLIDUS, LIQUIDUS)
-LOST, REGAINED = 0.12, 0.36  # m; where the corner leaves the wall, and comes back
-MECHANICS = [
-    ("newton_mechanics", "-"),
-    ("von_mises_max", "MPa"),
-    *((f"von_mises_{p}", "MPa") for p in ("mid_face", "corner")),
-    *((f"displacement_{p}", "mm") for p in ("mid_face", "corner")),
-    *((f"size_{p}", "mm") for p in ("mid_face", "corner")),
-    ("axial_strain", "-"),
-    ("axial_force", "kN"),
-    ("force_error", "-"),
-    *((f"gap_{p}", "mm") for p in ("mid_face", "corner")),
-    ("gap_max", "mm"),
-    *((f"contact_pressure_{p}", "MPa") for p in ("mid_face", "corner")),
-    ("contact_pressure_max", "MPa"),
-    ("penetration", "um"),
-    ("contact_share", "-"),
-    ("friction_force", "kN"),
-]
-
-
-def strained(row: dict[str, float]) -> dict[str, float]:
-    """A row of the history with what a strand in a mould adds to it."""
-    z = row["position"]
-    reach = 5.0 * min(z - LOST, REGAINED - z)
-    gap = max(0.0, reach)
-    return row | {
-        "newton_mechanics": 3.0,
-        "von_mises_max": 20.0 * z,
-        "von_mises_mid_face": 6.0 * z,
-        "von_mises_corner": 18.0 * z,
-        "displacement_mid_face": 0.3 * z,
-        "displacement_corner": -0.4 * z,
-        "size_mid_face": 125.0 + 0.6 * z,
-        "size_corner": 172.6 - 0.8 * z,
-        "axial_strain": -5e-3 * z,
-        "axial_force": 1e-12,
-        "force_error": 1e-10 * z,
-        "gap_mid_face": 0.0,
-        "gap_corner": reach,
-        "gap_max": 1.1 * gap,
-        "contact_pressure_mid_face": 0.1 * z,
-        "contact_pressure_corner": 0.0 if gap else 0.2 * z,
-        "contact_pressure_max": 0.1 * z if gap else 0.2 * z,
-        "penetration": 0.01,
-        "contact_share": 0.8 if gap else 1.0,
-        "friction_force": 0.0,
-    }
-
-
-def moved_points(points: np.ndarray, time: float) -> np.ndarray:
-    """Displacement (n, 2) [m]: 0.3 mm outwards at the right, 0.6 mm inwards at the top, at 10 s."""
-    return time / 10.0 * np.column_stack([3e-4 * points[:, 0], -6e-4 * points[:, 1]]) / HALF
-
-
-def write_strained(
-    path: Path,
-    *,
-    cell: str = "quadrilateral",
-    order: int = 1,
-    part: str = "quarter",
-    tensor: bool = False,
-    last: float = 10.0,
-) -> Path:
-    """Writes a run with mechanics and a mould; its stress is uniform, 2 MPa after 10 s."""
-    points, cells = rectangle(12, 12, HALF, HALF, cell, order, power=1.7)
-    if part == "whole":
-        points = points - 0.5 * HALF
-    if part == "half":
-        points = points - [0.0, 0.5 * HALF]
-    facts = {"solidus": SOLIDUS, "liquidus": LIQUIDUS, "symmetry": part}
-    with OutputFolder(path) as folder:
-        folder.begin("title = 'x'\n")
-        with (
-            History(folder / "history.csv", [*COLUMNS, *MECHANICS]) as history,
-            FieldWriter(path, points, cells, cell, order, attributes=facts) as fields,
-        ):
-            for row in rows(30):
-                history.append(strained(row))
-            for time in np.linspace(0.0, last, 6):
-                stress = np.zeros((len(points), 4))
-                stress[:, 2] = -2e5 * time
-                found = {
-                    "temperature": temperature(np.abs(points) * (1 + (part == "whole")), time),
-                    "displacement": moved_points(points, time),
-                    "stress" if tensor else "von_mises": stress if tensor else -stress[:, 2],
-                }
-                fields.write(time, 0.06 * time, found)
-        folder.write_summary(summary())
-        folder.finish(wall_time={"march": 1.0})
-    return path
-
-
-@pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A run with mechanics; not to be changed."""
-    return write_strained(tmp_path_factory.mktemp("strained"))
-
-
-@pytest.fixture
-def table(run):
-    """Its history."""
-    return read_history(run / "history.csv")
 
 
 @pytest.fixture
@@ -188,9 +79,9 @@ def test_displacements_are_magnified_by_a_round_factor(largest, factor):
     assert magnification(moved, np.array([[0.0, 0.0, 0.0], [0.0625, 0.0625, 0.0]])) == factor
 
 
-def test_von_mises_stress_is_read_or_taken_from_the_tensor(tmp_path, run):
+def test_von_mises_stress_is_read_or_taken_from_the_tensor(tmp_path, strained_run):
     write_strained(tmp_path, tensor=True)
-    with Fields(tmp_path) as tensor, Fields(run) as scalar:
+    with Fields(tmp_path) as tensor, Fields(strained_run) as scalar:
         assert np.allclose(von_mises(tensor), 2e6)
         assert np.allclose(von_mises(scalar), 2e6)
         assert components(np.ones((3, 4)), 3, "stress").shape == (3, 9)
@@ -245,10 +136,24 @@ def test_what_is_soft_is_grey_and_stress_there_leaves_the_scale_alone(tmp_path):
         assert figure is not None
         bar = next(a for a in figure.axes[0].child_axes if "MPa" in a.get_ylabel())
         assert bar.get_ylim() == pytest.approx((0.0, 3.0))
-        figure.canvas.draw()
-        image = np.asarray(figure.canvas.buffer_rgba())[..., :3] / 255.0
-        x, y = figure.axes[0].transData.transform((10.0, 10.0))
-        assert np.allclose(image[len(image) - int(y), int(x)], to_rgb(SOFT[1]), atol=0.01)
+        assert np.allclose(colour_at(figure, 10.0, 10.0), to_rgb(SOFT[1]), atol=0.01)
+
+
+def colour_at(figure, x: float, y: float) -> np.ndarray:
+    """What is drawn at a place [mm] of the section."""
+    figure.canvas.draw()
+    image = np.asarray(figure.canvas.buffer_rgba())[..., :3] / 255.0
+    column, line = figure.axes[0].transData.transform((x, y))
+    return image[len(image) - int(line), int(column)]
+
+
+def test_the_largest_stress_of_all_is_drawn_at_the_end_of_the_scale(strained_run):
+    with Fields(strained_run) as fields:  # 2 MPa everywhere, the scale ends there
+        figure = draw_von_mises(fields, STEEL)
+        assert figure is not None
+        red, green, blue = colour_at(figure, 62.0, 10.0)
+        assert min(red, green) > 0.85
+        assert blue < 0.3
 
 
 def test_history_figures_say_what_they_draw(table, course):
@@ -316,8 +221,8 @@ def test_the_stack_shows_outside_and_core_in_temperature_and_stress(tmp_path, pa
         assert ticks[:3] == ["0", "100", "200"]
 
 
-def test_rows_of_the_stack_lie_straight_between_its_slices(run):
-    with Fields(run) as fields:
+def test_rows_of_the_stack_lie_straight_between_its_slices(strained_run):
+    with Fields(strained_run) as fields:
         stack = Stack.of(fields, STEEL)
         assert stack is not None
         assert stack.factor == 2.0
@@ -336,8 +241,8 @@ def test_rows_of_the_stack_lie_straight_between_its_slices(run):
         assert stack.strongest == pytest.approx(2e6)
 
 
-def test_only_walls_that_face_the_eye_are_drawn(run):
-    with Fields(run) as fields:
+def test_only_walls_that_face_the_eye_are_drawn(strained_run):
+    with Fields(strained_run) as fields:
         stack = Stack.of(fields, STEEL)
         assert stack is not None
         outside, inside = View.of(stack, 50.0), View.of(stack, 230.0)
@@ -367,78 +272,3 @@ def test_a_strip_and_a_slice_that_stands_still_are_no_strand(tmp_path):
             assert draw_stack(fields, STEEL) is None
             assert draw_von_mises(fields, STEEL) is not None
             assert (draw_shape(fields, STEEL) is None) == (name == "strip")
-
-
-def test_spells_without_contact_are_found_between_the_rows():
-    z = np.linspace(0.0, 1.0, 11)
-    gap = np.array([0, 0, 2e-3, 5e-3, 0, 0, 0, 4e-3, np.nan, 5e-3, 6e-3])
-    first, second = spells(gap, z, OPEN)
-    assert first == Spell(pytest.approx(0.15), pytest.approx(0.38), True)
-    assert second == Spell(pytest.approx(0.625), 1.0, False)
-    assert spells(np.full(11, 0.5), z, OPEN) == []  # never in contact
-    assert spells(np.zeros(11), z, OPEN) == []
-    (late,) = spells(np.r_[1.0, 1.0, np.zeros(8), 1.0], z, OPEN)
-    assert (late.start, late.regained) == (pytest.approx(0.9001), False)
-
-
-def of(found, what):
-    """The remark on something."""
-    (remark,) = [remark for remark in found if remark.what == what]
-    return remark
-
-
-def test_remarks_name_what_is_worth_a_look(table):
-    found = remarks(table, summary())
-    lost = of(found, "contact lost, corner")
-    assert "lost at 120 mm, t = 2 s, regained at 360 mm" in lost.where
-    assert lost.value == table["gap_corner"].max()
-    assert not [r for r in found if r.what == "contact lost, mid-face"]
-    assert of(found, "largest gap").value == table["gap_max"].max()
-    pressure = of(found, "highest contact pressure")
-    assert pressure.value == pytest.approx(0.12)
-    assert pressure.where == "at 600 mm, t = 10 s; of the probes corner, 0.12"
-    thinnest = of(found, "thinnest shell")
-    assert thinnest.value == pytest.approx(table["shell_mid_face"].iloc[-1])
-    assert thinnest.where == "mid-face, mould exit at 600 mm"
-    hottest = of(found, "hottest surface")
-    assert (hottest.value, hottest.unit) == (
-        pytest.approx(table["surface_temperature_mid_face"].iloc[-1]),
-        "°C",
-    )
-    assert of(found, "largest von Mises stress").value == pytest.approx(12.0)
-
-
-def test_the_mould_ends_where_its_zone_does_and_reheating_is_named(table):
-    zones = (Zone("mould", 0.0, 0.3), Zone("spray", 0.3, 2.0))
-    units = table.attrs["units"]
-    late = table["position"] > 0.4
-    table.loc[late, "surface_temperature_corner"] += 100.0
-    table.attrs["units"] = units
-    found = remarks(table, Summary("x", "finished", zones=zones))
-    assert of(found, "thinnest shell").where.endswith("mould exit at 300 mm")
-    z, shell = table["position"], table["shell_mid_face"]
-    assert of(found, "thinnest shell").value == pytest.approx(np.interp(0.3, z, shell))
-    reheated = of(found, "largest reheating of the surface")
-    assert reheated.unit == "K"
-    assert 50.0 < reheated.value < 100.0
-    assert reheated.where.startswith("corner, from ")
-    found = remarks(table, Summary("x", "finished", zones=(Zone("mould", 0.0, 0.8),)))
-    assert of(found, "thinnest shell").where.endswith("end of the run at 600 mm")
-
-
-def test_remarks_need_a_way_downwards(table):
-    units = table.attrs["units"]
-    still = table.assign(position=0.0)
-    still.attrs["units"] = units
-    assert remarks(still, None) == []
-    assert remarks(table.iloc[:1], None) == []
-
-
-def test_show_prints_what_to_look_at_on_whole_lines(run):
-    stream = io.StringIO()
-    show(run, Console(file=stream, width=60), figures=False)
-    text = stream.getvalue()
-    assert "What to look at\n" in text
-    (line,) = [line for line in text.splitlines() if line.startswith("contact lost, corner")]
-    assert "0.5" in line
-    assert " mm  lost at 120 mm, t = 2 s, regained at 360 mm" in line

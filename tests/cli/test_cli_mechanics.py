@@ -1,0 +1,44 @@
+"""`castfem check` and `castfem run` on the mechanical tables of a case: messages in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+ALL_LAWS = "one of kozlowski_zhu, norton_hoff_kozlowski, norton_hoff_kozlowski_p1, weiner_boley"
+
+
+@pytest.mark.parametrize(
+    ("assignment", "said"),
+    [
+        ("mechanics.law=norton_hof", 'mechanics.law: "norton_hof" not found; ' + ALL_LAWS),
+        ("mechanics.law=elastic_steel", 'mechanics.law: "elastic_steel" holds none; ' + ALL_LAWS),
+        ("mechanics.law=./soft.toml", 'mechanics.law: "soft.toml" not found; did you mean'),
+        ("mechanics.law=./sift.toml", "sift.toml: law: is missing; one of thermo_elastic"),
+        ("mechanics.elasticity=elastic", 'mechanics.elasticity: "elastic" not found; one of'),
+        ("mechanics.elasticity=./sift.toml", "sift.toml: young: is missing; the Young's modulus"),
+    ],
+)
+def test_law_of_the_slice_is_tried(castfem, assignment: str, said: str) -> None:
+    Path("sift.toml").write_text("poisson = 0.3\n", encoding="utf-8")
+    for command in ("check", "run"):
+        outcome = castfem(command, "billet125/idealised", "--set", assignment)
+        assert outcome.status == 1
+        assert said in outcome.err
+        assert outcome.err.count("\n") == 1
+        assert outcome.err.startswith("castfem: --set: mechanics.")
+    assert not Path("results").exists()
+
+
+def test_both_sets_are_told_at_once(castfem) -> None:
+    words = ("--set", "mechanics.law=none", "--set", "mechanics.elasticity=none")
+    outcome = castfem("check", "billet125/idealised", *words)
+    assert 'mechanics.law: "none"' in outcome.err
+    assert 'mechanics.elasticity: "none"' in outcome.err
+
+
+def test_check_tells_the_mechanics(castfem) -> None:
+    assert "mechanics: norton_hoff_kozlowski, free" in castfem("check", "billet125/idealised").out
+    assert ", in a rigid mould" in castfem("check", "billet125/taper_1").out
+    assert "mechanics" not in castfem("check", "billet125/thermal").out

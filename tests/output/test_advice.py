@@ -1,0 +1,144 @@
+"""What to look at in a run: contact lost, thin shells, hot spots."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from castfem.output.advice import OPEN, Spell, remarks, spells
+from castfem.output.fields import Fields
+from castfem.output.show import show
+from castfem.output.spots import hottest, thinnest
+from castfem.output.summary import Summary, Zone
+from castfem.output.xdmf import FieldWriter
+
+from .imagined import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
+
+
+def test_spells_without_contact_are_found_between_the_rows():
+    z = np.linspace(0.0, 1.0, 11)
+    gap = np.array([0, 0, 2e-3, 5e-3, 0, 0, 0, 4e-3, np.nan, 5e-3, 6e-3])
+    first, second = spells(gap, z, OPEN)
+    assert first == Spell(pytest.approx(0.15), pytest.approx(0.38), True)
+    assert second == Spell(pytest.approx(0.625), 1.0, False)
+    assert spells(np.full(11, 0.5), z, OPEN) == []  # never in contact
+    assert spells(np.zeros(11), z, OPEN) == []
+    (late,) = spells(np.r_[1.0, 1.0, np.zeros(8), 1.0], z, OPEN)
+    assert (late.start, late.regained) == (pytest.approx(0.9001), False)
+
+
+def of(found, what):
+    """The remark on something."""
+    (remark,) = [remark for remark in found if remark.what == what]
+    return remark
+
+
+def test_remarks_name_what_is_worth_a_look(table):
+    found = remarks(table, summary())
+    lost = of(found, "contact lost, corner")
+    assert "lost at 120 mm, t = 2 s, regained at 360 mm" in lost.where
+    assert lost.value == table["gap_corner"].max()
+    assert not [r for r in found if r.what == "contact lost, mid-face"]
+    assert of(found, "largest gap").value == table["gap_max"].max()
+    pressure = of(found, "highest contact pressure")
+    assert pressure.value == pytest.approx(0.12)
+    assert pressure.where == "at 600 mm, t = 10 s; of the probes corner, 0.12"
+    thinnest = of(found, "thinnest shell")
+    assert thinnest.value == pytest.approx(table["shell_mid_face"].iloc[-1])
+    assert thinnest.where == "mid-face, mould exit at 600 mm"
+    hottest = of(found, "hottest surface")
+    assert (hottest.value, hottest.unit) == (
+        pytest.approx(table["surface_temperature_mid_face"].iloc[-1]),
+        "°C",
+    )
+    assert of(found, "largest von Mises stress").value == pytest.approx(12.0)
+
+
+def test_the_mould_ends_where_its_zone_does_and_reheating_is_named(table):
+    zones = (Zone("mould", 0.0, 0.3), Zone("spray", 0.3, 2.0))
+    units = table.attrs["units"]
+    late = table["position"] > 0.4
+    table.loc[late, "surface_temperature_corner"] += 100.0
+    table.attrs["units"] = units
+    found = remarks(table, Summary("x", "finished", zones=zones))
+    assert of(found, "thinnest shell").where.endswith("mould exit at 300 mm")
+    z, shell = table["position"], table["shell_mid_face"]
+    assert of(found, "thinnest shell").value == pytest.approx(np.interp(0.3, z, shell))
+    reheated = of(found, "largest reheating of the surface")
+    assert reheated.unit == "K"
+    assert 50.0 < reheated.value < 100.0
+    assert reheated.where.startswith("corner, from ")
+    found = remarks(table, Summary("x", "finished", zones=(Zone("mould", 0.0, 0.8),)))
+    assert of(found, "thinnest shell").where.endswith("end of the run at 600 mm")
+
+
+def test_a_gap_without_a_wall_is_no_gap(table):
+    units = table.attrs["units"]
+    beyond = table["position"] > 0.5
+    for name in ("gap_corner", "gap_max"):
+        table.loc[beyond, name] = np.inf
+    table.attrs["units"] = units
+    found = remarks(table, summary())
+    assert of(found, "largest gap").value == table["gap_max"][~beyond].max()
+    assert "regained at 360 mm" in of(found, "contact lost, corner").where
+
+
+def test_remarks_need_a_way_downwards(table):
+    units = table.attrs["units"]
+    still = table.assign(position=0.0)
+    still.attrs["units"] = units
+    assert remarks(still, None) == []
+    assert remarks(table.iloc[:1], None) == []
+
+
+@pytest.mark.parametrize(("cell", "order"), [("quadrilateral", 1), ("triangle", 2)])
+def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, cell, order):
+    points, cells = rectangle(16, 16, HALF, HALF, cell, order, power=1.7)
+    depth = HALF - points.max(axis=1)
+    even = 1600.0 + 2e4 * depth  # the solidus lies 6.2575 mm deep everywhere
+    spot = np.array([0.0467, HALF])
+    near = np.exp(-(np.linalg.norm(points - spot, axis=1) ** 2) / (2 * 4e-3**2))
+    facts = {"solidus": SOLIDUS, "liquidus": LIQUIDUS, "symmetry": "quarter"}
+    with FieldWriter(tmp_path, points, cells, cell, order, attributes=facts) as writer:
+        for time, kelvin in ((0.0, even + 300.0), (5.0, even), (10.0, even + 60.0 * near)):
+            writer.write(time, 0.06 * time, {"temperature": kelvin})
+    with Fields(tmp_path) as fields:
+        assert thinnest(fields, SOLIDUS, 0).value == 0.0
+        assert thinnest(fields, 4000.0, 0) is None
+        assert thinnest(fields, SOLIDUS, 1).value == pytest.approx(6.2575e-3, rel=1e-3)
+        assert hottest(fields, 1).value == pytest.approx(1600.0)
+        hot, thin = hottest(fields, 2), thinnest(fields, SOLIDUS, 2)
+        for found in (hot, thin):
+            assert (found.x, found.y) == (pytest.approx(spot[0], abs=2e-3), HALF)
+        assert 1645.0 < hot.value <= 1660.001
+        z = depth_of_level(lambda s: 1600.0 + 2e4 * s + 60.0 * np.exp(-(s**2) / (2 * 4e-3**2)))
+        assert thin.value == pytest.approx(z, rel=0.05)
+        table["shell_mid_face"] = table["shell_corner"] = 6.2575
+        for name in ("mid_face", "corner"):
+            table[f"surface_temperature_{name}"] = 1326.85
+        remark = of(remarks(table, summary(), fields), "thinnest shell between the probes")
+        assert remark.value == pytest.approx(1e3 * thin.value)
+        assert remark.where.endswith(" y = 62.5 mm, mould exit at 600 mm")
+        remark = of(remarks(table, summary(), fields), "hottest spot between the probes")
+        assert remark.value == pytest.approx(hot.value - 273.15)
+        later = Summary("x", "finished", zones=(Zone("mould", 0.0, 0.45),))
+        assert not [r for r in remarks(table, later, fields) if "between" in r.what]
+
+
+def depth_of_level(kelvin):
+    """Where a temperature that grows with depth passes the solidus [m]."""
+    s = np.linspace(0.0, 0.02, 20001)
+    return float(s[np.flatnonzero(kelvin(s) >= SOLIDUS)[0]])
+
+
+def test_show_prints_what_to_look_at_on_whole_lines(strained_run):
+    stream = io.StringIO()
+    show(strained_run, Console(file=stream, width=60), figures=False)
+    text = stream.getvalue()
+    assert "What to look at\n" in text
+    (line,) = [line for line in text.splitlines() if line.startswith("contact lost, corner")]
+    assert "0.5" in line
+    assert " mm  lost at 120 mm, t = 2 s, regained at 360 mm" in line
