@@ -218,7 +218,7 @@ def main(output: Output, quick: bool = False) -> None:
     rows: list[dict[str, Any]] = []
     for corner, reference in references.items():
         for settings in sweep(corner, quick):
-            result = run(settings, repeats=1 if quick else 5)
+            result = run(settings, repeats=1 if quick else 3)
             rows.append(row_of(result, reference))
         done = [r for r in rows if r["variant"] == corner]
         print(f"accuracy, {corner}: {len(done)} runs")

@@ -35,14 +35,6 @@ INSTANTS = np.arange(1, round(END / EVERY) + 1) * EVERY
 LATE = INSTANTS >= 0.5 * END - 1e-9
 """The instants errors are judged at: the second half of the mould."""
 
-# A Krylov solver is much faster than LU on the fine meshes of the references.
-KRYLOV = {
-    "ksp_type": "bcgs",
-    "ksp_rtol": 1e-8,
-    "pc_type": "ilu",
-    "pc_factor_mat_ordering_type": "natural",
-}
-
 
 @dataclass(frozen=True, slots=True)
 class Settings:

@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.accuracy import default_settings
-from benchmarks.billet import CASE, KRYLOV, LENGTHS, Settings
+from benchmarks.billet import CASE, LENGTHS, Settings
 from benchmarks.report import Output, table
 from castfem.case import from_document, load_case
 from castfem.march import March
@@ -74,11 +74,7 @@ def main(output: Output, quick: bool = False) -> None:
     """Compare core sizes with a fine mesh; table and CSV."""
     base = default_settings()
     core = 2.0 if quick else 1.0
-    fine = march(
-        replace(
-            base, face_size=core, core_size=core, tolerance=1.0, surface_depth=8.0, solver=KRYLOV
-        )
-    )
+    fine = march(replace(base, face_size=core, core_size=core, tolerance=1.0, surface_depth=8.0))
     rows = []
     for size in (8.0,) if quick else CORES:
         found = march(replace(base, face_size=size, core_size=size))

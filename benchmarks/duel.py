@@ -186,7 +186,7 @@ def main(output: Output, quick: bool = False) -> None:
         print(f"opponent: {error.name} is missing; pip install 'castfem[benchmark]'")
         return
     rows: list[dict[str, Any]] = []
-    repeats = 1 if quick else 4
+    repeats = 1 if quick else 3
     for corner, reference in load().items():
         for size in SIZES[: 2 if quick else None]:
             settings = grid(corner, size)

@@ -23,7 +23,6 @@ import numpy.typing as npt
 
 from benchmarks.billet import (
     INSTANTS,
-    KRYLOV,
     LATE,
     RADIUS,
     Result,
@@ -96,7 +95,6 @@ def families(corner: str, factors: Array = HALVINGS) -> list[Family]:
         surface_depth=14.0,
         core_depth=40.0,
         step=STEP,
-        solver=KRYLOV,
     )
     fewer = factors[: max(len(factors) - 1, 2)]
     if corner == "sharp":

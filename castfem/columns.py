@@ -99,7 +99,8 @@ def _mechanical_cells(reading: MechanicalReading) -> dict[str, float]:
             "gap_max": 1e3 * contact.gap,
             "contact_pressure_max": 1e-6 * contact.pressure,
             "penetration": 1e6 * contact.penetration,
-            "contact_share": contact.share,
+            # At the meniscus nothing has been pressed against anything yet.
+            "contact_share": contact.share if balance is not None else np.nan,
             "friction_force": 1e-3 * contact.axial,
         }
     return cells

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+from mpi4py import MPI
+
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
 COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
 
 
@@ -130,6 +133,7 @@ class Interval:
     Attributes:
         converged: Whether both sides succeeded. state: The new state, or the old one.
         leg: The thermal steps. mechanical: The mechanical step. passes: Through the interval.
+        settled: Whether the gap has settled, if it was to.
     """
 
     converged: bool
@@ -137,6 +141,7 @@ class Interval:
     leg: Leg
     mechanical: MechanicalResult
     passes: int
+    settled: bool = True
 
     def before(self, after: Interval) -> Interval:
         """The same interval repeated: `after`, with the work of both counted."""
@@ -148,6 +153,39 @@ class Interval:
     def newton(self) -> int:
         """Newton iterations of the mechanics."""
         return self.mechanical.newton
+
+
+def difference(one: Array, other: Array) -> Array:
+    """One gap less another; 0 where both are without a wall."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(one - other, nan=0.0)
+
+
+class Relaxation:
+    """Aitken's dynamic relaxation of a field that is looked for by repetition.
+
+    Kuettler and Wall, Comput. Mech. 43 (2008) 61, (44).
+
+    Args:
+        comm: Ranks that have the field.
+    """
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self._comm, self._factor = comm, 1.0
+        self._before: Array | None = None
+
+    def __call__(self, tried: Array, found: Array) -> Array:
+        """What to try next, after `found` has come of `tried` (collective)."""
+        reached = np.isfinite(tried) & np.isfinite(found)
+        residual = np.where(reached, difference(found, tried), 0.0)
+        if self._before is not None:
+            change = residual - self._before
+            sums = [float(self._before @ change), float(change @ change)]
+            along, size = reductions.totals(self._comm, sums)
+            if size > 0.0:
+                self._factor = float(np.clip(-self._factor * along / size, *FACTORS))
+        self._before = residual
+        return np.where(reached, tried + self._factor * residual, found)
 
 
 class Coupler:
@@ -192,18 +230,19 @@ class Coupler:
         if self.dissipation:
             self.thermal.stepper.problem.set_source(old.heating)
         begun = gap = self.gap_of(old.mechanical)
-        learnt, tried = self.thermal.control.step, 1
+        learnt, relaxed = self.thermal.control.step, Relaxation(self.mechanics.comm)
         taken = self._pass(old, end, gap)
-        while taken.converged and tried < self.passes and begun is not None:
+        while taken.converged and self.passes > 1 and begun is not None:
             assert gap is not None and taken.state.mechanical is not None
-            ended = self.gap_of(taken.state.mechanical)
-            mean = 0.5 * (begun + ended)
+            mean = 0.5 * (begun + self.gap_of(taken.state.mechanical))
             if self._change(mean, gap) <= self.settled:
                 break
+            if taken.passes == self.passes:
+                taken = replace(taken, settled=False)
+                break
             self.thermal.control.step = learnt
-            gap, before = mean, taken
-            taken = before.before(self._pass(old, end, gap))
-            tried += 1
+            gap = relaxed(gap, mean)
+            taken = taken.before(self._pass(old, end, gap))
         if not taken.converged:
             self.thermal.control.step = learnt
         return taken
@@ -223,7 +262,7 @@ class Coupler:
         if not result.converged:
             return Interval(False, old, leg, result, 1)
         duration = end - old.time
-        trend = np.zeros(0)
+        trend: Array = np.zeros(0)
         if first is not None:
             cooled = leg.state.point.temperature - old.thermal.point.temperature
             trend = cooled / duration
@@ -248,9 +287,7 @@ class Coupler:
 
     def _change(self, one: Array, other: Array) -> float:
         """Largest difference of two gaps; both without a wall are no difference."""
-        with np.errstate(invalid="ignore"):
-            change = np.nan_to_num(np.abs(one - other), nan=0.0)
-        return reductions.largest(self.mechanics.comm, change)
+        return reductions.largest(self.mechanics.comm, np.abs(difference(one, other)))
 
     def _heating(self, result: MechanicalResult, duration: float) -> Array:
         """Heat of the viscoplastic work of a step, spread over its duration (owned,), W/m3."""

@@ -47,6 +47,8 @@ def _steps(march: March) -> dict[str, float]:
             "intervals cut back": counts.cut_back,
             "Newton iterations, mechanics": scene.mechanics.problem.iterations,
         }
+        if scene.case.coupling.passes > 1:
+            found["intervals not settled"] = counts.unsettled
     return {name: float(count) for name, count in found.items()}
 
 

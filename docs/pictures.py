@@ -19,7 +19,7 @@ from castfem.output.figures import draw_figures
 
 HERE = Path(__file__).parent
 WIDTH, COLOURS = 900, 96  # pixels in all, and a palette that keeps the file small
-PAIR = ("temperature", "shell")
+PAIR = ("temperature", "von_mises")
 
 
 # The tapers the thesis reads off its idealised billet, (302) and (303).
@@ -36,7 +36,7 @@ MOULD = {
 
 
 def billet() -> None:
-    """Put the temperature at the mould's exit and the growth of the shell side by side."""
+    """Put the temperature and the stress of the shell at the mould's exit side by side."""
     case = load_case(HERE.parent / "cases" / "billet125" / "idealised.toml")
     with tempfile.TemporaryDirectory() as folder:
         march.run(case, folder)

@@ -223,8 +223,10 @@ class WallContact:
             pressure = forms.nitsche_pressure(self.stiffness, near, stress)
         else:
             pressure = forms.penalty_pressure(self.stiffness, near)
-        pressure = np.where(self._held, -stress - self.stiffness * near, pressure)
-        closed = (pressure > 0.0) | self._held
+        drawn = -stress - self.stiffness * near
+        pressure = np.where(self._held, drawn, pressure)
+        # What just touches holds, too: a block laid on a wall would have no support at first.
+        closed = (drawn >= 0.0) | self._held
         seen: Array = np.zeros((self.facets.count, WIDTH))
         seen[:, NORMAL], seen[:, STIFFNESS] = n, self.stiffness * closed
         if self._stress is not None:

@@ -130,7 +130,8 @@ class ThermalProblem:
         chosen = {**default_options(section.comm.size), **(options or {})}
         self.solver = self._make_solver("thermal_", chosen)
         self._direct: SnesSolver | None = None
-        self.iterations = self.stages = 0
+        self.iterations: int = 0
+        self.stages: int = 0
         self._base, self._tau, self._time = np.zeros_like(self.area), 1.0, 0.0
         self._source, self.heated = np.zeros_like(self.area), False
         self.set_cooling(Cooling([], []))

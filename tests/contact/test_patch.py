@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,7 @@ class PiecedWall:
 
     def __init__(self) -> None:
         ends = np.array([-0.01, 0.0031, 0.0047, 0.0131, 0.0202, 0.0299, 0.05])
-        pairs = zip(ends[:-1], ends[1:], strict=True)
+        pairs = pairwise(ends)
         self.contour = Contour([Straight((float(a), 0.0), (float(b), 0.0)) for a, b in pairs])
 
     def reach(self, points: Array, normals: Array, position: float) -> Reach:
