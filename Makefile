@@ -9,11 +9,13 @@ BIN := $(HOME_OF_ENV)/bin
 NP ?= 1
 CASE := cases/billet125/idealised.toml
 OUT := results/billet125/idealised
+MOULDS := idealised taper_3 taper_1 taper_0 taper_minus_1 taper_minus_3
 
-.PHONY: help env billet test lint benchmark clean-env clean
+.PHONY: help env billet billets test lint benchmark clean-env clean
 
 help:
 	@echo "make billet      the 125 mm billet in an idealised mould; results in $(OUT)"
+	@echo "make billets     it in the six moulds of the thesis, and their comparison"
 	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest)"
 	@echo "make lint        ruff and mypy alone"
 	@echo "make benchmark   error against run time; tables and figures in docs/"
@@ -27,6 +29,13 @@ env:
 billet: env
 	$(if $(filter-out 1,$(NP)),$(BIN)/mpirun -n $(NP) castfem,$(BIN)/castfem) run $(CASE) -o $(OUT)
 	@echo "results: $(OUT)/ (summary.json, history.csv, figures/, fields.xdmf for ParaView)"
+
+billets: env
+	for mould in $(MOULDS); do \
+	  $(if $(filter-out 1,$(NP)),$(BIN)/mpirun -n $(NP) castfem,$(BIN)/castfem) run \
+	    cases/billet125/$$mould.toml -o results/billet125/$$mould || exit; \
+	done
+	$(BIN)/castfem compare $(addprefix results/billet125/,$(MOULDS)) -o results/billet125/compare
 
 test:
 	@tools/env.sh ruff

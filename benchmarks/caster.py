@@ -59,7 +59,7 @@ def march(settings: Settings) -> dict[str, Any]:
         scene.destroy()
     return {
         "vertices": vertices,
-        "steps": run.steps,
+        "steps": run.counts.steps,
         "closed_m": closed if closed is not None else float("nan"),
         **{
             name: np.array([s[f"{name}"].value for s in there])

@@ -183,7 +183,7 @@ def tag_of(model: type[TableModel]) -> str | None:
     """Return the law or shape a model of a union stands for, None for other models."""
     for key in ("law", "shape"):
         field = model.model_fields.get(key)
-        if field is not None:
+        if field is not None and typing.get_origin(field.annotation) is typing.Literal:
             return str(typing.get_args(field.annotation)[0])
     return None
 

@@ -36,7 +36,7 @@ from castfem.case.problems import submodels
 from castfem.case.section import BeamBlank, Mesh, Rectangle, Round, Strip, outer_groups
 from castfem.case.table import Curve
 from castfem.case.taper import TaperMark
-from castfem.case.tensile import Segment, Tensile
+from castfem.case.tensile import Segment, Tensile, TensileOutput
 from castfem.case.thermal import Adaptive, Stepping, Thermal
 from castfem.quantities import Kind
 
@@ -130,6 +130,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[[reference]]", Reference),
     ("[tensile]", Tensile),
     ("[[tensile.segment]]", Segment),
+    ("[output], of a tensile test", TensileOutput),
 )
 
 _TOP = """
@@ -161,7 +162,7 @@ def _table(name: str, model: type[TableModel]) -> Iterator[str]:
 
 
 def _is_tag(key: str, field: FieldInfo) -> bool:
-    """Whether a key only tells which table of several this is; the heading shows it."""
+    """Return whether a key only tells which table of several this is; the heading shows it."""
     return key in ("law", "shape") and typing.get_origin(field.annotation) is typing.Literal
 
 

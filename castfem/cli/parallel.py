@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from typing import TYPE_CHECKING
 
@@ -51,6 +52,8 @@ def settle() -> None:
 
     A launcher ends all ranks as soon as one leaves with an exit status.
     """
+    for stream in (sys.stdout, sys.stderr):
+        stream.flush()
     comm = communicator()
     if comm is not None:
         _all_arrive(comm)

@@ -55,6 +55,7 @@ FIGURES = (
     Definition("contact_share", "Share of the surface in contact", "share"),
     Definition("axial_strain", "Axial strain", "strain"),
     Definition("axial_force", "Axial force", "force"),
+    Definition("friction_force", "Friction of the mould on the strand", "force per length"),
 )
 
 
@@ -89,9 +90,9 @@ class Panel:
 
 
 def figures(runs: Sequence[Run], base: Run) -> list[tuple[Definition, list[Panel]]]:
-    """Return the figures of the columns that all runs have, each with its panels.
+    """Return the figures of the columns that two or more runs have, each with its panels.
 
-    Runs without a history are left out.
+    Runs without a history are left out; an idealised mould is not in the figure of the gap.
     """
     tables = {id(run): history for run in runs if (history := run.history()) is not None}
     drawn = [run for run in runs if id(run) in tables]
@@ -99,21 +100,26 @@ def figures(runs: Sequence[Run], base: Run) -> list[tuple[Definition, list[Panel
         return []
     for run in drawn:
         _derive(tables[id(run)], tables.get(id(base)))
-    everything = [tables[id(run)] for run in drawn]
-    common = [c for c in map(str, everything[0].columns) if all(c in t for t in everything)]
+    names = dict.fromkeys(str(name) for run in drawn for name in tables[id(run)].columns)
     grouped: dict[str, list[Panel]] = {}
-    for column in common:
-        quantity, place = parts(column, common)
+    for column in names:
+        quantity, place = parts(column, list(names))
         if quantity in _NOT_DRAWN or column.endswith(_NOT_DRAWN_ENDINGS):
             continue
-        unit = str(everything[0].attrs["units"][column])
-        if any(t.attrs["units"][column] != unit or t[column].isna().all() for t in everything):
+        having = {id(run): t for run in drawn if column in (t := tables[id(run)])}
+        units = {str(t.attrs["units"][column]) for t in having.values()}
+        if len(having) < 2 or len(units) > 1:
+            continue
+        if any(t[column].isna().all() for t in having.values()):
+            continue
+        if not any(t[column].to_numpy().any() for t in having.values()):  # there is no friction
             continue
         curves = tuple(
             Curve(run, t["position"].to_numpy(), t[column].to_numpy())
-            for run, t in zip(drawn, everything, strict=True)
+            for run in drawn
+            if (t := having.get(id(run))) is not None
         )
-        grouped.setdefault(quantity, []).append(Panel(place, unit, curves))
+        grouped.setdefault(quantity, []).append(Panel(place, units.pop(), curves))
     return _ordered(grouped)
 
 
@@ -151,6 +157,8 @@ def _different(panels: list[Panel]) -> list[Panel]:
 
 
 def _same(one: Panel, other: Panel) -> bool:
+    if [id(c.run) for c in one.curves] != [id(c.run) for c in other.curves]:
+        return False
     pairs = zip(one.curves, other.curves, strict=True)
     return all(
         np.allclose(a.values, b.values, rtol=0.0, atol=_hair(b.values), equal_nan=True)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from benchmarks import __main__ as command
-from benchmarks import accuracy, costs, reference
+from benchmarks import accuracy, caster, costs, reference
 from benchmarks.accuracy import GRADED, cheapest, default_settings, errors, sweep
 from benchmarks.billet import CASE, INSTANTS, Settings, billet_case, refined, run
 from benchmarks.report import Output
@@ -153,6 +153,16 @@ def test_shares_of_the_march_add_up() -> None:
     assert sum(parts.values()) == pytest.approx(1.0)
     assert 0.0 < costs.libraries(found) < 1.0
     assert sum(found.sections.values()) == pytest.approx(found.wall, rel=0.05)
+
+
+def test_caster_is_followed_to_its_places(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(caster, "LENGTH", 1.0)
+    monkeypatch.setattr(caster, "PLACES", (0.6, 0.9))
+    found = caster.march(Settings(surface_size=1.2, tolerance=10.0))
+    assert found["steps"] > 20
+    assert found["shell"].shape == (2,)
+    assert found["shell"][1] > found["shell"][0] > 0.0
+    assert np.isnan(found["closed_m"]), "the core is open still"
 
 
 def test_cheapest_run_within_a_level() -> None:

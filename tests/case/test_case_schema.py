@@ -8,8 +8,11 @@ from pathlib import Path
 import pytest
 
 from castfem.case import load_any, load_case
+from castfem.case.model import Case
+from castfem.case.problems import submodels, tag_of
 from castfem.case.reference import markdown_page
 from castfem.case.schema import case_schema
+from castfem.case.tensile import TensileCase
 from castfem.cli.catalogue import shipped
 from castfem.cli.starter import starter
 
@@ -107,3 +110,22 @@ def test_starter_is_a_sound_case_with_every_key_known(tmp_path):
 def test_reference_page_is_up_to_date():
     page = (ROOT / "docs" / "case_files.md").read_text(encoding="utf-8")
     assert page == markdown_page(), "write it anew: castfem schema --markdown > docs/case_files.md"
+
+
+def test_reference_page_has_every_table_and_key():
+    missing, todo, seen = [], [Case, TensileCase], set()
+    page = markdown_page()
+    while todo:
+        model = todo.pop()
+        for key, field in model.model_fields.items():
+            inner = submodels(field.annotation)
+            todo += [m for m in inner if m not in seen]
+            seen.update(inner)
+            tag = tag_of(model) is not None and key in ("law", "shape")
+            if not (inner or tag) and f"| `{key}` |" not in page:
+                missing.append(f"{model.__name__}.{key}")
+        first = (model.__doc__ or "").strip().splitlines()[0]
+        if model not in (Case, TensileCase) and first not in page:
+            missing.append(model.__name__)
+    assert not missing
+    assert "| `law` |" in page

@@ -204,7 +204,7 @@ def test_killed_and_resumed(name: str, touch: tuple[str, ...], tmp_path: Path) -
         assert ours == pytest.approx(quantity.value, rel=1e-10, abs=1e-16), key
     one, other = (read_history(tmp_path / n / "history.csv") for n in ("killed", "whole"))
     exact = [c for c in one.columns if c not in ROUNDING]
-    assert np.allclose(one[exact], other[exact], rtol=1e-10, atol=1e-12)
+    assert np.allclose(one[exact], other[exact], rtol=1e-10, atol=1e-12, equal_nan=True)
 
 
 def test_another_mould_is_another_case(tmp_path: Path) -> None:

@@ -115,11 +115,11 @@ def test_strong_cooling_settles() -> None:
 
     A gap that opens in one interval keeps the face hot in the next, which closes it.
     """
-    strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="180 mm"')
+    strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="150 mm"')
     face = {}
     for passes in (1, 8):
         kept = sound(marched(billet("taper_1", *strong, f"coupling.passes={passes}")))
-        surface = [r.profiles["mid_face"].temperature[0] for r in kept.readings[-10:]]
+        surface = [r.profiles["mid_face"].temperature[0] for r in kept.readings[-5:]]
         face[passes] = np.abs(np.diff(surface, 2)).max()
         assert kept.summary is not None
         assert kept.summary.steps.get("intervals not settled", 0.0) == 0.0
@@ -173,16 +173,19 @@ def test_moulds_that_cannot_be_are_refused() -> None:
 
 
 def test_what_cannot_be_solved_is_said(tmp_path: Path) -> None:
-    """One Newton iteration does not find a contact: reason, record, and a state to go on from."""
-    case = ("taper_1", 'casting.length="120 mm"', "coupling.interval=0.5 s")
+    """Mechanics that go first have a slice that is 500 K too cold, and no shorter step helps them.
+
+    The run says so, and keeps the state before.
+    """
+    strong = ("cooling.mould.surface.0.coefficient=10000 W/(m^2 K)", "coupling.interval=1 s")
+    case = billet("taper_1", SHORT, *strong, "coupling.order=mechanics_first")
     with pytest.raises(RunFailure) as caught:
-        run(billet(*case, "mechanics.solver.snes_max_it=1"), tmp_path)
+        run(case, tmp_path)
     for part in ("mechanics", "smallest step", "DIVERGED_MAX_IT"):
         assert part in str(caught.value)
     record = json.loads((tmp_path / "run.json").read_text())
     assert record["status"] == "failed" and record["reason"] == str(caught.value)
     last = read_history(tmp_path / "history.csv").iloc[-1]
-    assert record["reached"]["time"] == pytest.approx(last["time"], rel=1e-11)
+    assert record["reached"]["time"] == pytest.approx(last["time"], rel=1e-11) and last["time"] > 0.9
     assert last["penetration"] < 1.0 and abs(last["force_error"]) < 1e-6
-    whole = run(billet(*case), tmp_path, resume=True)
-    assert whole.status == "finished" and whole.quantities["contact_share"].value > 0.8
+    assert (tmp_path / "checkpoint.h5").is_file()
