@@ -234,7 +234,9 @@ class Coupler:
         taken = self._pass(old, end, gap)
         while taken.converged and self.passes > 1 and begun is not None:
             assert gap is not None and taken.state.mechanical is not None
-            mean = 0.5 * (begun + self.gap_of(taken.state.mechanical))
+            ended = self.gap_of(taken.state.mechanical)
+            assert ended is not None
+            mean = 0.5 * (begun + ended)
             if self._change(mean, gap) <= self.settled:
                 break
             if taken.passes == self.passes:
@@ -265,7 +267,7 @@ class Coupler:
         trend: Array = np.zeros(0)
         if first is not None:
             cooled = leg.state.point.temperature - old.thermal.point.temperature
-            trend = cooled / duration
+            trend = np.asarray(cooled / duration)
         state = StrandState(leg.state, result.state, self._heating(result, duration), trend)
         return Interval(True, state, leg, result, 1)
 

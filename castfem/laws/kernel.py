@@ -205,11 +205,8 @@ def _curve_stress(  # type: ignore[no-untyped-def]
     gain = drive - (shear3 - young) * increment  # E times the increment of e
     loads = gain > 0.0
     gain = max(gain, 0.0)
-    if not memory and loads and math.log(gain) - ln_stiff >= ln_old:
-        y, by_total = math.log(gain) - ln_stiff, 1.0 / gain
-    else:
-        total = carried + gain
-        y, by_total = _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess)
+    total = carried + gain
+    y, by_total = _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess)
     strain = old + increment + (trial - shear3 * increment) / young
     ln_factor, by_strain = _strain_factor(c, strain)
     if y == NOTHING:

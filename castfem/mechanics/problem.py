@@ -82,7 +82,8 @@ class MechanicalProblem:
         self._material = Material(slice_.law, self.points)
         self.response = self._material.response
         self._build_solver(options or {})
-        self.iterations, self._slack = 0, 1.0
+        self.iterations: int = 0
+        self._slack = 1.0
         self.trial: Trial | None = None
 
     def _build_forms(self) -> None:
