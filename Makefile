@@ -7,14 +7,14 @@ export DEBIAN PYTHON
 HOME_OF_ENV := .castfem$(if $(DEBIAN),/$(DEBIAN))
 BIN := $(HOME_OF_ENV)/bin
 NP ?= 1
-CASE := cases/billet125/idealised.toml
-OUT := results/billet125/idealised
+CASE := cases/billet125/taper_1.toml
+OUT := results/billet125/taper_1
 MOULDS := idealised taper_3 taper_1 taper_0 taper_minus_1 taper_minus_3
 
 .PHONY: help env billet billets test lint benchmark clean-env clean
 
 help:
-	@echo "make billet      the 125 mm billet in an idealised mould; results in $(OUT)"
+	@echo "make billet      the 125 mm billet in a mould tapered by 1 %/m; results in $(OUT)"
 	@echo "make billets     it in the six moulds of the thesis, and their comparison"
 	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest)"
 	@echo "make lint        ruff and mypy alone"

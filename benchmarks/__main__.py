@@ -20,10 +20,15 @@ BENCHMARKS = {
     "costs": "benchmarks.costs",
     "weiner_boley": "benchmarks.weiner_boley",
     "mechanical_cost": "benchmarks.mechanical_cost",
+    "billet": "benchmarks.billet_study",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
-MECHANICS = ("weiner_boley", "mechanical_cost")
-"""Those whose tables stand in a page of their own."""
+PAGES = {
+    "weiner_boley": "benchmarks_mechanics.md",
+    "mechanical_cost": "benchmarks_mechanics.md",
+    "billet": "billet.md",
+}
+"""Pages of those whose tables do not stand in the first."""
 
 
 def parse() -> argparse.Namespace:
@@ -53,7 +58,7 @@ def main() -> None:
     folder = given.output or (ROOT / "results" / "benchmarks" if given.quick else PAGE.parent)
     for name in given.names or BENCHMARKS:
         start = perf_counter()
-        output = Output(folder, "benchmarks_mechanics.md" if name in MECHANICS else PAGE.name)
+        output = Output(folder, PAGES.get(name, PAGE.name))
         if name == "reference":
             from benchmarks import reference
 

@@ -198,15 +198,15 @@ def levels_table(rows: list[dict[str, Any]], variant: str) -> str:
 def default_settings() -> Settings:
     """Mesh and time stepping of the shipped case."""
     case = load_case(CASE)
-    mesh, adaptive = case.mesh, case.thermal.time.adaptive
-    if adaptive is None:
-        raise ValueError(f"{CASE.name} is expected to have adaptive steps")
+    mesh, time = case.mesh, case.thermal.time
+    adaptive = time.adaptive
     lengths = {n: getattr(mesh, n) for n in LENGTHS}
     return Settings(
         cell=mesh.cell,
-        scheme=case.thermal.time.scheme,
-        tolerance=adaptive.tolerance,
-        largest=adaptive.largest,
+        scheme=time.scheme,
+        step=time.step,
+        tolerance=None if adaptive is None else adaptive.tolerance,
+        largest=0.5 if adaptive is None else adaptive.largest,
         **{n: 1e3 * v for n, v in lengths.items() if v is not None},
     )
 

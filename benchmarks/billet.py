@@ -85,6 +85,20 @@ def base_document() -> dict[str, Any]:
     return load_case(CASE).document()
 
 
+def time_table(settings: Settings) -> dict[str, Any]:
+    """[thermal.time] of `settings`."""
+    table: dict[str, Any] = {"scheme": settings.scheme}
+    if settings.step is not None:
+        return table | {"step": f"{settings.step:.17g} s"}
+    adaptive = {
+        "tolerance": f"{settings.tolerance:.17g} K",
+        "first": "1 ms",
+        "smallest": "0.001 ms",
+        "largest": f"{settings.largest:.17g} s",
+    }
+    return table | {"adaptive": adaptive}
+
+
 def billet_case(settings: Settings) -> Case:
     """The case with `settings` in place of its own mesh and time stepping."""
     document = base_document()
@@ -96,18 +110,8 @@ def billet_case(settings: Settings) -> Case:
         if value is not None:
             mesh[name] = f"{value:.17g} mm"
     document["mesh"] = mesh
-    time: dict[str, Any] = {"scheme": settings.scheme}
-    if settings.step is not None:
-        time["step"] = f"{settings.step:.17g} s"
-    else:
-        time["adaptive"] = {
-            "tolerance": f"{settings.tolerance:.17g} K",
-            "first": "1 ms",
-            "smallest": "0.001 ms",
-            "largest": f"{settings.largest:.17g} s",
-        }
     thermal = document.setdefault("thermal", {})
-    thermal["time"] = time
+    thermal["time"] = time_table(settings)
     if settings.solver:
         thermal["solver"] = settings.solver
     # Output times are milestones; the benchmark listens in place of the files.

@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 
 from benchmarks.accuracy import default_settings
-from benchmarks.billet import CASE, LENGTHS, Settings
+from benchmarks.billet import CASE, LENGTHS, Settings, time_table
 from benchmarks.report import Output, table
 from castfem.case import from_document, load_case
 from castfem.march import March
@@ -33,7 +33,7 @@ def march(settings: Settings) -> dict[str, Any]:
     document["mesh"] = {"cell": settings.cell} | {
         n: f"{v:.17g} mm" for n, v in mesh.items() if v is not None
     }
-    document["thermal"]["time"]["adaptive"]["tolerance"] = f"{settings.tolerance:g} K"
+    document["thermal"]["time"] = time_table(settings)
     document["thermal"]["solver"] = settings.solver
     document["output"] = {"fields": []}
     # A place with a reference number is hit exactly and keeps its results.
@@ -74,7 +74,8 @@ def main(output: Output, quick: bool = False) -> None:
     """Compare core sizes with a fine mesh; table and CSV."""
     base = default_settings()
     core = 2.0 if quick else 1.0
-    fine = march(replace(base, face_size=core, core_size=core, tolerance=1.0, surface_depth=8.0))
+    finest = {"face_size": core, "core_size": core, "step": None, "tolerance": 1.0}
+    fine = march(replace(base, surface_depth=8.0, **finest))
     rows = []
     for size in (8.0,) if quick else CORES:
         found = march(replace(base, face_size=size, core_size=size))

@@ -221,10 +221,6 @@ def _automatic(
     def curve(dp: Array, drive: Array) -> tuple[Array, Array, Array, Array]:
         gain = np.maximum(drive - (shear3 - young) * dp, 0.0)
         y, by_total = _remembered(before, ln_old, m, stiff, before + gain)
-        now = np.log(np.maximum(gain, 1e-250) / stiff)
-        anew = ~memory & (gain > 0.0) & (now >= ln_old)
-        y = np.where(anew, now, y)
-        by_total = np.where(anew, 1.0 / np.maximum(gain, 1e-250), by_total)
         ln_factor, by_e = factor(p + dp + (trial - shear3 * dp) / young)
         s = np.exp(c[:, k.LN_LEVEL] + ln_factor + m * (y + k.LN_SQRT3))
         by_rate = np.where(gain > 0.0, m * by_total, 0.0)

@@ -194,12 +194,14 @@ def _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess):  # type: 
 
 @compiled
 def _curve_stress(  # type: ignore[no-untyped-def]
-    c, old, trial, drive, carried, increment, guess, ln_carried, ln_old, ln_stiff, memory
+    c, old, trial, drive, carried, increment, guess, ln_carried, ln_old, ln_stiff
 ):
     """Flow stress with the remembered rate at dp, its derivatives by dp and by trial, and ln rate.
 
-    `drive` is what the trial stress exceeds the carried one by.  Where there is no `memory` of a
-    rate, the rate of this step is taken if it is above exp(ln_old).
+    `drive` is what the trial stress exceeds the carried one by. A point that carries stress but has
+    no rate yet, as one that has just solidified, remembers the rate at which the curve passes
+    through that stress: were it to take the rate of the step, a small load would make its flow
+    stress fall faster than flow unloads it, and the answer would jump.
     """
     shear3, young, exponent = 3.0 * c[SHEAR], c[YOUNG], c[RATE_EXPONENT]
     gain = drive - (shear3 - young) * increment  # E times the increment of e
@@ -235,7 +237,7 @@ def _return_to_curve(c, old, rate_old, trial, carried, dt):  # type: ignore[no-u
         ln_old = (ln_carried - c[LN_LEVEL] - ln_factor) / exponent - LN_SQRT3
         if rate_old > 0.0:
             ln_old = max(ln_old, math.log(rate_old))
-    args = (ln_carried, ln_old, ln_stiff, rate_old > 0.0)
+    args = (ln_carried, ln_old, ln_stiff)
     stress, by_increment, by_trial, y = _curve_stress(
         c, old, trial, drive, carried, 0.0, NOTHING, *args
     )

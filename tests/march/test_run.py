@@ -210,11 +210,12 @@ def test_scene_holds_only_the_laws_it_needs() -> None:
     from castfem.scene import build_scene
     from castfem.thermal import laws
 
-    scene = build_scene(billet('thermal.time={step="0.1 s"}'), MPI.COMM_SELF)
+    scene = build_scene(billet(), MPI.COMM_SELF)
     assert not scene.stepper.estimate
     kinds = {type(law) for c in scene.zones._coolings for _, law in c.laws}
     assert kinds == {laws.Contact}
-    assert build_scene(billet(), MPI.COMM_SELF).stepper.estimate
+    adaptive = billet('thermal.time.adaptive={tolerance="1 K"}')
+    assert build_scene(adaptive, MPI.COMM_SELF).stepper.estimate
 
 
 def test_full_caster_by_one_key(tmp_path: Path) -> None:

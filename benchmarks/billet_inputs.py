@@ -1,0 +1,106 @@
+"""The inputs of the billet that `billet_study` changes, one at a time."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.report import ROOT
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A change of the inputs.
+
+    Attributes:
+        label: What is changed. changes: Keys. moulds: To which it applies; all if empty.
+        liquid: Whether it is about what is not solid yet.
+    """
+
+    label: str
+    changes: tuple[str, ...]
+    moulds: tuple[str, ...] = ()
+    liquid: bool = False
+
+
+LAWS = ROOT / "castfem" / "laws" / "data"
+
+
+def scaled(name: str, key: str, factor: float, folder: Path) -> str:
+    """A file with the table `key` of a shipped mechanical set times `factor`."""
+    text = (LAWS / f"{name}.toml").read_text(encoding="utf-8")
+    before, after = text.split(f"[{key}]")
+
+    def times(match: re.Match[str]) -> str:
+        old = [float(v) for v in match[1].replace("\n", " ").split(",") if v.strip()]
+        return f"\nvalue = [{', '.join(f'{factor * v:.6g}' for v in old)}]"
+
+    after = re.sub(r"\nvalue = \[(.*?)\]", times, after, count=1, flags=re.DOTALL)
+    path = folder / f"{name}_{factor:g}.toml"
+    path.write_text(f"{before}[{key}]{after}", encoding="utf-8")
+    return str(path)
+
+
+ALPHA = "steel.overrides.thermal_expansion.value={} 1/K"
+REAL = ("taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
+
+
+def variants(folder: Path) -> list[Variant]:
+    """All changes of inputs."""
+    h = "cooling.mould.surface.0.coefficient={} W/(m^2 K)"
+    return [
+        Variant(
+            "liquid 1e-5 as stiff as the solid", ("mechanics.liquid_stiffness=1e-5",), liquid=True
+        ),
+        Variant("1e-4", ("mechanics.liquid_stiffness=1e-4",), liquid=True),
+        Variant("1e-2", ("mechanics.liquid_stiffness=1e-2",), liquid=True),
+        Variant("modulus of the mush linear in the solid", ("mechanics.mush=linear",), liquid=True),
+        Variant(
+            "mush as soft as the liquid to 50 % solid", ("mechanics.coherency=0.5",), liquid=True
+        ),
+        Variant("pressure full until all is solid", ("mechanics.ferrostatic=full",), liquid=True),
+        Variant(
+            "pressure ends where anything is solid", ("mechanics.ferrostatic=none",), liquid=True
+        ),
+        Variant("no ferrostatic pressure", ("mechanics.ferrostatic=off",), liquid=True),
+        Variant("α = 15e-6 /K (thesis, VI)", (ALPHA.format("15e-6"),)),
+        Variant("α = 22e-6 /K (austenite)", (ALPHA.format("22e-6"),)),
+        Variant(
+            "E halved", ("mechanics.elasticity=" + scaled("elastic_steel", "young", 0.5, folder),)
+        ),
+        Variant(
+            "E doubled", ("mechanics.elasticity=" + scaled("elastic_steel", "young", 2.0, folder),)
+        ),
+        Variant(
+            "flow stress 30 % higher",
+            ("mechanics.law=" + scaled("norton_hoff_kozlowski", "strength", 1.3, folder),),
+        ),
+        Variant("Norton-Hoff with softening (p1)", ("mechanics.law=norton_hoff_kozlowski_p1",)),
+        Variant("law of Kozlowski and Zhu", ("mechanics.law=kozlowski_zhu",)),
+        Variant(
+            "steel computed from 0.42 % C",
+            ("steel.name=plain_carbon", "steel.composition.C=0.42"),
+        ),
+        Variant("h - 20 %", (h.format(1280),)),
+        Variant("h + 20 %", (h.format(1920),)),
+        Variant("solidus 20 K lower", ('steel.overrides.solidus.value="1432 degC"',)),
+        Variant("solidus 20 K higher", ('steel.overrides.solidus.value="1472 degC"',)),
+        Variant("conducts 10 % better", ('steel.overrides.conductivity.value="33 W/(m K)"',)),
+        Variant(
+            "specific heat 10 % higher", ('steel.overrides.specific_heat.value="770 J/(kg K)"',)
+        ),
+        Variant("latent heat 10 % higher", ('steel.overrides.latent_heat.value="297 kJ/kg"',)),
+        Variant("large strain", ("mechanics.strain=large",)),
+        Variant("no heat of viscoplastic work", ("coupling.dissipation=0",)),
+        Variant(
+            "friction 0.3 (Coulomb)",
+            ('mould.friction={law="coulomb", coefficient=0.3}',),
+            REAL,
+        ),
+        Variant(
+            "gap conducts 0.3 W/(m K)",
+            ("cooling.mould.surface.0.gap_conductivity=0.3 W/(m K)",),
+            REAL,
+        ),
+    ]
