@@ -226,6 +226,20 @@ def _step(output: Output, quick: bool) -> None:
     )
 
 
+def _ranks(output: Output, quick: bool) -> None:
+    """One rank and two."""
+    two = ranks(1 if quick else 4, 400 if quick else RANKED)
+    headings = {
+        "ranks": "ranks", "cells": "cells", "step_s": "step [s]", "gain": "gain",
+        "factor_s": "factorisation [s]", "solve_s": "substitution [s]",
+        "assembly_s": "assembly [s]", "law_s": "law [s]", "memory_mb": "memory, all ranks [MB]",
+    }  # fmt: skip
+    formats = dict.fromkeys(headings, ".3f") | {
+        "ranks": "d", "cells": "d", "gain": ".2f", "memory_mb": ".0f",
+    }  # fmt: skip
+    output.insert("mechanical ranks", table(two, headings, formats))
+
+
 def main(output: Output, quick: bool = False) -> None:
     """Measure everything; tables, CSV and figure."""
     measure(Run(100, steps=1, before=1))  # compiles forms and law
@@ -247,16 +261,7 @@ def main(output: Output, quick: bool = False) -> None:
     output.insert(
         "mechanical scaling", f"{table(rows, headings, formats)}\n\nTime grows: {powers}."
     )
-    two = ranks(1 if quick else 4, 400 if quick else RANKED)
-    headings = {
-        "ranks": "ranks", "cells": "cells", "step_s": "step [s]", "gain": "gain",
-        "factor_s": "factorisation [s]", "solve_s": "substitution [s]",
-        "assembly_s": "assembly [s]", "law_s": "law [s]", "memory_mb": "memory, all ranks [MB]",
-    }  # fmt: skip
-    formats = dict.fromkeys(headings, ".3f") | {
-        "ranks": "d", "cells": "d", "gain": ".2f", "memory_mb": ".0f",
-    }  # fmt: skip
-    output.insert("mechanical ranks", table(two, headings, formats))
+    _ranks(output, quick)
     sizes = (400,) if quick else (CELLS, RANKED)
     headings = {"solver": "solver"}
     for cells in sizes:

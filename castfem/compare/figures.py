@@ -112,7 +112,7 @@ def figures(runs: Sequence[Run], base: Run) -> list[tuple[Definition, list[Panel
             continue
         if any(t[column].isna().all() for t in having.values()):
             continue
-        if not any(t[column].to_numpy().any() for t in having.values()):  # there is no friction
+        if quantity == "friction_force" and not any(t[column].any() for t in having.values()):
             continue
         curves = tuple(
             Curve(run, t["position"].to_numpy(), t[column].to_numpy())
