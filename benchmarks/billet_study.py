@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from benchmarks import billet_figure
 from benchmarks.billet_inputs import variants
 from benchmarks.report import ROOT, Output, table
 from castfem.case import load_case
@@ -291,14 +292,16 @@ CONVERGENCE: dict[str, tuple[tuple[Any, ...], Choice, Any]] = {
 
 def convergence(output: Output, quick: bool) -> None:
     """Refine one thing at a time, and add up what is left of each at the shipped default."""
+    drawn: dict[str, list[dict[str, Any]]] = {}
     for mould in ("taper_1", "taper_0"):
-        rows: list[dict[str, Any]] = []
+        rows = drawn[NAMES[mould]] = []
         for name, (values, changes, _) in CONVERGENCE.items():
             for value in values[:2] if quick else values:
                 found = run(mould, changes(value))
                 rows.append({"refined": f"{name} = {value}", **_picked(found)})
         output.csv(f"billet_convergence_{mould}", rows)
         show_convergence(output, mould, rows)
+    output.figure("billet_convergence", billet_figure.draw(drawn))
 
 
 def show_convergence(output: Output, mould: str, rows: Sequence[Mapping[str, Any]]) -> None:
