@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -13,6 +15,28 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
+
+
+@lru_cache(maxsize=1)
+def jit_options() -> dict[str, str]:
+    """Where compiled forms are kept: apart for every way the elements come out.
+
+    From 0.10 a compiled form remembers the bits of its elements, and those of an element with a
+    bubble depend on the BLAS it was made with. DOLFINx looks forms up by name alone and refuses
+    what another BLAS has left in its cache.
+    """
+    import platformdirs
+
+    quadratic = basix.ufl.element("Lagrange", "triangle", 2)
+    bubble = basix.ufl.element("Bubble", "triangle", 3)
+    bits = basix.ufl.enriched_element([quadratic, bubble]).basix_hash()
+    cache = Path(platformdirs.user_cache_dir("castfem", appauthor=False))
+    return {"cache_dir": str(cache / "forms" / f"{version()}-{bits:x}")}
+
+
+def compile_form(form: ufl.Form) -> fem.Form:
+    """Compile a form, or find it compiled."""
+    return fem.form(form, jit_options=jit_options())
 
 
 def create_mesh(
@@ -115,7 +139,7 @@ class Tabulation:
         cells: npt.NDArray[np.int32] | None = None,
     ) -> None:
         self._mesh, self._points = mesh, len(points)
-        self._expression = fem.Expression(expression, points)
+        self._expression = fem.Expression(expression, points, jit_options=jit_options())
         owned = mesh.topology.index_map(2).size_local
         self._cells = np.arange(owned, dtype=np.int32) if cells is None else cells
 

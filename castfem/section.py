@@ -66,7 +66,7 @@ class Section:
     def compile(self, name: str, form: ufl.Form) -> fem.Form:
         """Compile `form`, noting `name`: what a scene compiled is part of its record."""
         self.compiled.append(name)
-        return fem.form(form)
+        return compat.compile_form(form)
 
     def _number_nodes(self) -> None:
         """Find the input node of each vertex and of each degree of freedom of `vertex_space`."""
