@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from castfem.contact.outcome import SurfaceGap
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.mechanics.stepper import MechanicalStepper
-    from castfem.thermal.zones import Zones
+    from castfem.zones import Zones
 
 Array = npt.NDArray[np.float64]
 

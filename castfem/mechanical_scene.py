@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.case import mechanics as given
-from castfem.case.table import Table
 from castfem.case.wall import build_friction, build_mould
 from castfem.contact.contact import Contact
 from castfem.mechanical_law import build_law
@@ -21,6 +20,7 @@ from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import Held
 from castfem.section import Section
 from castfem.stopwatch import Stopwatch
+from castfem.table import Table
 
 if TYPE_CHECKING:
     from castfem.case import Case

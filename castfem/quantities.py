@@ -16,11 +16,38 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """A kind of quantity as pydantic annotation: `Annotated[float, Kind("m", "mm")]`.
+class Notation:
+    """How a value is written in a file, as an annotation of the fields of pydantic models.
 
-    In the model the value is a float in SI; `model_dump(mode="json")` writes it with its unit.
+    A model reads it in SI; `model_dump(mode="json")` writes what reads back to the same value.
+    """
+
+    __slots__ = ()
+
+    def read(self, given: object) -> Any:
+        """Return the value in SI, or raise ValueError."""
+        raise NotImplementedError
+
+    def write(self, value: Any) -> Any:
+        """Return what `read` reads back to the same value."""
+        raise NotImplementedError
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> CoreSchema:
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_plain_validator_function(
+            self.read,
+            serialization=core_schema.plain_serializer_function_ser_schema(
+                self.write, when_used="json"
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Kind(Notation):
+    """A kind of quantity as pydantic annotation: `Annotated[float, Kind("m", "mm")]`.
 
     Attributes:
         unit: SI unit of the value.
@@ -53,10 +80,10 @@ class Kind:
         """How a user may write it."""
         return self.sample or units.describe(self.unit, self.difference)[1]
 
-    def read(self, text: object) -> float:
+    def read(self, given: object) -> float:
         """Return the value in SI, or raise ValueError (unit, dimension, bounds)."""
         kind = (self.label, self.sample) if self.label else None
-        return self.bounded(units.parse(text, self.unit, difference=self.difference, kind=kind))
+        return self.bounded(units.parse(given, self.unit, difference=self.difference, kind=kind))
 
     def bounded(self, value: float) -> float:
         """Return the SI value if it is within the bounds, or raise ValueError."""
@@ -76,18 +103,6 @@ class Kind:
 
     def _text(self, bound: float) -> str:
         return f"{bound:g}" if self.unit == "1" else f"{bound:g} {self.unit}"
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_plain_validator_function(
-            self.read,
-            serialization=core_schema.plain_serializer_function_ser_schema(
-                self.write, when_used="json"
-            ),
-        )
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -122,14 +137,14 @@ class Kind:
 class WaterKind(Kind):
     """Water on a surface, kg/(m2 s); also given as a volume, at 1 kg per litre."""
 
-    def read(self, text: object) -> float:
+    def read(self, given: object) -> float:
         """Return the flow in kg/(m2 s), or raise ValueError."""
         kind = (self.label, self.sample)
         try:
-            return self.bounded(1e3 * units.parse(text, "m/s", kind=kind))
+            return self.bounded(1e3 * units.parse(given, "m/s", kind=kind))
         except ValueError as volume:
             try:
-                mass = units.parse(text, self.unit, kind=kind)
+                mass = units.parse(given, self.unit, kind=kind)
             except ValueError:
                 raise volume from None
             return self.bounded(mass)

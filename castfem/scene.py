@@ -19,8 +19,8 @@ from castfem.stopwatch import Stopwatch
 from castfem.thermal.problem import ThermalProblem
 from castfem.thermal.stepper import ThermalStepper
 from castfem.thermal.surface import Surface
-from castfem.thermal.zones import Zones
 from castfem.timestep import Adaptive, StepControl
+from castfem.zones import Zones
 
 if TYPE_CHECKING:
     from castfem.case import Case

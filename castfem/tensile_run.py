@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem import log
-from castfem.case.table import Table
 from castfem.case.tensile import TABLE, TensileCase
 from castfem.errors import InputError, RunFailure
 from castfem.laws import load_elasticity, load_law
@@ -24,6 +23,7 @@ from castfem.laws.uniaxial import Tension, pull
 from castfem.output.folder import OutputFolder
 from castfem.output.history import HISTORY_NAME, History
 from castfem.output.summary import Quantity, Reference, Summary, compare
+from castfem.table import Table
 
 if TYPE_CHECKING:
     from mpi4py import MPI

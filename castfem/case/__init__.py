@@ -25,9 +25,9 @@ from castfem.case.section import (
     cooled_groups,
     outer_groups,
 )
-from castfem.case.table import Table
 from castfem.case.tensile import TensileCase
 from castfem.case.thermal import Adaptive, Stepping, Thermal
+from castfem.table import Table
 
 __all__ = [
     "Adaptive",

@@ -12,10 +12,11 @@ from typing import Any
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS
 from castfem.case.cooling import Contact, PrescribedTemperature
 from castfem.case.model import Case
-from castfem.case.problems import Problem, choices
+from castfem.case.problems import Problem
 from castfem.case.section import BeamBlank, Rectangle, Round, Strip, cooled_groups, outer_groups
 from castfem.case.wall import check_mould
 from castfem.units import format, nearest
+from castfem.wording import choices
 
 
 def check(case: Case) -> Iterator[Problem]:

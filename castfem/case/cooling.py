@@ -7,7 +7,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from castfem.case.base import TableModel, written
-from castfem.case.table import Curve, Table
 from castfem.quantities import (
     Conductivity,
     Distance,
@@ -19,6 +18,7 @@ from castfem.quantities import (
     Temperature,
     WaterFlow,
 )
+from castfem.table import Curve, Table
 
 CoefficientOfTemperature = Annotated[
     float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), over="temperature")

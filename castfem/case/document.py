@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from castfem.case.problems import dotted
 from castfem.units import nearest
+from castfem.wording import dotted
 
 Keys = tuple[str | int, ...]
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from castfem.case.base import TableModel, written
-from castfem.case.table import Curve, Table
 from castfem.case.thermal import PetscOption
 from castfem.quantities import Kind, Length, Time
+from castfem.table import Curve, Table
 
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler

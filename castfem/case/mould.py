@@ -9,9 +9,9 @@ from pydantic import Discriminator, Field, Tag
 
 from castfem.case.base import TableModel, written
 from castfem.case.mechanics import Share
-from castfem.case.table import Curve, Table
 from castfem.case.taper import Perimeter, TaperMark
 from castfem.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
+from castfem.table import Curve, Table
 from castfem.units import nearest
 
 if TYPE_CHECKING:

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from castfem.case.base import TableModel
-from castfem.case.problems import dotted, model_at, submodels
+from castfem.case.problems import model_at, submodels
 from castfem.units import nearest
+from castfem.wording import dotted
 
 Keys = tuple[str | int, ...]
 

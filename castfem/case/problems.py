@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import types
 import typing
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +14,8 @@ from pydantic_core import ErrorDetails
 from castfem.case.base import TableModel
 from castfem.quantities import Kind
 from castfem.units import nearest
+from castfem.wording import Path, choices, dotted, shown
 
-Path = tuple[str | int, ...]
 _MISSING = object()
 
 
@@ -32,31 +32,6 @@ class Problem:
     path: Path
     text: str
     kind: str = ""
-
-
-def dotted(path: Path) -> str:
-    """Return the path as users write it: cooling.0.surface.1.law."""
-    return ".".join(str(part) for part in path)
-
-
-def shown(value: object) -> str:
-    """Return a value as it stands in a TOML file, shortened."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        text = f'"{value}"'
-    elif isinstance(value, Mapping):
-        text = "{ " + ", ".join(f"{k} = {shown(v)}" for k, v in value.items()) + " }"
-    elif isinstance(value, Sequence):
-        text = "[" + ", ".join(shown(v) for v in value) + "]"
-    else:
-        text = str(value)
-    return text if len(text) <= 60 else text[:56] + " ..."
-
-
-def choices(names: Iterable[object]) -> str:
-    """Return names as a list in a sentence."""
-    return ", ".join(str(name) for name in names)
 
 
 def at(data: Any, path: Path) -> Any:

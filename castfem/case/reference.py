@@ -34,11 +34,11 @@ from castfem.case.mould import (
 )
 from castfem.case.problems import submodels
 from castfem.case.section import BeamBlank, Mesh, Rectangle, Round, Strip, outer_groups
-from castfem.case.table import Curve
 from castfem.case.taper import TaperMark
 from castfem.case.tensile import Segment, Tensile, TensileOutput
 from castfem.case.thermal import Adaptive, Stepping, Thermal
 from castfem.quantities import Kind
+from castfem.table import Curve
 
 _HEAD = """\
 # Case files

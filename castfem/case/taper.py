@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from castfem.case.table import Curve, Table
 from castfem.mould.taper import Course, Displaced, Stretch, Taper
-from castfem.quantities import Kind
+from castfem.quantities import Kind, Notation
+from castfem.table import Curve, Table
 from castfem.units import nearest
 
 if TYPE_CHECKING:
-    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
+    from pydantic import GetJsonSchemaHandler
     from pydantic_core import CoreSchema
 
 TAPER = Kind("1/m", "%/m", label="taper", sample="1 %/m")
@@ -89,7 +89,7 @@ _PARTS = tuple(f.name for f in fields(Perimeter))
 
 
 @dataclass(frozen=True, slots=True)
-class TaperMark:
+class TaperMark(Notation):
     """Annotation of a field that takes a taper."""
 
     takes: str = 'taper: `"1 %/m"`, or stretches, a parabola, a table over position'
@@ -112,18 +112,6 @@ class TaperMark:
         """Return what reads back to the same tapers."""
         parts = {key: _write(given) for key, given in value.parts.items()}
         return parts["face"] if list(parts) == ["face"] else parts
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> CoreSchema:
-        from pydantic_core import core_schema
-
-        return core_schema.no_info_plain_validator_function(
-            self.read,
-            serialization=core_schema.plain_serializer_function_ser_schema(
-                self.write, when_used="json"
-            ),
-        )
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

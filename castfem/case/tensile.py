@@ -13,8 +13,8 @@ from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 from castfem.case.base import TableModel, written
 from castfem.case.casting import Reference
 from castfem.case.problems import Problem
-from castfem.case.table import Curve, Table
 from castfem.quantities import Kind, Percent, Time
+from castfem.table import Curve, Table
 
 TABLE = "tensile"
 _NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True}

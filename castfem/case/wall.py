@@ -10,7 +10,7 @@ from castfem import mould as wall
 from castfem.case.mould import Coulomb, Limited, Mould, Tresca, Viscous
 from castfem.case.problems import Problem
 from castfem.case.section import BeamBlank, Rectangle, Round, Strip
-from castfem.case.table import Table
+from castfem.table import Table
 from castfem.units import format
 
 if TYPE_CHECKING:

@@ -27,9 +27,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from castfem.case.problems import choices, shown
-from castfem.case.table import Curve as TableReader
-from castfem.case.table import Table
 from castfem.errors import InputError
 from castfem.laws.base import Array
 from castfem.laws.elasticity import Curve, Elasticity, Solidity
@@ -43,7 +40,10 @@ from castfem.laws.flow import (
 )
 from castfem.laws.tables import Constant, Rows
 from castfem.quantities import Kind
+from castfem.table import Curve as TableReader
+from castfem.table import Table
 from castfem.units import nearest
+from castfem.wording import choices, shown
 
 FOLDER = Path(__file__).parent / "data"
 AnyLaw = ThermoElastic | PerfectlyPlastic | NortonCreep | NortonHoff | UnifiedSteel

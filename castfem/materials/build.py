@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from castfem.case.problems import choices, shown
-from castfem.case.table import Curve
 from castfem.materials import iron_carbon, knots
 from castfem.materials.expansion import (
     ChandraExpansion,
@@ -38,8 +36,10 @@ from castfem.materials.solid_fraction import (
 )
 from castfem.materials.steel import Origin, Steel
 from castfem.quantities import Kind
+from castfem.table import Curve
 from castfem.units import format as write
 from castfem.units import nearest
+from castfem.wording import choices, shown
 
 CURVES = ("density", "specific_heat", "enthalpy", "conductivity", "emissivity", "youngs_modulus",
           "poisson_ratio")  # fmt: skip

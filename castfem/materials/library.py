@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from castfem.case.problems import choices, dotted, shown
 from castfem.errors import InputError
 from castfem.materials import schema
 from castfem.materials.build import Workshop
@@ -17,6 +16,7 @@ from castfem.materials.iron_carbon import ELEMENTS, MAX_ALLOYING, MAX_CARBON
 from castfem.materials.schema import Keys, MaterialFile, Problem
 from castfem.materials.steel import Steel
 from castfem.units import nearest
+from castfem.wording import choices, dotted, shown
 
 FOLDER = Path(__file__).parent / "data"
 

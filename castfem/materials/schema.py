@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from castfem.case.problems import choices, shown
 from castfem.quantities import Kind
 from castfem.units import nearest
+from castfem.wording import choices, shown
 
 Keys = tuple[str | int, ...]
 

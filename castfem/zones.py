@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.case import cooling as given
-from castfem.case.table import Table
 from castfem.errors import InputError
+from castfem.table import Table
 from castfem.thermal import laws
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.thermal.surface import Cooling, Surface
