@@ -44,7 +44,7 @@ def load(name: str | Path) -> Case:
         InputError: There is none, or something is wrong in it; all problems, one line each.
     """
     from castfem.case import load_case
-    from castfem.cli.catalogue import find
+    from castfem.catalogue import find
 
     return load_case(find(str(name)))
 
@@ -71,12 +71,13 @@ def run(
         The result. On ranks other than 0 it has the summary alone.
 
     Raises:
-        InputError: The case, the folder or the checkpoint cannot be used.
+        InputError: The case, the folder or the checkpoint cannot be used; the keys in which a case
+            differs from that of the run it shall go on with are named.
         RunFailure: The run cannot go on; its last good state is in `folder`.
     """
     from mpi4py import MPI
 
-    from castfem import log, march
+    from castfem import former, log, march
     from castfem.parallel import on_root
     from castfem.progress import Progress
 
@@ -87,6 +88,8 @@ def run(
     target = Path(made or folder or ".")
     bar = Progress(0 if progress else -1) if comm.rank == 0 else None
     try:
+        if resume:
+            on_root(comm, lambda: former.check(target, sound, resume=True, overwrite=False))
         summary = march.run(sound, target, comm=comm, resume=resume, progress=bar)
     except BaseException:
         if made is not None:

@@ -8,8 +8,7 @@ from typing import Annotated
 
 import typer
 
-from castfem import __version__
-from castfem.cli import catalogue
+from castfem import __version__, catalogue
 from castfem.errors import InputError
 
 app = typer.Typer(

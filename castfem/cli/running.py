@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem import log
+from castfem import catalogue, former, log
 from castfem.case import AnyCase, TensileCase
-from castfem.cli import catalogue, folder, parallel
+from castfem.cli import parallel
 from castfem.cli.checking import problems_of
 from castfem.errors import CastfemError, InputError
 from castfem.progress import Progress
@@ -81,7 +81,7 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     found = parallel.agree(comm, tuple(problems))
     if not found and case is not None and parallel.rank_of(comm) == 0:
         try:
-            folder.check(target, case, resume=options.resume, overwrite=options.overwrite)
+            former.check(target, case, resume=options.resume, overwrite=options.overwrite)
         except InputError as error:
             problems = list(error.problems)
     found = found or parallel.agree(comm, tuple(problems))

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from castfem import catalogue, former
 from castfem.case import load_case
-from castfem.cli import catalogue, folder, parallel
+from castfem.cli import parallel
 from castfem.errors import InputError, RunFailure
 from castfem.output.folder import OutputFolder
 from castfem.sweep.plan import Variant, plan
@@ -118,7 +119,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
         if not options.overwrite and record.is_finished(job):
             continue
         try:
-            folder.check(place, variant.case, resume=False, overwrite=options.overwrite)
+            former.check(place, variant.case, resume=False, overwrite=options.overwrite)
             if place.is_dir() and OutputFolder(place).is_running():
                 raise InputError(f"{place}: a run is at work there; wait for it")
         except InputError as error:

@@ -134,3 +134,13 @@ def test_the_faster_the_hotter(case):
         with castfem.run(case.with_(speed=speed)) as run:
             found.append(run.quantities["surface_temperature_mid_face"])
     assert found[1] > found[0] + 5.0
+
+
+def test_resume_names_what_differs(case, tmp_path):
+    castfem.run(case, tmp_path / "run")
+    with pytest.raises(castfem.InputError, match=r"casting\.speed: 3\.6 m/min there, 3 m/min here"):
+        castfem.run(case.with_(speed="3 m/min"), tmp_path / "run", resume=True)
+    with pytest.raises(castfem.InputError, match="no run to resume"):
+        castfem.run(case, tmp_path / "nothing", resume=True)
+    further = castfem.run(case.with_(length="90 mm"), tmp_path / "run", resume=True)
+    assert further.quantities["position"] == pytest.approx(0.09)

@@ -13,7 +13,7 @@ from castfem.case.problems import submodels, tag_of
 from castfem.case.reference import markdown_page
 from castfem.case.schema import case_schema
 from castfem.case.tensile import TensileCase
-from castfem.cli.catalogue import shipped
+from castfem.catalogue import shipped
 from castfem.cli.starter import starter
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 from castfem.case import Case, TensileCase, load_any, load_case, read_case
-from castfem.cli.catalogue import shipped
+from castfem.catalogue import shipped
 from castfem.errors import InputError
 from castfem.table import Table
 

@@ -116,7 +116,7 @@ def test_help_tells_the_commands(castfem):
 
 
 def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):
-    from castfem.cli import catalogue
+    from castfem import catalogue
 
     def broken():
         raise ZeroDivisionError("oh")
