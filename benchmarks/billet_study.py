@@ -223,7 +223,8 @@ def _picked(found: Found) -> dict[str, Any]:
     """Results of a run that are shown."""
     keys = (*SHOWN, "gap_max", "penetration")
     chosen: dict[str, Any] = {k: found.values.get(k) for k in keys}
-    return {**chosen, "failure": found.failure, "seconds": found.seconds}
+    work = {"cells": found.cells, "cut": found.cut, "newton": found.newton}
+    return {**chosen, **work, "failure": found.failure, "seconds": found.seconds}
 
 
 def _head(first: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
@@ -306,7 +307,13 @@ def convergence(output: Output, quick: bool) -> None:
 
 def show_convergence(output: Output, mould: str, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write the tables of one mould."""
-    more = {"penetration": "penetration [µm]", "seconds": "time [s]"}
+    more = {
+        "penetration": "penetration [µm]",
+        "cells": "cells",
+        "newton": "Newton iterations",
+        "cut": "intervals cut back",
+        "seconds": "time [s]",
+    }
     forms = {k: form for k, (_, form) in SHOWN.items()} | {"gap_max": ".3f", "seconds": ".0f"}
     forms["penetration"] = ".4f"
     lines = [

@@ -1,8 +1,12 @@
-"""How much more two runs at once yield than one after the other: `castfem sweep -j 1` and `-j 2`.
+"""How much more two runs at once yield than one after the other.
 
     python -m benchmarks.throughput [CASE] [REPEATS]
 
-Four runs of the case, each way as often as asked, in turns, so that a busy machine shows in both.
+Each way in turns, as often as asked, so that a busy machine shows in both; the best of each makes
+the ratio:
+
+* `castfem run` of two tapers, one after the other and both at once;
+* `castfem sweep` of eight tapers, `-j 1` and `-j 2`, from the command to its end, start-up and all.
 """
 
 from __future__ import annotations
@@ -12,32 +16,56 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 
-VALUES = "casting.superheat=20 K,25 K,30 K,35 K"
+TAPERS = ("0.8", "0.85", "0.9", "0.95", "1", "1.05", "1.1", "1.15")
+Way = Callable[[str, str, bool], None]
 
 
-def seconds(name: str, jobs: int) -> float:
-    """Wall time of the sweep from the command to its end, start-up and all."""
+def two_runs(name: str, folder: str, together: bool) -> None:
+    """Run two tapers in processes of their own."""
+    running = []
+    for taper in TAPERS[-2:]:
+        words = [name, "--set", f"mould.taper={taper} %/m", "-o", f"{folder}/{taper}", "-q"]
+        running.append(subprocess.Popen([sys.executable, "-m", "castfem.cli", "run", *words]))
+        if not together:
+            running[-1].wait()
+    if any(process.wait() for process in running):
+        raise RuntimeError("a run has failed")
+
+
+def sweep(name: str, folder: str, together: bool) -> None:
+    """Sweep the tapers."""
+    values = "mould.taper=" + ",".join(f"{taper} %/m" for taper in TAPERS)
+    words = ["sweep", name, "--set", values, "-j", "2" if together else "1"]
+    command = [sys.executable, "-m", "castfem.cli", *words, "-o", f"{folder}/sweep", "-q"]
+    subprocess.run(command, check=True)
+
+
+def seconds(way: Way, name: str, together: bool) -> float:
+    """Wall time of one way, into a folder that goes afterwards."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "castfem.cli", "sweep", name, "--set", VALUES]
         begun = time.perf_counter()
-        subprocess.run([*command, "-j", str(jobs), "-o", f"{folder}/out", "-q"], check=True)
+        way(name, folder, together)
         return time.perf_counter() - begun
 
 
 def main(words: list[str]) -> None:
-    """Measure and print a line each time; the best of each way makes the ratio."""
-    name = words[0] if words else "billet125/idealised"
+    """Measure and print a line each time."""
+    name = words[0] if words else "billet125/taper_1"
     repeats = int(words[1]) if len(words) > 1 else 3
-    found: dict[int, list[float]] = {1: [], 2: []}
-    seconds(name, 2)  # forms and meshes come from the cache from now on
-    for _ in range(repeats):
-        for jobs, times in found.items():
-            load = os.getloadavg()[0]
-            times.append(seconds(name, jobs))
-            print(f"-j {jobs}: {times[-1]:.2f} s (load before it {load:.2f})", flush=True)
-    one, two = (min(times) for times in found.values())
-    print(f"throughput of two at once: {one / two:.2f} times that of one after the other")
+    ways: dict[str, Way] = {"two runs": two_runs, "a sweep of eight": sweep}
+    seconds(two_runs, name, together=True)  # forms and meshes come from the cache from now on
+    for title, way in ways.items():
+        found: dict[bool, list[float]] = {False: [], True: []}
+        for _ in range(repeats):
+            for together, times in found.items():
+                load = os.getloadavg()[0]
+                times.append(seconds(way, name, together))
+                how = "two at once" if together else "one by one "
+                print(f"{title}, {how}: {times[-1]:.2f} s (load before it {load:.2f})", flush=True)
+        ratio = min(found[False]) / min(found[True])
+        print(f"{title}: two at once yield {ratio:.2f} times as much as one by one", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
 import time
 from pathlib import Path
 
-import pytest
+from ranks import needs_mpirun, python_on
 
-pytestmark = pytest.mark.skipif(shutil.which("mpirun") is None, reason="no mpirun")
+pytestmark = needs_mpirun
 
 ENGINE = """
 import sys, types
@@ -32,13 +28,8 @@ main(sys.argv[1:])
 def _mpirun(tmp_path: Path, body: str, *words: str, ranks: int = 2):
     script = tmp_path / "castfem_script.py"
     script.write_text(ENGINE.format(body=body))
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_"))}
-    clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    command = ["mpirun", "--oversubscribe", "-n", str(ranks), sys.executable, str(script), *words]
     begun = time.monotonic()
-    done = subprocess.run(
-        command, cwd=tmp_path, env=clean, capture_output=True, text=True, timeout=60
-    )
+    done = python_on(ranks, str(script), *words, folder=tmp_path, timeout=60.0)
     return done, time.monotonic() - begun
 
 

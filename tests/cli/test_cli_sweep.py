@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from ranks import needs_mpirun, python_on
 from small_case import write_small
 
 from castfem.sweep.local import run_locally
@@ -183,16 +183,11 @@ def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path):
         assert (record["status"], record["resumed"]) == ("finished", 1)
 
 
-@pytest.mark.skipif(shutil.which("mpirun") is None, reason="no mpirun")
+@needs_mpirun
 def test_over_ranks(tmp_path):
     write_small(tmp_path)
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_"))}
-    clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    command = ["mpirun", "--oversubscribe", "-n", "3", sys.executable, "-m", "castfem.cli"]
-    command += ["sweep", "small", *SPEEDS, "--set", NEVER, "-o", "out"]
-    done = subprocess.run(
-        command, cwd=tmp_path, env=clean, capture_output=True, text=True, timeout=120
-    )
+    words = ("-m", "castfem.cli", "sweep", "small", *SPEEDS, "--set", NEVER, "-o", "out")
+    done = python_on(3, *words, folder=tmp_path, timeout=120.0)
     assert done.returncode == 2, done.stderr
     assert done.stdout.count("table in out/sweep.csv") == 1
     assert done.stderr.count("castfem: 2 of 4 runs failed") == 1

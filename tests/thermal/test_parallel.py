@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from ranks import needs_mpirun, python_on
 
 from castfem.probes import LineProbes
 from castfem.thermal import laws
@@ -71,20 +68,9 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.skipif(shutil.which("mpirun") is None, reason="mpirun is not on the path")
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="starts ranks of its own")
+@needs_mpirun
 def test_three_ranks_give_what_one_gives() -> None:
-    clean = {
-        k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX", "PRTE_"))
-    }
-    done = subprocess.run(
-        ["mpirun", "--oversubscribe", "-n", "3", sys.executable, "-c", SCRIPT, str(HERE)],
-        capture_output=True,
-        text=True,
-        timeout=300,
-        env=clean | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"},
-        check=False,
-    )
+    done = python_on(3, "-c", SCRIPT, str(HERE))
     assert done.returncode == 0, done.stderr
     line = next(x for x in done.stdout.splitlines() if x.startswith("RESULT"))
     three = json.loads(line.removeprefix("RESULT"))

@@ -1,0 +1,46 @@
+"""Python on several ranks, started as a user starts it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+_LAUNCHER = ("OMPI_", "PMIX_", "PMI_", "PRTE_")
+_ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+
+needs_mpirun = pytest.mark.skipif(
+    shutil.which("mpirun") is None or MPI.COMM_WORLD.size > 1,
+    reason="starts ranks of its own; needs mpirun",
+)
+
+
+def python_on(
+    ranks: int, *words: str, folder: Path | None = None, timeout: float = 300.0
+) -> subprocess.CompletedProcess[str]:
+    """Run Python on so many ranks (1: without mpirun), and return what came of it.
+
+    Args:
+        ranks: How many.
+        words: Of Python's command line.
+        folder: Where it runs.
+        timeout: After which the test has failed, s.
+    """
+    # What the launcher of this process has left would be taken for the new one's.
+    clean = {key: value for key, value in os.environ.items() if not key.startswith(_LAUNCHER)}
+    launcher = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
+    return subprocess.run(
+        [*launcher, sys.executable, *words],
+        cwd=folder,
+        env=clean | _ROOT,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
