@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
+TINY = 1e-300
+SHORTEST = 0.05  # of the interval: cut back no further for a gap that does not settle
 COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
 
 
@@ -193,14 +195,16 @@ class Coupler:
 
     What the strained slice tells the heat of the next interval are the gap to the wall and the work
     that was dissipated. With more than one pass an interval is repeated with the mean gap of its
-    beginning and its end, until that settles.
+    beginning and its end, until that settles; one that does not is cut back, for a shorter interval
+    leaves the gap less to say.
 
     Args:
         thermal: Thermal steps. mechanics: The mechanical step.
         dissipation: Share of the viscoplastic work that heats the next interval.
         zones: Told the gaps. gap: Finds them; None without a mould.
-        passes: Largest number of passes through an interval. settled: Change of the gap in a pass
-            below which it has settled, m.
+        interval: Length of an interval that is not cut back, s.
+        passes: Largest number of passes through an interval. settled: The gap has settled when the
+            one that was found would change the temperature of the surface by less, K.
         order: "thermal_first", or "mechanics_first": strained as if it went on cooling as in the
             interval before, and held its temperature in the first (297)-(299), Fig. 84.
     """
@@ -212,13 +216,14 @@ class Coupler:
         dissipation: float,
         zones: Zones,
         gap: SurfaceGap | None,
+        interval: float,
         passes: int = 1,
-        settled: float = 1e-6,
+        settled: float = 1.0,
         order: str = "thermal_first",
     ) -> None:
         self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
-        self.zones, self.gap, self.passes, self.settled = zones, gap, passes, settled
-        self.order = order
+        self.zones, self.gap, self.interval = zones, gap, interval
+        self.passes, self.settled, self.order = passes, settled, order
 
     def take(self, old: StrandState, end: float) -> Interval:
         """One interval from `old` to `end` (s); `old` is left untouched.
@@ -230,14 +235,15 @@ class Coupler:
         if self.dissipation:
             self.thermal.stepper.problem.set_source(old.heating)
         begun = gap = self.gap_of(old.mechanical)
+        repeats = self.passes > 1 and begun is not None and self.order == "thermal_first"
         learnt, relaxed = self.thermal.control.step, Relaxation(self.mechanics.comm)
         taken = self._pass(old, end, gap)
-        while taken.converged and self.passes > 1 and begun is not None:
-            assert gap is not None and taken.state.mechanical is not None
+        while taken.converged and repeats:
+            assert begun is not None and gap is not None and taken.state.mechanical is not None
             ended = self.gap_of(taken.state.mechanical)
             assert ended is not None
             mean = 0.5 * (begun + ended)
-            if self._change(mean, gap) <= self.settled:
+            if self._misjudged(old.time, taken.state, gap, mean) <= self.settled:
                 break
             if taken.passes == self.passes:
                 taken = replace(taken, settled=False)
@@ -245,7 +251,7 @@ class Coupler:
             self.thermal.control.step = learnt
             gap = relaxed(gap, mean)
             taken = taken.before(self._pass(old, end, gap))
-        if not taken.converged:
+        if not (taken.converged and taken.settled):
             self.thermal.control.step = learnt
         return taken
 
@@ -287,9 +293,19 @@ class Coupler:
         found[self.gap.dofs] = np.maximum(self.gap.at(state), 0.0)
         return found
 
-    def _change(self, one: Array, other: Array) -> float:
-        """Largest difference of two gaps; both without a wall are no difference."""
-        return reductions.largest(self.mechanics.comm, np.abs(difference(one, other)))
+    def _misjudged(self, begun: float, state: StrandState, taken: Array, found: Array) -> float:
+        """How far the surface is off, K, since the gap taken was not the one that was found.
+
+        The difference of the fluxes cools a thick body of the steel that is there for the length of
+        the interval (Carslaw and Jaeger, Conduction of Heat in Solids, 2.9). (Collective.)
+        """
+        point, zones = state.thermal.point, self.zones
+        fluxes = [zones.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
+        slope = point.temperature_slope  # 1 / (rho c); that of conduction is k / (rho c)
+        effusivity = np.sqrt(np.maximum(point.conduction_slope, TINY)) / np.maximum(slope, TINY)
+        duration = state.time - begun
+        cooled = np.abs(fluxes[1] - fluxes[0]) * np.sqrt(4.0 / np.pi * duration) / effusivity
+        return reductions.largest(self.mechanics.comm, cooled)
 
     def _heating(self, result: MechanicalResult, duration: float) -> Array:
         """Heat of the viscoplastic work of a step, spread over its duration (owned,), W/m3."""
@@ -312,6 +328,8 @@ def take_interval(
 ) -> tuple[Interval, int]:
     """An interval that succeeds, cut back as often as it takes, and how often that was.
 
+    A gap that does not settle cuts an interval back as well, but ends no run.
+
     Raises:
         RunFailure: At the smallest interval.
     """
@@ -320,10 +338,11 @@ def take_interval(
         end = control.propose(state.time)
         taken = end - state.time
         attempt = coupler.take(state, end)
-        if attempt.converged:
+        short = taken < SHORTEST * coupler.interval
+        if attempt.converged and (attempt.settled or short):
             control.learn(taken, 0.0)
             return attempt, rejected
-        reason = attempt.mechanical.reason
+        reason = "the gap does not settle" if attempt.converged else attempt.mechanical.reason
         log.logger.debug("t = %.6g s: interval %.3g s: %s", state.time, taken, reason)
         try:
             control.failed(taken, reason)

@@ -45,7 +45,8 @@ class Counts:
         steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
             the second-order scheme left the physical bounds.
         intervals: Of temperature and mechanics. cut_back: Tried and not kept.
-        unsettled: Repeated as often as allowed, and the gap still changed.
+        passes: Through intervals that were kept, repeated ones included. unsettled: Repeated as
+            often as allowed, as short as sensible, and the gap still changed.
     """
 
     steps: int = 0
@@ -53,6 +54,7 @@ class Counts:
     limited: int = 0
     intervals: int = 0
     cut_back: int = 0
+    passes: int = 0
     unsettled: int = 0
 
     @property
@@ -128,6 +130,7 @@ class March:
             leg, mechanical, state = taken.leg, taken.mechanical, taken.state
             counts.intervals += 1
             counts.cut_back += failed
+            counts.passes += taken.passes
             counts.unsettled += not taken.settled
         self.state = state
         counts.steps += leg.steps

@@ -47,8 +47,11 @@ def _steps(march: March) -> dict[str, float]:
             "intervals cut back": counts.cut_back,
             "Newton iterations, mechanics": scene.mechanics.problem.iterations,
         }
-        if scene.case.coupling.passes > 1:
-            found["intervals not settled"] = counts.unsettled
+        if scene.coupler is not None and scene.coupler.gap is not None:
+            found |= {
+                "passes through intervals": counts.passes,
+                "intervals not settled": counts.unsettled,
+            }
     return {name: float(count) for name, count in found.items()}
 
 

@@ -133,8 +133,9 @@ def _coupler(
 
         gap = SurfaceGap(mechanics.problem.contact, mechanics.problem.points)
     return Coupler(
-        steps, mechanics, given.dissipation, zones, gap, given.passes, given.settled, given.order
-    )
+        steps, mechanics, given.dissipation, zones, gap,
+        given.interval, given.passes, given.settled, given.order,
+    )  # fmt: skip
 
 
 def _mechanics(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -63,6 +64,21 @@ class Zones:
             for patch, law in cooling.laws:
                 if isinstance(law, laws.Contact) and law.follows:
                     law.gap = gap[patch.dofs]
+
+    def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
+        """Heat flux at the owned vertices (owned,), W/m2, if these were the gaps that change it.
+
+        Args:
+            gap: (owned,), m.
+            temperature: (owned,), K.
+            time: Within the zone that counts, s.
+        """
+        flux = np.zeros_like(temperature)
+        for patch, law in self._coolings[self.index(time)].laws:
+            if isinstance(law, laws.Contact) and law.follows:
+                across = replace(law, gap=gap[patch.dofs])
+                flux[patch.dofs] += across.flux(temperature[patch.dofs], time)[0]
+        return flux
 
     def index(self, time: float) -> int:
         """Zone of a step that begins at `time` (s)."""

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.thermal import PetscOption
-from castfem.quantities import Kind, Length, Time
+from castfem.quantities import Kind, PositiveDifference, Time
 from castfem.table import Curve, Table
 
 if TYPE_CHECKING:
@@ -162,14 +162,16 @@ class Coupling(TableModel):
         "as in the interval before (thesis, Fig. 84)",
     )
     passes: int = Field(
-        1,
+        8,
         ge=1,
         strict=True,
-        description="largest number of passes through an interval; more than one repeats it until "
-        "the gap to the mould settles",
+        description="largest number of passes through an interval: it is repeated until the gap to "
+        "the mould settles, and cut back if it does not; 1: never repeated",
     )
-    settled: Length = Field(
-        written("1 um"), description="change of the gap in a pass below which it has settled"
+    settled: PositiveDifference = Field(
+        written("1 K"),
+        description="change of the surface temperature by the gap found instead of the one taken, "
+        "below which the gap has settled",
     )
     dissipation: Share = Field(
         1.0, description="share of the viscoplastic work that becomes heat; 0: it is left out"
