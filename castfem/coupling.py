@@ -39,7 +39,8 @@ class StrandState:
 
     Attributes:
         thermal: Temperatures. mechanical: Displacement, stress...; None without mechanics.
-        heating: Heat of the viscoplastic work at the owned vertices (owned,), W/m3; empty without.
+        heating: Heat of the viscoplastic work of the last interval, which warms the next, at the
+            owned vertices (owned,), J/m3; empty without.
         trend: Rate of temperature in the last interval (owned,), K/s: what mechanics that go first
             know of the next; empty where they do not.
     """
@@ -193,10 +194,10 @@ class Relaxation:
 class Coupler:
     """Takes intervals, thermal first (thesis IV): the shell of an instant is cooled, then strained.
 
-    What the strained slice tells the heat of the next interval are the gap to the wall and the work
-    that was dissipated. With more than one pass an interval is repeated with the mean gap of its
-    beginning and its end, until that settles; one that does not is cut back, for a shorter interval
-    leaves the gap less to say.
+    What the strained slice tells the heat of the next interval are its form, the gap to the wall
+    and the work that was dissipated. With more than one pass an interval is repeated with the mean
+    gap of its beginning and its end, until that settles; one that does not is cut back, for a
+    shorter interval leaves the gap less to say.
 
     Args:
         thermal: Thermal steps. mechanics: The mechanical step.
@@ -233,9 +234,10 @@ class Coupler:
         """
         assert old.mechanical is not None
         if self.dissipation:
-            self.thermal.stepper.problem.set_source(old.heating)
+            self.thermal.stepper.problem.set_source(np.asarray(old.heating / (end - old.time)))
+        self._follow_shape(old.mechanical)
         begun = gap = self.gap_of(old.mechanical)
-        repeats = self.passes > 1 and begun is not None and self.order == "thermal_first"
+        repeats = begun is not None and self.order == "thermal_first"
         learnt, relaxed = self.thermal.control.step, Relaxation(self.mechanics.comm)
         taken = self._pass(old, end, gap)
         while taken.converged and repeats:
@@ -274,8 +276,16 @@ class Coupler:
         if first is not None:
             cooled = leg.state.point.temperature - old.thermal.point.temperature
             trend = np.asarray(cooled / duration)
-        state = StrandState(leg.state, result.state, self._heating(result, duration), trend)
+        state = StrandState(leg.state, result.state, self._heating(result), trend)
         return Interval(True, state, leg, result, 1)
+
+    def _follow_shape(self, state: MechanicalState) -> None:
+        """Let heat flow through the slice as it was strained, unless the case leaves that out."""
+        problem = self.thermal.stepper.problem
+        if problem.shape is not None:
+            problem.shape.take(state.displacement, state.modes)
+            self.zones.follow_shape()
+            problem.follow_shape()
 
     def _expected(self, old: StrandState, end: float) -> Array:
         """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""
@@ -307,13 +317,13 @@ class Coupler:
         cooled = np.abs(fluxes[1] - fluxes[0]) * np.sqrt(4.0 / np.pi * duration) / effusivity
         return reductions.largest(self.mechanics.comm, cooled)
 
-    def _heating(self, result: MechanicalResult, duration: float) -> Array:
-        """Heat of the viscoplastic work of a step, spread over its duration (owned,), W/m3."""
+    def _heating(self, result: MechanicalResult) -> Array:
+        """Heat of the viscoplastic work of a step (owned,), J/m3."""
         if not self.dissipation:
             return np.zeros(0)
         problem = self.thermal.stepper.problem
         work = self.mechanics.problem.points.to_vertices(result.dissipation)
-        return np.asarray(self.dissipation / duration * work / problem.area)
+        return np.asarray(self.dissipation * work / problem.area)
 
     def start(self, thermal: ThermalState) -> StrandState:
         """The slice at the meniscus: undeformed and free of stress."""
@@ -338,8 +348,8 @@ def take_interval(
         end = control.propose(state.time)
         taken = end - state.time
         attempt = coupler.take(state, end)
-        short = taken < SHORTEST * coupler.interval
-        if attempt.converged and (attempt.settled or short):
+        kept = coupler.passes == 1 or taken < SHORTEST * coupler.interval
+        if attempt.converged and (attempt.settled or kept):
             control.learn(taken, 0.0)
             return attempt, rejected
         reason = "the gap does not settle" if attempt.converged else attempt.mechanical.reason

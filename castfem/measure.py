@@ -68,7 +68,7 @@ class Measure:
     metallurgical_length: float | None = None
     _hottest: float = np.inf
     _time: float = 0.0
-    _surface: dict[str, tuple[int, float]] = field(default_factory=dict)
+    _surface: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Find the surface vertex nearest to the start of each probe."""
@@ -92,7 +92,7 @@ class Measure:
             )
             if owner == section.comm.rank:
                 dof = int(on_surface[int(distance.argmin())])
-                self._surface[name] = (dof, float(share[dof]))
+                self._surface[name] = dof
 
     def read(
         self, strand: StrandState, leg: Leg | None, mechanical: MechanicalResult | None = None
@@ -159,12 +159,13 @@ class Measure:
         """Heat flux at the surface point of each probe, W/m2."""
         problem = self.scene.problem
         flow = problem.surface_flow(state.point, state.rate, state.time)
+        share = self.scene.zones.perimeter_share()
         names = list(self.scene.probes.lines)
         local = np.zeros(len(names))
         for i, name in enumerate(names):
             if name in self._surface:
-                dof, share = self._surface[name]
-                local[i] = flow[dof] / share
+                dof = self._surface[name]
+                local[i] = flow[dof] / share[dof]
         flux = reductions.totals(self.scene.section.comm, local)
         return {name: float(flux[i]) for i, name in enumerate(names)}
 

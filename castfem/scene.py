@@ -17,6 +17,7 @@ from castfem.probes import LineProbes
 from castfem.section import Section
 from castfem.stopwatch import Stopwatch
 from castfem.thermal.problem import ThermalProblem
+from castfem.thermal.shape import Shape
 from castfem.thermal.stepper import ThermalStepper
 from castfem.thermal.surface import Surface
 from castfem.timestep import Adaptive, StepControl
@@ -99,15 +100,18 @@ def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> S
         start = starting_temperature(case, steel)
     with watch.section("setup: mesh"):
         section = Section(comm, on_root(comm, lambda: build_mesh(case)))
+    with watch.section("setup: mechanics"):
+        mechanics = _mechanics(case, steel, section, watch)
+    shape = None
+    if mechanics is not None and case.coupling.follow_shape:
+        shape = Shape(section, mechanics.problem.space)
     with watch.section("setup: thermal"):
-        zones = Zones(case, steel, Surface(section))
+        zones = Zones(case, steel, Surface(section, shape))
         curve = thermal_curve(steel, zones, start)
-        problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch)
+        problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
         probes = LineProbes(section)
     stepping = case.thermal.time
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
-    with watch.section("setup: mechanics"):
-        mechanics = _mechanics(case, steel, section, watch)
     milestones = _milestones(case, zones)
     if mechanics is None:
         control = thermal = step_control(case, milestones)

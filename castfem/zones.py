@@ -65,6 +65,10 @@ class Zones:
                 if isinstance(law, laws.Contact) and law.follows:
                     law.gap = gap[patch.dofs]
 
+    def follow_shape(self) -> None:
+        """Cool the surface as it is now (collective)."""
+        self._surface.follow_shape()
+
     def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
         """Heat flux at the owned vertices (owned,), W/m2, if these were the gaps that change it.
 

@@ -32,25 +32,50 @@ def storage(amount: ufl.core.expr.Expr, v: ufl.Argument, dx: ufl.Measure) -> ufl
     return amount * v * dx
 
 
-def conduction(
-    theta: ufl.core.expr.Expr,
-    v: ufl.Argument,
-    dx: ufl.Measure,
-    gradient: ufl.core.expr.Expr | None = None,
-) -> ufl.Form:
+def conduction(theta: ufl.core.expr.Expr, v: ufl.Argument, dx: ufl.Measure) -> ufl.Form:
     """Int grad theta . grad v dx: conduction (right of (23)) by the conduction integral theta, W/m.
 
     Args:
         theta: Conduction integral, W/m (or the trial function of the constant operator).
         v: Test function.
-        dx: Area measure of the undeformed slice.
-        gradient: In-plane deformation gradient (2, 2) when the slice has moved: the integral is
-            then that over the deformed section, pulled back.
+        dx: Area measure.
     """
-    if gradient is None:
-        return ufl.inner(ufl.grad(theta), ufl.grad(v)) * dx
-    pull = ufl.inv(gradient)
-    return ufl.det(gradient) * ufl.inner(pull.T * ufl.grad(theta), pull.T * ufl.grad(v)) * dx
+    return ufl.inner(ufl.grad(theta), ufl.grad(v)) * dx
+
+
+def conduction_moved(
+    theta: ufl.core.expr.Expr,
+    v: ufl.Argument,
+    dx: ufl.Measure,
+    gradient: ufl.core.expr.Expr,
+    thickness: ufl.core.expr.Expr,
+) -> ufl.Form:
+    """Int e grad theta . grad v da over the slice as it is now, pulled back: conduction, W/m.
+
+    Args:
+        theta: Conduction integral, W/m.
+        v: Test function.
+        dx: Area measure of the undeformed slice.
+        gradient: F, in-plane deformation gradient (2, 2).
+        thickness: e, of the slice, relative to the undeformed one.
+    """
+    pull = ufl.inv(gradient).T
+    area = thickness * ufl.det(gradient)
+    return area * ufl.inner(pull * ufl.grad(theta), pull * ufl.grad(v)) * dx
+
+
+def surface_stretch(
+    gradient: ufl.core.expr.Expr, thickness: ufl.core.expr.Expr, normal: ufl.core.expr.Expr
+) -> ufl.core.expr.Expr:
+    """Surface of the slice as it is now over that of the undeformed one, e det F |F^-T N| (Nanson).
+
+    Args:
+        gradient: F (2, 2).
+        thickness: e, relative to the undeformed one.
+        normal: N, outward on the undeformed surface.
+    """
+    turned = ufl.inv(gradient).T * normal
+    return thickness * ufl.det(gradient) * ufl.sqrt(ufl.inner(turned, turned))
 
 
 def surface_heat(flux: ufl.core.expr.Expr, v: ufl.Argument, ds: ufl.Measure) -> ufl.Form:

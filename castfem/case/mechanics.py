@@ -166,12 +166,18 @@ class Coupling(TableModel):
         ge=1,
         strict=True,
         description="largest number of passes through an interval: it is repeated until the gap to "
-        "the mould settles, and cut back if it does not; 1: never repeated",
+        "the mould settles, and cut back if it does not; 1: neither, but intervals "
+        "that want it are counted",
     )
     settled: PositiveDifference = Field(
         written("1 K"),
         description="change of the surface temperature by the gap found instead of the one taken, "
         "below which the gap has settled",
+    )
+    follow_shape: bool = Field(
+        True,
+        description="whether heat flows through the slice as it has moved, out of the surface it "
+        "has now (thesis IV); false: through the undeformed one",
     )
     dissipation: Share = Field(
         1.0, description="share of the viscoplastic work that becomes heat; 0: it is left out"

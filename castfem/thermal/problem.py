@@ -4,11 +4,15 @@ With the vertex rule of `forms.heat` the stage reads, for the enthalpies H (J/m3
 
     M (H - H_base) + tau [ L theta(H) + w q(T(H)) - M s ] = 0,
 
-M the vertices' areas, L the constant Laplacian of the section, w their shares of the perimeter,
-s heat generated inside.  L is assembled once; a Newton step only scales its columns by dtheta/dH.
-The Jacobian is an M-matrix with dominant columns for every step and every freezing range, so the
-stage is always solvable, and Newton's method on H (not on T) has no difficulty with isothermal
-freezing.
+M the vertices' areas, L the Laplacian of the section, w their shares of the perimeter, s heat
+generated inside.  L is assembled once, or once an interval in a slice that moves; a Newton step
+only scales its columns by dtheta/dH.  The Jacobian is an M-matrix with dominant columns for every
+step and every freezing range, so the stage is always solvable, and Newton's method on H (not on T)
+has no difficulty with isothermal freezing.  (What the shear of the shell adds to L is smaller than
+its entries by the strain, and may have the other sign.)
+
+M stays that of the undeformed slice, whose steel it holds: the enthalpy is per volume at the
+meniscus, and no movement adds to it.
 """
 
 from __future__ import annotations
@@ -23,12 +27,13 @@ import ufl
 from dolfinx import fem
 
 from castfem import log, reductions
-from castfem.compat import assemble_matrix, assemble_owned, without_zeros
-from castfem.forms.heat import conduction, slice_measure, storage
+from castfem.compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
+from castfem.forms.heat import conduction, conduction_moved, slice_measure, storage
 from castfem.materials.curve import CurvePoint, ThermalCurve
 from castfem.section import Section
 from castfem.snes import Options, Outcome, SnesSolver
 from castfem.stopwatch import Stopwatch
+from castfem.thermal.shape import Shape
 from castfem.thermal.surface import Cooling
 
 Array = npt.NDArray[np.float64]
@@ -108,9 +113,11 @@ class ThermalProblem:
         options: PETSc options that win over the defaults.
         tolerance: Largest imbalance left at a vertex, as a change of its temperature, K.
         watch: Charged with the time spent here.
+        shape: Where the slice is; None if it does not move.
 
     Attributes:
         area: Area that belongs to each owned vertex (owned,), m2.
+        warming: Fastest rise of a temperature by heat generated inside, K/s.
         iterations: Newton iterations since the start. stages: Stages solved since the start.
     """
 
@@ -121,9 +128,11 @@ class ThermalProblem:
         options: Options | None = None,
         tolerance: float = 1e-7,
         watch: Stopwatch | None = None,
+        shape: Shape | None = None,
     ) -> None:
         self.section, self.curve, self.tolerance = section, curve, tolerance
         self.watch = watch if watch is not None else Stopwatch()
+        self.shape = shape
         self._assemble_operators()
         self._work = self._laplacian.createVecLeft()
         self._theta = self._laplacian.createVecRight()
@@ -133,7 +142,7 @@ class ThermalProblem:
         self.iterations: int = 0
         self.stages: int = 0
         self._base, self._tau, self._time = np.zeros_like(self.area), 1.0, 0.0
-        self._source, self.heated = np.zeros_like(self.area), False
+        self._source, self.warming = np.zeros_like(self.area), 0.0
         self.set_cooling(Cooling([], []))
         self._state = self._evaluate(np.zeros_like(self.area))
 
@@ -143,17 +152,33 @@ class ThermalProblem:
         return SnesSolver(self, self._theta, matrix, prefix, options, self.watch)
 
     def _assemble_operators(self) -> None:
-        """Vertex areas and the constant Laplacian, from the forms."""
+        """Vertex areas and the Laplacian, from the forms."""
         section, space, mesh = self.section, self.section.vertex_space, self.section.mesh
         u, v, dx = ufl.TrialFunction(space), ufl.TestFunction(space), slice_measure(mesh)
-        form = section.compile("heat.conduction", conduction(u, v, dx))
-        self._laplacian = without_zeros(assemble_matrix(form))
-        self._laplacian_diagonal = self._laplacian.getDiagonal().getArray().copy()
-        self._stiffness = self._laplacian_diagonal * self.curve.reference_diffusivity
+        if self.shape is None:
+            form = section.compile("heat.conduction", conduction(u, v, dx))
+            self._laplacian = without_zeros(assemble_matrix(form))
+        else:
+            moved = conduction_moved(u, v, dx, self.shape.gradient, self.shape.thickness)
+            self._conduction = section.compile("heat.conduction.moved", moved)
+            self._laplacian = assemble_matrix(self._conduction)
+        self._scale_operators()
         one = fem.Constant(mesh, np.float64(1.0))
         self.area = assemble_owned(
             section.compile("heat.storage", storage(one, v, dx)), section.owned
         )
+
+    def _scale_operators(self) -> None:
+        """What norms measure against."""
+        self._laplacian_diagonal = self._laplacian.getDiagonal().getArray().copy()
+        self._stiffness = self._laplacian_diagonal * self.curve.reference_diffusivity
+
+    def follow_shape(self) -> None:
+        """Conduct through the slice as it is now; its surface follows by `Surface.follow_shape`."""
+        with self.watch.section("assembly"):
+            assemble_into(self._laplacian, self._conduction, [])
+        self._scale_operators()
+        self._state = self._evaluate(self._state.enthalpy)
 
     def set_cooling(self, cooling: Cooling) -> None:
         """Cool the surface as `cooling` says from now on."""
@@ -171,7 +196,8 @@ class ThermalProblem:
         The plastic dissipation of the mechanics enters here.
         """
         self._source = self.area * source
-        self.heated = reductions.largest(self.section.comm, np.abs(source)) > 0.0
+        hottest = reductions.largest(self.section.comm, np.abs(source))
+        self.warming = hottest / self.curve.reference_capacity
 
     def solve_stage(self, base: Array, guess: Array, tau: float, time: float) -> Stage:
         """Solve M (H - base) + tau (heat that leaves) = 0.

@@ -26,6 +26,8 @@ DEFECT = (
     (2 - 3 * GAMMA) / (6 * (1 - GAMMA)) - GAMMA,
 )
 IDLE = 1e-6  # share of the heat removed so far below which a step counts as idle
+SHEARED = 0.01  # of the range: a sheared mesh keeps the maximum principle but for its shear
+WARMER = 2.0  # heat generated inside, over what it warms at the capacity of reference
 BOUND_SLACK = 1e-6  # K, what rounding and the solver's tolerance may add to the physical bounds
 
 
@@ -132,9 +134,11 @@ class ThermalStepper:
         L-stable second-order schemes keep no maximum principle at large steps; backward Euler does.
         """
         low, high = self.problem.cooling.ambient_range(time)
-        if self.problem.heated:
-            high = np.inf
-        return min(low, old.extremes[0]), max(high, old.extremes[1])
+        low, high = min(low, old.extremes[0]), max(high, old.extremes[1])
+        high += WARMER * self.problem.warming * (time - old.time)
+        if self.problem.shape is not None:
+            low, high = low - SHEARED * (high - low), high + SHEARED * (high - low)
+        return low, high
 
     def _guess(self, old: Array, rate: Array, tau: float, bounds: tuple[float, float]) -> Array:
         """Enthalpy extrapolated by its rate, within the bounds: where Newton's method starts."""

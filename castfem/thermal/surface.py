@@ -10,9 +10,10 @@ import ufl
 from dolfinx import fem
 
 from castfem.compat import assemble_owned
-from castfem.forms.heat import surface_heat, surface_measure
+from castfem.forms.heat import surface_heat, surface_measure, surface_stretch
 from castfem.section import Section
 from castfem.thermal.laws import PrescribedTemperature, SurfaceLaw
+from castfem.thermal.shape import Shape
 
 Array = npt.NDArray[np.float64]
 
@@ -22,7 +23,8 @@ class Patch:
     """The owned surface vertices of some boundary groups.
 
     Attributes:
-        dofs: Their degrees of freedom (n,). weights: Share of the perimeter of each (n,), m.
+        dofs: Their degrees of freedom (n,). weights: Share of the perimeter of each (n,), m; of one
+            that moves, as it is now and times its thickness.
     """
 
     dofs: npt.NDArray[np.int64]
@@ -30,25 +32,47 @@ class Patch:
 
 
 class Surface:
-    """Perimeter shares of the boundary groups, assembled once with the vertex rule."""
+    """Perimeter shares of the boundary groups, by the vertex rule.
 
-    def __init__(self, section: Section) -> None:
-        self.section = section
+    Args:
+        section: The section.
+        shape: Where the slice is; None if it does not move, and the shares are assembled once.
+    """
+
+    def __init__(self, section: Section, shape: Shape | None = None) -> None:
+        self.section, self._shape = section, shape
         self._patches: dict[tuple[int, ...], Patch] = {}
         self._shares: dict[int, Array] = {}
+        self._forms: dict[int, fem.Form] = {}
+
+    def _compile(self) -> dict[int, fem.Form]:
+        section, shape = self.section, self._shape
+        ds = surface_measure(section.mesh, section.facet_tags)
+        v = ufl.TestFunction(section.vertex_space)
+        kind, stretch = "heat.surface", fem.Constant(section.mesh, np.float64(1.0))
+        if shape is not None:
+            normal = ufl.FacetNormal(section.mesh)
+            kind = "heat.surface.moved"
+            stretch = surface_stretch(shape.gradient, shape.thickness, normal)
+        return {
+            i: section.compile(f"{kind}.{name}", surface_heat(stretch, v, ds(i)))
+            for i, name in enumerate(section.groups)
+            if name in section.outer_groups
+        }
 
     def _share(self, tag: int) -> Array:
         """Share of the perimeter of group `tag` that belongs to each owned vertex (owned,), m."""
-        if not self._shares:
-            section = self.section
-            ds = surface_measure(section.mesh, section.facet_tags)
-            v = ufl.TestFunction(section.vertex_space)
-            one = fem.Constant(section.mesh, np.float64(1.0))
-            for i, name in enumerate(section.groups):
-                if name in section.outer_groups:
-                    form = section.compile(f"heat.surface.{name}", surface_heat(one, v, ds(i)))
-                    self._shares[i] = assemble_owned(form, section.owned)
+        if not self._forms:
+            self._forms = self._compile()
+        if tag not in self._shares:
+            self._shares[tag] = assemble_owned(self._forms[tag], self.section.owned)
         return self._shares[tag]
+
+    def follow_shape(self) -> None:
+        """Give all patches their shares of the surface as it is now (collective)."""
+        self._shares = {}
+        for key, patch in self._patches.items():
+            patch.weights[:] = np.sum([self._share(t) for t in key], axis=0)[patch.dofs]
 
     def patch(self, tags: list[int]) -> Patch:
         """Vertices and perimeter shares of the union of the groups with `tags`."""

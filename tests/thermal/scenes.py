@@ -9,12 +9,14 @@ from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
+from dolfinx import fem
 
 from castfem import meshes, reductions
 from castfem.materials.curve import ThermalCurve
 from castfem.section import Section
 from castfem.thermal.laws import PrescribedTemperature, SurfaceLaw
 from castfem.thermal.problem import ThermalProblem
+from castfem.thermal.shape import Shape
 from castfem.thermal.stepper import StepResult, ThermalState, ThermalStepper
 from castfem.thermal.surface import Cooling, Surface
 
@@ -59,12 +61,19 @@ class ThermalScene:
     scheme: str = "sdirk2"
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_SELF)
     options: dict[str, object] = field(default_factory=dict)
+    moves: bool = False
 
     def __post_init__(self) -> None:
         """Build section, problem and stepper."""
         self.section = Section(self.comm, self.mesh if self.comm.rank == 0 else None)
-        self.problem = ThermalProblem(self.section, self.curve, self.options)
-        self.surface = Surface(self.section)
+        shape = None
+        if self.moves:
+            self.displacement = fem.Function(
+                fem.functionspace(self.section.mesh, ("Lagrange", 2, (2,)))
+            )
+            shape = Shape(self.section, self.displacement.function_space)
+        self.problem = ThermalProblem(self.section, self.curve, self.options, shape=shape)
+        self.surface = Surface(self.section, shape)
         self.stepper = ThermalStepper(self.problem, self.scheme, estimate=True)
         self.state: ThermalState = self.stepper.initial(self.start)
         self.results: list[StepResult] = []
@@ -85,6 +94,16 @@ class ThermalScene:
             else:
                 cooling.laws.append((patch, law))
         self.problem.set_cooling(cooling)
+        return self
+
+    def move(self, displacement: Callable[[Array], Array], axial: float = 0.0) -> ThermalScene:
+        """Displace the points x (3, n) by (2, n) and stretch the slice."""
+        assert self.problem.shape is not None
+        self.displacement.interpolate(displacement)
+        modes = np.array([axial, 0.0, 0.0, 0.0])
+        self.problem.shape.take(self.displacement.x.array, modes)
+        self.surface.follow_shape()
+        self.problem.follow_shape()
         return self
 
     def march(

@@ -1,0 +1,100 @@
+"""Heat in a slice that has moved: through its form, out of its surface, with none lost."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import ufl
+from dolfinx import fem
+
+from castfem.compat import assemble_owned
+from castfem.forms import heat
+from castfem.thermal import laws
+from thermal.scenes import ThermalScene, constant_steel
+from thermal.test_extremes import CAST, WALL, billet
+
+Array = npt.NDArray[np.float64]
+
+STEEL = constant_steel(1725.15, 1775.65, datum=CAST)
+CONTACT = laws.Contact(5e3, WALL, 0.15)
+COARSE = {"surface_size": 2e-3, "core_size": 1.2e-2}
+
+
+def cooled(scene: ThermalScene) -> ThermalScene:
+    return scene.cool(("wide", CONTACT), ("narrow", CONTACT), ("corner", CONTACT))
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize(
+    "gradient", [((1.1, 0.0), (0.0, 0.8)), ((1.0, 0.3), (0.0, 1.0)), ((0.6, -0.8), (0.8, 0.6))]
+)
+def test_moved_slice_is_the_slice_made_that_way(
+    gradient: tuple[tuple[float, float], ...], cell: str
+) -> None:
+    """Stretched, sheared or turned with its volume kept, it cools like a section of that form."""
+    f = np.array(gradient)
+    thickness = 1.0 / float(np.linalg.det(f))
+    mesh = billet(5e-3, cell, **COARSE)
+    made = cooled(ThermalScene(replace(mesh, points=mesh.points @ f.T), STEEL, CAST))
+    moved = cooled(ThermalScene(mesh, STEEL, CAST, moves=True))
+    moved.move(lambda x: (f - np.eye(2)) @ x[:2], thickness - 1.0)
+    for scene in (made, moved):
+        scene.march(3.0, 0.25)
+    ours, theirs = moved.state.point.temperature, made.state.point.temperature
+    assert theirs.min() < 1300.0
+    assert ours == pytest.approx(theirs, rel=1e-9)
+    assert moved.state.removed == pytest.approx(thickness * made.state.removed, rel=1e-9)
+
+
+def test_heat_is_kept_while_the_slice_moves() -> None:
+    """Every step closes, and the steel neither gains nor loses by being moved."""
+    scene = cooled(ThermalScene(billet(5e-3, **COARSE), STEEL, CAST, moves=True))
+    start = scene.state.enthalpy
+    for turn in range(8):
+        size = 0.02 * (-1) ** turn
+
+        def wave(x: Array, size: float = size) -> Array:
+            return size * np.stack([x[0] * np.cos(40.0 * x[1]), x[1] * np.cos(50.0 * x[0])])
+
+        scene.move(wave, 0.5 * size).march(0.5 * (turn + 1), 0.25)
+    lost = scene.problem.area @ (start - scene.state.enthalpy)
+    assert scene.worst_balance < 1e-12
+    assert lost == pytest.approx(scene.state.removed, rel=1e-12)
+    assert scene.low > WALL and scene.high < CAST + 0.01 * (CAST - WALL)
+
+
+def test_liquid_that_has_folded_conducts_as_if_it_had_not_moved() -> None:
+    scene = cooled(ThermalScene(billet(5e-3, **COARSE), STEEL, CAST, moves=True))
+    still = cooled(ThermalScene(billet(5e-3, **COARSE), STEEL, CAST))
+    scene.move(lambda x: np.stack([-2.0 * x[0], np.zeros_like(x[0])]))  # turned inside out
+    for one in (scene, still):
+        one.march(2.0, 0.25)
+    assert scene.state.point.temperature == pytest.approx(still.state.point.temperature, rel=1e-9)
+
+
+def test_residual_is_the_enthalpy_form() -> None:
+    """What is solved vertex by vertex is (23) as `forms.heat` writes it, assembled as a whole."""
+    scene = cooled(ThermalScene(billet(5e-3, **COARSE), STEEL, CAST)).march(2.0, 0.25)
+    section, problem, step = scene.section, scene.problem, 0.1
+    space = section.vertex_space
+    old, point = scene.state.enthalpy, scene.curve.at(scene.state.enthalpy - 3e6)
+    new, base, theta, flux = (fem.Function(space) for _ in range(4))
+    q = CONTACT.flux(point.temperature, 0.0)[0]
+    for function, values in ((new, old - 3e6), (base, old), (theta, point.conduction), (flux, q)):
+        function.x.array[:] = values
+    v, dx = ufl.TestFunction(space), heat.slice_measure(section.mesh)
+    tags = tuple(t for t, name in enumerate(section.groups) if name in section.outer_groups)
+    ds = heat.surface_measure(section.mesh, section.facet_tags)(tags)
+    form = heat.residual_enthalpy(
+        new, base, theta, flux, fem.Constant(section.mesh, step), v, dx, ds
+    )
+    whole = assemble_owned(fem.form(form), section.owned)
+    problem.solve_stage(old, old, step, 0.0)
+    unknown, out = (PETSc.Vec().createWithArray(a.copy()) for a in (old - 3e6, old))
+    problem.residual(unknown, out)
+    assert out.getArray() == pytest.approx(whole, abs=1e-12 * np.abs(whole).max())
