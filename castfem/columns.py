@@ -46,7 +46,7 @@ def _mechanical_columns(scene: Scene) -> list[tuple[str, str]]:
         for name in scene.probes.lines:
             found += [(f"gap_{name}", "mm"), (f"contact_pressure_{name}", "MPa")]
         found += [("gap_max", "mm"), ("contact_pressure_max", "MPa"), ("penetration", "um")]
-        found += [("contact_share", "-"), ("friction_force", "kN")]
+        found += [("contact_share", "-"), ("friction_force", "kN/m"), ("friction_pull", "kN")]
     return found
 
 
@@ -102,5 +102,6 @@ def _mechanical_cells(reading: MechanicalReading) -> dict[str, float]:
             # At the meniscus nothing has been pressed against anything yet.
             "contact_share": contact.share if balance is not None else np.nan,
             "friction_force": 1e-3 * contact.axial,
+            "friction_pull": 1e-3 * reading.pull,
         }
     return cells

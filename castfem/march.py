@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,14 +12,16 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem import log, reductions
-from castfem.coupling import Leg, StrandState, take_interval
-from castfem.errors import RunFailure
+from castfem.coupling import Interval, Leg, StrandState, take_interval
+from castfem.errors import CastfemError, RunFailure
+from castfem.interrupt import Interrupt
+from castfem.marched import Counts, Recorded
 from castfem.measure import Measure, Reading
 from castfem.output.folder import OutputFolder
 from castfem.output.summary import Quantity
 from castfem.parallel import on_root
 from castfem.recorder import Recorder
-from castfem.report import quantities, summarise
+from castfem.report import last_results, quantities, summarise
 from castfem.scene import Scene, build_scene
 from castfem.stopwatch import peak_memory, profile_table
 from castfem.timestep import same_instant
@@ -32,35 +34,10 @@ if TYPE_CHECKING:
     from castfem.progress import Progress
 
 Array = npt.NDArray[np.float64]
+Named = dict[str, Quantity]
 
 # Arrays of the thermal state that a checkpoint holds, by their name in it.
 STATE = ("enthalpy", "rate")
-
-
-@dataclass(slots=True)
-class Counts:
-    """What the march has done.
-
-    Attributes:
-        steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
-            the second-order scheme left the physical bounds.
-        intervals: Of temperature and mechanics. cut_back: Tried and not kept.
-        passes: Through intervals that were kept, repeated ones included. unsettled: Repeated as
-            often as allowed, as short as sensible, and the gap still changed.
-    """
-
-    steps: int = 0
-    rejected: int = 0
-    limited: int = 0
-    intervals: int = 0
-    cut_back: int = 0
-    passes: int = 0
-    unsettled: int = 0
-
-    @property
-    def taken(self) -> int:
-        """Commits so far: intervals, or thermal steps in a scene without mechanics."""
-        return self.intervals or self.steps
 
 
 class March:
@@ -70,12 +47,18 @@ class March:
         scene: What to march.
         recorder: Where committed steps are written; None for a march in memory.
         progress: What is told after each step; None for silence.
+        interrupt: Asked after each step whether to stop there.
     """
 
     def __init__(
-        self, scene: Scene, recorder: Recorder | None = None, progress: Progress | None = None
+        self,
+        scene: Scene,
+        recorder: Recorder | None = None,
+        progress: Progress | None = None,
+        interrupt: Interrupt | None = None,
     ) -> None:
         self.scene, self.recorder, self.progress = scene, recorder, progress
+        self.interrupt = interrupt
         self.measure = Measure(scene)
         self.archive = make_archive(scene)
         thermal = scene.stepper.initial(scene.start_temperature)
@@ -86,9 +69,13 @@ class March:
         )
         self.counts = Counts()
         self.reading: Reading | None = None
-        # Results at the positions the case has references for, short of the end.
+        # Results at the positions the case has references for.
         self.snapshots: dict[float, dict[str, Quantity]] = {}
+        # Results and balances of forces as the checkpoint tells them, until the next step: what a
+        # step finds out, and the heat flux through its gap, are no part of the state.
+        self.told: tuple[Named, dict[str, Named]] | None = None
         self._zone = -1
+        self._recorded: Recorded | None = None
 
     def run(self) -> Reading:
         """March to the end of the scene.
@@ -97,7 +84,7 @@ class March:
             RunFailure: If a step cannot be saved; the committed state stays as it was.
         """
         control = self.scene.control
-        if self.counts.taken == 0:
+        if self.reading is None:
             self._enter_zone()
             self._record(None, None)
         while self.state.time < control.end:
@@ -121,38 +108,93 @@ class March:
         Raises:
             RunFailure: At the smallest step.
         """
-        scene, counts, mechanical = self.scene, self.counts, None
-        if scene.coupler is None:
-            leg = scene.steps.one(self.state.thermal)
-            state = replace(self.state, thermal=leg.state)
-        else:
-            taken, failed = take_interval(scene.coupler, self.state, scene.control)
-            leg, mechanical, state = taken.leg, taken.mechanical, taken.state
+        counts, before = self.counts, self._iterations()
+        try:
+            found, failed = self._attempt()
+        except RunFailure as error:
+            raise RunFailure(f"{self._whereabouts()}: {error}") from None
+        after = self._iterations()
+        counts.newton += after[0] - before[0]
+        counts.newton_mechanics += after[1] - before[1]
+        if isinstance(found, Interval):
+            leg, result, self.state = found.leg, found.mechanical, found.state
             counts.intervals += 1
             counts.cut_back += failed
-            counts.passes += taken.passes
-            counts.unsettled += not taken.settled
-        self.state = state
+            counts.passes += found.passes
+            counts.unsettled += not found.settled
+        else:
+            leg, result = found, None
+            self.state = replace(self.state, thermal=leg.state)
         counts.steps += leg.steps
         counts.rejected += leg.rejected
         counts.limited += leg.limited
-        self._record(leg, mechanical)
+        self._record(leg, result)
+
+    def _attempt(self) -> tuple[Leg | Interval, int]:
+        """A thermal step or an interval that can be kept, and how many intervals could not."""
+        scene = self.scene
+        if scene.coupler is None:
+            return scene.steps.one(self.state.thermal), 0
+        return take_interval(scene.coupler, self.state, scene.control)
+
+    def _iterations(self) -> tuple[int, int]:
+        """Newton iterations in this process, of temperature and mechanics."""
+        mechanics = self.scene.mechanics
+        return self.scene.problem.iterations, mechanics.problem.iterations if mechanics else 0
+
+    def _whereabouts(self) -> str:
+        """Where the slice is, for messages."""
+        time = self.state.time
+        return (
+            f"{1e3 * time * self.scene.case.casting.speed:.4g} mm below the meniscus ({time:.4g} s)"
+        )
 
     def _record(self, leg: Leg | None, mechanical: MechanicalResult | None) -> None:
         with self.scene.watch.section("results"):
+            self.told = None
             self.reading = self.measure.read(self.state, leg, mechanical)
             self._keep_snapshot(self.reading)
         if self.recorder is not None:
             with self.scene.watch.section("output"):
                 self.recorder.step(self, self.reading)
+        self._remember(self.reading)
         if self.progress is not None:
             reading = self.reading
             newton = reading.newton + (reading.mechanics.newton if reading.mechanics else 0)
             self.progress.update(reading.position, reading.time, newton, reading.step, self._note())
+        if self.interrupt is not None:
+            self.interrupt.heed()
+
+    def _remember(self, reading: Reading) -> None:
+        """Keep what has been recorded: states are never written into, the rest is copied."""
+        scene = self.scene
+        self._recorded = Recorded(
+            self.state,
+            reading,
+            replace(self.counts),
+            scene.control.step,
+            scene.steps.control.step,
+            self._zone,
+            self.measure.memory(),
+            dict(self.snapshots),
+        )
+
+    def fall_back(self) -> bool:
+        """Take back what is not recorded, after an error at whatever place; False if nothing is."""
+        good = self._recorded
+        if good is None:
+            return False
+        self.state, self.reading, self.counts = good.state, good.reading, good.counts
+        self.scene.control.step, self.scene.steps.control.step = good.step, good.substep
+        self._zone, self.snapshots = good.zone, good.snapshots
+        self.measure.recall(good.memory)
+        return True
 
     def _keep_snapshot(self, reading: Reading) -> None:
-        for position in self.scene.stations:
-            if same_instant(reading.position, position, self.scene.case.casting.length):
+        case = self.scene.case
+        # The end too: a run that goes on from there has its number at a station.
+        for position in {r.at for r in case.reference if r.at is not None}:
+            if same_instant(reading.position, position, case.casting.length):
                 self.snapshots[position] = quantities(self, reading)
 
     def _note(self) -> str:
@@ -173,6 +215,7 @@ class March:
     def description(self) -> dict[str, Any]:
         """All of the committed state that is not an array; what a checkpoint holds beside them."""
         thermal, mechanical = self.state.thermal, self.state.mechanical
+        results, forces = last_results(self)
         found: dict[str, Any] = {
             "time": thermal.time,
             "removed": thermal.removed,
@@ -182,10 +225,9 @@ class March:
             "substep": self.scene.steps.control.step,
             "zone": self._zone,
             "measure": self.measure.memory(),
-            "snapshots": [
-                [position, {name: [q.value, q.unit, q.label] for name, q in found.items()}]
-                for position, found in self.snapshots.items()
-            ],
+            "snapshots": [[position, _plain(found)] for position, found in self.snapshots.items()],
+            "results": _plain(results),
+            "forces": {name: _plain(terms) for name, terms in forces.items()},
         }
         if self.archive is not None and mechanical is not None:
             found["mechanical"] = self.archive.description(mechanical)
@@ -213,11 +255,21 @@ class March:
         if self._zone >= 0:
             self.scene.problem.set_cooling(self.scene.zones.cooling(self._zone))
         self.measure.recall(meta["measure"])
-        self.snapshots = {
-            position: {name: Quantity(*parts) for name, parts in found.items()}
-            for position, found in meta["snapshots"]
-        }
+        self.snapshots = {position: _named(found) for position, found in meta["snapshots"]}
         self.reading = self.measure.read(self.state, None)
+        forces = {name: _named(terms) for name, terms in meta["forces"].items()}
+        self.told = _named(meta["results"]), forces
+        self._remember(self.reading)
+
+
+def _plain(found: Named) -> dict[str, list[Any]]:
+    """Quantities as a checkpoint holds them."""
+    return {name: [q.value, q.unit, q.label] for name, q in found.items()}
+
+
+def _named(found: dict[str, list[Any]]) -> Named:
+    """The inverse of `_plain`."""
+    return {name: Quantity(*parts) for name, parts in found.items()}
 
 
 def make_archive(scene: Scene) -> Archive | None:
@@ -253,7 +305,8 @@ def run(
 
     Raises:
         InputError: The case, the folder or the checkpoint cannot be used.
-        RunFailure: The run cannot go on; the last good state is on disk.
+        RunFailure: The run cannot go on; the last good state is on disk.  It is so, too, after
+            any other error of a run on one rank.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     output = OutputFolder(folder)
@@ -277,17 +330,20 @@ def _march(
     """March a built scene with its files open."""
     comm, watch = scene.section.comm, scene.watch
     recorder = Recorder(scene, output, resume)
-    march = March(scene, recorder, progress)
+    interrupt = Interrupt(alone=comm.size == 1)
+    march = March(scene, recorder, progress, interrupt)
     if recorder.checkpoint is not None:
         march.restore(*recorder.checkpoint)
     if progress is not None:
         progress.start(scene.case.casting.length, march.state.time * scene.case.casting.speed)
     try:
-        with watch.section("march"):
+        with interrupt, watch.section("march"):
             march.run()
-    except RunFailure as error:
-        recorder.save(march)
-        _finish(march, output, "failed", str(error))
+    except BaseException as error:
+        # Saving takes all ranks.  A RunFailure they raise together; of anything else one rank
+        # does not know whether the others have it: then the checkpoint before must do.
+        if isinstance(error, RunFailure) or comm.size == 1:
+            _leave(march, recorder, output, error)
         raise
     finally:
         recorder.close()
@@ -296,6 +352,25 @@ def _march(
     if profile and comm.rank == 0:
         log.logger.info("%s", profile_table(watch))
     return _finish(march, output, "finished")
+
+
+def _leave(march: March, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:
+    """Leave the last good state on disk after `error`, which nothing here may hide (collective)."""
+    try:
+        if march.fall_back():
+            recorder.save(march)
+        _finish(march, output, "failed", _reason(error))
+    except Exception as other:
+        log.logger.warning("the state could not be saved: %s", other)
+
+
+def _reason(error: BaseException) -> str:
+    """Why a run ended, one line for run.json."""
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped by the user"
+    if isinstance(error, CastfemError):
+        return str(error)
+    return f"unexpected {type(error).__name__}: {error}"
 
 
 def _finish(march: March, output: OutputFolder, status: str, reason: str = "") -> Summary:

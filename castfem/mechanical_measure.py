@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from castfem import reductions
 from castfem.contact.outcome import SurfaceGap, summary
 from castfem.contact.state import ContactSummary
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
@@ -20,7 +21,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 SQRT2 = 2.0**0.5
-LARGEST = 1.0  # m: a gap where there is no wall
+FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
+LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +37,11 @@ class MechanicalReading:
         across: Size of the section through each probe that ends in its centre, m.
         strain: Axial strain of the slice at the origin.
         balance: Forces of the step; None at the start.
+        load: External axial force, N. pull: That which friction has handed down from above, N.
+            Their sum is the force of the stress where the planes are free: (38).
         contact: With the mould, all of it together; None without a mould.
-        gap: To the wall at the start of each probe, m; empty without a mould.
+        gap: To the wall at the start of each probe, m, NaN where there is none, as below the end
+            of the mould; empty without a mould.
         pressure: Contact pressure there, Pa; likewise.
     """
 
@@ -49,6 +54,8 @@ class MechanicalReading:
     across: dict[str, float]
     strain: float
     balance: Balance | None
+    load: float
+    pull: float
     contact: ContactSummary | None
     gap: dict[str, float]
     pressure: dict[str, float]
@@ -85,47 +92,42 @@ class MechanicalMeasure:
         """Read the committed `state` (collective)."""
         points = self.problem.points
         stress = von_mises(points.recovered(state.stress))
-        peak, where = self._largest(stress)
+        places = points.deviator.position
+        peak, *where = reductions.peak(self.section.comm, stress, places)
         moved = self._moved(state)
         surface = self._at_starts(points.at_vertices(stress))
         touching, contact = self.problem.contact, None
-        at_wall = {
-            name: self.fields(state, (name,)).get(name) for name in ("gap", "contact_pressure")
-        }
-        gap, pressure = ({} if v is None else self._at_starts(v) for v in at_wall.values())
+        gap, pressure = self._at_wall(state)
         if touching is not None and state.contact is not None:
             contact = summary(touching, state.contact)
         return MechanicalReading(
             newton=0 if result is None else result.newton,
             flowing=0.0 if result is None else result.flowing,
             peak=peak,
-            peak_at=where,
+            peak_at=(where[0], where[1]),
             surface_stress=surface,
             moved=moved,
             across=self._across(moved),
             strain=float(state.modes[0]),
             balance=None if result is None else result.balance,
+            load=float(self.problem.slice.planes.load(state.time)[0]),
+            pull=0.0 if state.contact is None else float(state.contact.pull[0]),
             contact=contact,
             gap=gap,
             pressure=pressure,
         )
 
+    def _at_wall(self, state: MechanicalState) -> tuple[dict[str, float], dict[str, float]]:
+        """Gap, m, and contact pressure, Pa, at the start of each probe; empty without a mould."""
+        if self._gap is None or state.contact is None:
+            return {}, {}
+        gap = self._at_starts(self._on_surface(np.minimum(self._gap.at(state), FAR)))
+        pressure = self._at_starts(self._on_surface(self._gap.mean(state.contact.pressure)))
+        return {n: g if g < LARGEST else np.nan for n, g in gap.items()}, pressure
+
     def _at_starts(self, owned: Array) -> dict[str, float]:
         """A field of the owned vertices at the start of each probe."""
         return {name: float(values[0]) for name, values in self.probes.along(owned).items()}
-
-    def _largest(self, values: Array) -> tuple[float, tuple[float, float]]:
-        """The largest of values at the deviator's points, and where it is, on every rank."""
-        comm, positions = self.section.comm, self.problem.points.deviator.position
-        best = (-np.inf, 0.0, 0.0)
-        if len(values):
-            # Of equal ones, as symmetry makes them, the same on any number of ranks.
-            ties = np.flatnonzero(values >= values.max() * (1 - 1e-9))
-            first = ties[np.lexsort((positions[ties, 1], positions[ties, 0]))[-1]]
-            x, y = positions[first]
-            best = (float(values[first]), float(x), float(y))
-        found = best if comm.size == 1 else max(comm.allgather(best))
-        return found[0], (found[1], found[2])
 
     def _moved(self, state: MechanicalState) -> dict[str, float]:
         """Outward displacement of the start of each probe, m."""
@@ -165,7 +167,8 @@ class MechanicalMeasure:
             found["pressure"] = self._pressure(state)
         if self._gap is not None and state.contact is not None:
             if "gap" in names:
-                found["gap"] = self._on_surface(np.minimum(self._gap.at(state), LARGEST))
+                gap = self._gap.at(state)
+                found["gap"] = self._on_surface(np.where(np.isfinite(gap), gap, np.nan))
             if "contact_pressure" in names:
                 found["contact_pressure"] = self._on_surface(self._gap.mean(state.contact.pressure))
         return {name: in_components(found[name]) for name in names if name in found}

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from castfem import log
 from castfem.columns import columns, row
 from castfem.measure import Reading
 from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
@@ -40,8 +38,6 @@ class Recorder:
         self._every = scene.case.output.checkpoint_every
         self._history: History | None = None
         self._fields: FieldWriter | None = None
-        self._next_fields = 0
-        self._marked = clock.perf_counter()
         self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
         on_root(self.comm, self._open_for_resume if resume else self._open)
         if resume:
@@ -68,12 +64,14 @@ class Recorder:
 
     def _open_for_resume(self) -> None:
         """Read the checkpoint and cut what was written after it."""
-        physics = self.scene.case.physics_hash()
-        self.checkpoint = load_checkpoint(self.folder / CHECKPOINT_NAME, physics=physics)
+        case = self.scene.case
+        self.checkpoint = load_checkpoint(
+            self.folder / CHECKPOINT_NAME, physics=case.physics_hash(), case=case.physics()
+        )
         time = float(self.checkpoint[0]["time"])
         self._history = History.resume(self.folder / HISTORY_NAME, time, columns(self.scene))
-        if self.scene.case.output_fields:
-            self._fields = FieldWriter.resume(self.folder.path, time)
+        if names := self.scene.case.output_fields:
+            self._fields = FieldWriter.resume(self.folder.path, time, names)
 
     def step(self, march: March, reading: Reading) -> None:
         """Write one committed step: a row always, fields at output times, a checkpoint in turn.
@@ -122,8 +120,14 @@ class Recorder:
     def _save(self, march: March, state: dict[str, Array | None]) -> None:
         """Save a checkpoint and note how far the run has come (rank 0)."""
         arrays = {name: values for name, values in state.items() if values is not None}
-        physics = self.scene.case.physics_hash()
-        save_checkpoint(self.folder / CHECKPOINT_NAME, march.description(), arrays, physics=physics)
+        case = self.scene.case
+        save_checkpoint(
+            self.folder / CHECKPOINT_NAME,
+            march.description(),
+            arrays,
+            physics=case.physics_hash(),
+            case=case.physics(),
+        )
         self.folder.update(
             reached={
                 "time": march.state.time,
@@ -142,7 +146,6 @@ class Recorder:
         for thing in (self._history, self._fields):
             if thing is not None:
                 thing.close()
-        log.logger.debug("files closed after %.1f s", clock.perf_counter() - self._marked)
 
 
 def _by_component(gather: Callable[[Array], Array | None], owned: Array) -> Array | None:

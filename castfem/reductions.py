@@ -7,6 +7,8 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
+_EQUAL = 1e-9  # two values that differ by less are one
+
 
 def total(comm: MPI.Comm, value: float) -> float:
     """Sum of one number over the ranks."""
@@ -22,18 +24,38 @@ def totals(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
 
 def smallest(comm: MPI.Comm, array: npt.NDArray[np.float64]) -> float:
-    """Smallest entry over all ranks; a rank may hold none."""
-    return float(comm.allreduce(float(array.min()) if array.size else np.inf, op=MPI.MIN))
+    """Smallest entry over all ranks, NaN if there is one; a rank may hold none."""
+    return -float(largest_of(comm, [-array.min() if array.size else -np.inf])[0])
 
 
 def largest(comm: MPI.Comm, array: npt.NDArray[np.float64]) -> float:
-    """Largest entry over all ranks; a rank may hold none."""
-    return float(comm.allreduce(float(array.max()) if array.size else -np.inf, op=MPI.MAX))
+    """Largest entry over all ranks, NaN if there is one; a rank may hold none."""
+    return float(largest_of(comm, [array.max() if array.size else -np.inf])[0])
+
+
+def peak(
+    comm: MPI.Comm, values: npt.NDArray[np.float64], places: npt.NDArray[np.float64]
+) -> tuple[float, float, float]:
+    """Largest entry over all ranks, and x and y of its place, NaN if there is none.
+
+    Of equal ones, as symmetry makes them, the one of largest x, then y: rounding, which depends on
+    the number of ranks, does not choose.
+    """
+    top = largest(comm, values)
+    near = places[values >= top - _EQUAL * abs(top)] if np.isfinite(top) else places[:0]
+    own = max(((float(x), float(y)) for x, y in near), default=(-np.inf, -np.inf))
+    x, y = max(comm.allgather(own))
+    return (top, x, y) if np.isfinite(x) else (top, np.nan, np.nan)
 
 
 def largest_of(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Largest of each of several numbers over the ranks, in one message."""
-    send = np.ascontiguousarray(values, dtype=np.float64)
+    """Largest of each of several numbers over the ranks, in one message; NaN if a rank has that.
+
+    MPI says nothing of NaN: its maximum keeps or loses one as the ranks happen to be compared.
+    """
+    own = np.ascontiguousarray(values, dtype=np.float64)
+    unknown = np.isnan(own)
+    send = np.stack([np.where(unknown, -np.inf, own), unknown])
     receive = np.empty_like(send)
     comm.Allreduce(send, receive, op=MPI.MAX)
-    return receive
+    return np.where(receive[1] > 0.0, np.nan, receive[0])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
+from castfem.timestep import same_instant
 
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
@@ -18,18 +19,27 @@ PROBES = {"mid_face": "mid-face", "narrow_face": "narrow face", "corner": "corne
 
 def summarise(march: March, status: str) -> Summary:
     """The summary of `march` as it stands."""
-    scene, reading = march.scene, march.reading
-    found = {} if reading is None else quantities(march, reading)
+    scene = march.scene
+    found, forces = last_results(march)
     return Summary(
         title=scene.case.title,
         status=status,
         quantities=found,
         references=_comparisons(march, found),
-        balances={"heat": _heat_balance(march), **_force_balances(reading)},
+        balances={"heat": _heat_balance(march), **forces},
         steps=_steps(march),
         wall_time=dict(scene.watch.seconds),
         zones=tuple(Zone(s.name, s.start, s.end) for s in scene.zones.spans),
     )
+
+
+def last_results(march: March) -> tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]]:
+    """Results and balances of forces of the last step, by name."""
+    if march.told is not None:
+        return march.told
+    reading = march.reading
+    found = {} if reading is None else quantities(march, reading)
+    return found, _force_balances(reading)
 
 
 def _steps(march: March) -> dict[str, float]:
@@ -39,13 +49,13 @@ def _steps(march: March) -> dict[str, float]:
         "accepted": counts.steps,
         "rejected": counts.rejected,
         "limited to backward Euler": counts.limited,
-        "Newton iterations": scene.problem.iterations,
+        "Newton iterations": counts.newton,
     }
     if scene.mechanics is not None:
         found |= {
             "intervals": counts.intervals,
             "intervals cut back": counts.cut_back,
-            "Newton iterations, mechanics": scene.mechanics.problem.iterations,
+            "Newton iterations, mechanics": counts.newton_mechanics,
         }
         if scene.coupler is not None and scene.coupler.gap is not None:
             found |= {
@@ -58,11 +68,12 @@ def _steps(march: March) -> dict[str, float]:
 def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
     """Each reference beside our value where it holds, if the run has come there."""
     found: list[Comparison] = []
-    length = march.scene.case.casting.length
+    length, end = march.scene.case.casting.length, march.scene.control.end
     for r in march.scene.case.reference:
-        here = final if r.at is None or r.at == length else march.snapshots.get(r.at)
-        if here is not None:
-            inner = r.at if here is not final else None
+        here = march.snapshots.get(r.at) if r.at is not None else final
+        come = r.at is not None or same_instant(march.state.time, end, end)
+        if here is not None and come:
+            inner = None if r.at is None or same_instant(r.at, length, length) else r.at
             reference = Reference(r.quantity, r.si, r.unit or "-", r.source, at=inner)
             found += compare([reference], here)
     return tuple(found)
@@ -96,7 +107,7 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
             "kJ",
             "heat removed, modelled slice of 1 s",
         ),
-        "temperature_max": Quantity(reading.temperature_range[1], "degC", "hottest spot"),
+        "temperature_max": Quantity(reading.temperature_range[1], "degC", "highest temperature"),
     }
     if reading.mechanics is not None:
         found |= _mechanical_quantities(reading.mechanics)
@@ -186,17 +197,24 @@ def _force_balances(reading: Reading | None) -> dict[str, dict[str, Quantity]]:
     """Forces of the slice at the end of the run."""
     if reading is None or reading.mechanics is None or reading.mechanics.balance is None:
         return {}
-    balance = reading.mechanics.balance
+    mechanics, balance = reading.mechanics, reading.mechanics.balance
     along, moment_x, moment_y = (float(v) for v in balance.axial)
     return {
         "axial force": {
             "force": Quantity(along, "kN", "axial force of the stress, modelled part"),
+            "external": Quantity(mechanics.load, "kN", "external axial force"),
+            "friction": Quantity(mechanics.pull, "kN", "pull of the friction on the way here"),
+            "reaction": Quantity(
+                along - mechanics.load - mechanics.pull,
+                "kN",
+                "the rest: borne by the planes, 0 where they are free",
+            ),
             "moment_x": Quantity(moment_x, "kN m", "its moment with x"),
             "moment_y": Quantity(moment_y, "kN m", "its moment with y"),
             "error": Quantity(balance.axial_error, "-", "relative error of the free motions"),
         },
         "forces in the plane": {
-            **_wall_forces(reading.mechanics.contact),
+            **_wall_forces(mechanics.contact),
             "support_x": Quantity(float(balance.support[0]), "kN/m", "supports along x"),
             "support_y": Quantity(float(balance.support[1]), "kN/m", "supports along y"),
             "error": Quantity(balance.forces_error, "-", "largest relative error of a node"),

@@ -190,9 +190,9 @@ def stations(case: Case) -> list[float]:
 
 
 def _milestones(case: Case, zones: Zones) -> list[float]:
-    """Instants to be hit exactly: changes of the cooling, stations, output times; s."""
+    """Instants to be hit exactly: changes of cooling and mould, stations, output times; s."""
     found = list(zones.changes)
-    found += [position / case.casting.speed for position in stations(case)]
+    found += [p / case.casting.speed for p in (*stations(case), *case.mould_knots())]
     if case.output_fields:
         every = case.output.every
         found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]

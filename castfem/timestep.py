@@ -13,6 +13,7 @@ GROWTH = 2.0
 SHRINK = 0.2
 FAILED = 0.25  # what is left of the step when the solver fails
 _SAME = 1e-12  # of the whole time: two instants closer than this are one
+_NEARLY = 1e-6  # of the smallest step: how far rounding takes a step from it
 
 
 def same_instant(one: float, other: float, whole: float) -> bool:
@@ -27,7 +28,7 @@ class Adaptive:
     Attributes:
         tolerance: Temperature error allowed in a step, K.
         first: Step after the meniscus and after each change of cooling, s.
-        smallest: The run stops when a smaller one would be needed, s. largest: Upper limit, s.
+        smallest: The run stops when this one is still too long, s. largest: Upper limit, s.
     """
 
     tolerance: float
@@ -92,7 +93,7 @@ class StepControl:
         """Adapt the step to the error of the step `taken` (s), kept or not.
 
         Raises:
-            RunFailure: If the error asks for less than the smallest step.
+            RunFailure: If the error of the smallest step is too large.
         """
         control = self._adaptive
         if control is None:
@@ -102,18 +103,21 @@ class StepControl:
         # Growth is damped: vertices that pass the liquidus make the estimate jump from step to
         # step, and a step that grows on a quiet one is rejected at the next.
         factor = SAFETY * ratio ** (self._exponent if ratio < 1.0 else 0.5 * self._exponent)
-        factor = min(max(factor, SHRINK), GROWTH)
+        factor = min(max(SHRINK, factor), GROWTH)  # in this order SHRINK for an error that is NaN
         proposed = taken * factor
-        if error <= control.tolerance and self._clipped:
-            proposed = max(
-                proposed, self.step
-            )  # a step cut short by a milestone teaches no smaller one
-        self.step = min(proposed, control.largest)
-        if self.step < control.smallest:
-            raise RunFailure(
-                f"the error control asks for a step below {control.smallest:g} s; allow a "
-                "smaller one (thermal.time.adaptive.smallest) or a larger tolerance"
-            )
+        if not self.accepts(error):
+            shorter = self._shorter(taken, proposed)
+            if shorter is None:
+                raise RunFailure(
+                    f"the error of a step of {taken:.3g} s is {error:.3g} K; allow a shorter step "
+                    "(thermal.time.adaptive.smallest) or a larger error "
+                    "(thermal.time.adaptive.tolerance)"
+                )
+            self.step = shorter
+            return
+        if self._clipped:  # a step cut short by a milestone teaches no smaller one
+            proposed = max(proposed, self.step)
+        self.step = min(max(proposed, control.smallest), control.largest)
 
     def failed(self, taken: float, reason: str) -> None:
         """Cut the step back after the solver failed on the step `taken` (s).
@@ -121,9 +125,21 @@ class StepControl:
         Raises:
             RunFailure: If the step is already the smallest.
         """
-        self.step = taken * FAILED
-        if self.step < self.smallest:
-            raise RunFailure(f"the solver fails at the smallest step ({taken:g} s): {reason}")
+        shorter = self._shorter(taken, taken * FAILED)
+        if shorter is None:
+            raise RunFailure(f"the solver fails at the smallest step ({taken:.3g} s): {reason}")
+        self.step = shorter
+
+    def _shorter(self, taken: float, proposed: float) -> float | None:
+        """The step to try after one of `taken` that is not kept, s; None if there is none.
+
+        It is no shorter than the smallest.  Only what a milestone had cut below that may be
+        divided once more: the length that is left was not chosen for its error.
+        """
+        if taken > self.smallest * (1 + _NEARLY):
+            return max(proposed, self.smallest)
+        cut = self._clipped and taken < self.smallest * (1 - _NEARLY)
+        return proposed if cut else None
 
     def restart(self) -> None:
         """Forget the step learnt: the cooling has just changed."""

@@ -18,7 +18,7 @@ from castfem.mould.draw import draw as draw_mould
 from castfem.output.figures import draw_figures
 
 HERE = Path(__file__).parent
-WIDTH, COLOURS = 900, 96  # pixels in all, and a palette that keeps the file small
+WIDTH, COLOURS = 900, 256  # pixels in all, and a palette that keeps the file small
 PAIR = ("temperature", "von_mises")
 
 
@@ -54,7 +54,7 @@ def billet() -> None:
 
 def mould() -> None:
     """Draw what `castfem mould` draws."""
-    case = load_case(HERE.parent / "cases" / "billet125" / "base.toml").with_(MOULD)
+    case = load_case(HERE.parent / "cases" / "billet125" / "coupled.toml").with_(MOULD)
     assert case.mould is not None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "mould.png"
@@ -65,7 +65,9 @@ def mould() -> None:
 def shrink(picture: Image.Image, name: str) -> None:
     """Save a picture at its final size and with few colours."""
     size = (WIDTH, round(picture.height * WIDTH / picture.width))
-    small = picture.resize(size, Image.Resampling.LANCZOS).quantize(COLOURS)
+    small = picture.resize(size, Image.Resampling.LANCZOS)
+    # Of equal shares in colours; one by how often they occur would merge steps of the scales.
+    small = small.quantize(COLOURS, method=Image.Quantize.FASTOCTREE)
     small.save(HERE / "figures" / f"{name}.png", optimize=True)
 
 

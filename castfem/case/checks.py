@@ -10,13 +10,15 @@ from collections.abc import Iterator
 from typing import Any
 
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS
-from castfem.case.cooling import Contact, PrescribedTemperature
+from castfem.case.cooling import Contact, Flux, PrescribedTemperature, Zone
 from castfem.case.model import Case
 from castfem.case.problems import Problem
 from castfem.case.section import BeamBlank, Rectangle, Round, Strip, cooled_groups, outer_groups
 from castfem.case.wall import check_mould
 from castfem.units import format, nearest
 from castfem.wording import choices
+
+_ROUNDING = 1e-9  # of a length: how far two that are one may differ
 
 
 def check(case: Case) -> Iterator[Problem]:
@@ -29,6 +31,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _stepping(case)
     yield from _mechanics(case)
     yield from check_mould(case.mould, case.section)
+    yield from _mould_and_zones(case)
     yield from _output(case)
 
 
@@ -94,6 +97,12 @@ def _mesh(case: Case) -> Iterator[Problem]:
                 f"({_mm(fine)}) is larger than {big} ({_mm(coarse)}); cells grow from the surface "
                 "to the core and from the corner to the middle of a face",
             )
+    if case.mould is not None and mesh.cell == "triangle" and mesh.order == 1:
+        yield Problem(
+            ("mesh", "order"),
+            "(1) makes triangles too stiff for a freezing shell in its mould; give order = 2, "
+            'or cell = "quadrilateral"',
+        )
     if isinstance(section, Round | Strip) and mesh.corner_size is not None:
         yield Problem(
             ("mesh", "corner_size"), f'a section of shape "{section.shape}" has no corner'
@@ -160,6 +169,47 @@ def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[
             path, 'wall is missing; the temperature of the wall, such as "160 degC", here or as '
             "mould.wall_temperature"
         )  # fmt: skip
+
+
+def _follows(zone: Zone | None) -> bool:
+    """Return whether heat crosses the gap that opens in the mould, in a zone of a case with one."""
+    laws = (zone.surface if zone else None) or ()
+    return any(isinstance(law, Contact) and "gap" not in law.model_fields_set for law in laws)
+
+
+def _mould_and_zones(case: Case) -> Iterator[Problem]:
+    """Yield where the heat still has, or has no longer, the wall that the mechanics has."""
+    zones, mould = case.cooling, case.mould
+    length = None if case.casting is None else case.casting.length
+    if zones is None or mould is None or mould.length is None or length is None:
+        return
+    index = max((i for i, zone in enumerate(zones) if _follows(zone)), default=None)
+    if index is None:
+        return
+    zone, ends = zones[index], mould.length * (1 + _ROUNDING)
+    if zone.to is None and "to" in zone.model_fields_set:
+        return
+    start = max((z.to for z in zones[:index] if z is not None and z.to is not None), default=0.0)
+    last = length if zone.to is None else min(zone.to, length)
+    if start < length and last > ends:
+        yield Problem(
+            ("cooling", index) if zone.to is None else ("cooling", index, "to"),
+            f"{'goes on' if zone.to is None else f'({_mm(zone.to)}) lies'} below the end of the "
+            f"mould ({_mm(mould.length)}), where there is no wall to take the heat; give "
+            f'to = "{_mm(mould.length)}" and add a zone, make mould.length longer, or give the '
+            'contact law a gap of its own, gap = "0 mm"',
+        )
+    after = zones[index + 1] if index + 1 < len(zones) else None
+    walled = (Contact, Flux, PrescribedTemperature)
+    if after is None or not after.surface or any(isinstance(w, walled) for w in after.surface):
+        return
+    if last * (1 + _ROUNDING) < min(mould.length, length):
+        yield Problem(
+            ("mould", "length"),
+            f"({_mm(mould.length)}) goes on below the contact of zone '{zone.name}' "
+            f"({_mm(last)}), where zone '{after.name}' cools the strand as if it were in the open; "
+            f'give mould.length = "{_mm(last)}" or the zone to = "{_mm(mould.length)}"',
+        )
 
 
 def _clash(

@@ -14,6 +14,7 @@ from pydantic import Field
 
 from castfem.case.base import TableModel
 from castfem.case.casting import (
+    CONTACT_FIELDS,
     THERMAL_FIELDS,
     Casting,
     FieldName,
@@ -27,6 +28,8 @@ from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
 from castfem.case.section import Mesh, Section, cooled_groups
 from castfem.case.thermal import Thermal
+from castfem.mould.taper import stretch_ends
+from castfem.table import Table as TableOfValues
 
 _NOT_PHYSICS: Any = {
     "title": True,
@@ -99,12 +102,25 @@ class Case(TableModel):
             "von_mises",
             "viscoplastic_strain",
         )
-        return THERMAL_FIELDS + (usual if self.mechanics is not None else ())
+        found = THERMAL_FIELDS + (usual if self.mechanics is not None else ())
+        return found + (CONTACT_FIELDS if self.mould is not None else ())
 
     def expected(self) -> tuple[Reference, ...]:
         """Return the reference numbers that hold where the run ends."""
         end = self.casting.length
         return tuple(r for r in self.reference if r.at is None or math.isclose(r.at, end))
+
+    def mould_knots(self) -> tuple[float, ...]:
+        """Return where the mould begins, changes the slope of its walls and ends, m; () without."""
+        table = self.mould
+        if table is None:
+            return ()
+        courses = [given.course(table.length) for given in table.taper.parts.values()]
+        knots = stretch_ends(courses, table.length)
+        warmth = table.copper.temperature if table.condition == "cold" else None
+        if isinstance(warmth, TableOfValues):
+            knots += [p for p in warmth.arguments if 0.0 < p < table.length]
+        return tuple(sorted(knots))
 
     def mesh_parameters(self) -> dict[str, Any]:
         """Return the keys of [section] and [mesh] that are given, in SI: the mesh's parameters."""
@@ -134,8 +150,8 @@ class Case(TableModel):
 
         return tomli_w.dumps(self.document())
 
-    def physics_hash(self) -> str:
-        """Return a hash of all that the computed fields depend on.
+    def physics(self) -> dict[str, Any]:
+        """Return all that the computed fields depend on, as tables.
 
         It leaves out the title, the output settings, the reference numbers and the followed
         length (a run may be resumed further down the strand); property files count by content.
@@ -147,8 +163,13 @@ class Case(TableModel):
             path = Path(str(physics.get(table, {}).get(key, "")))
             if path.suffix == ".toml":
                 content = path.read_bytes() if path.is_file() else b""
-                physics[table][key] = hashlib.sha256(content).hexdigest()
-        text = json.dumps(physics, sort_keys=True)
+                digest = hashlib.sha256(content).hexdigest()
+                physics[table][key] = f"file of SHA-256 {digest}"
+        return physics
+
+    def physics_hash(self) -> str:
+        """Return a hash of `physics`."""
+        text = json.dumps(self.physics(), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def with_(self, changes: Mapping[str, Any] | None = None, **dotted: Any) -> Case:

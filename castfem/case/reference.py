@@ -90,8 +90,8 @@ resolved (`case.toml`, it runs again by itself), `fields.xdmf` with `fields.h5`,
 another name. A new run into the folder of a run with the same physics replaces that run; a run of
 other physics is refused unless `--overwrite` is given, files of these names that castfem has not
 written are refused in any case. `--resume` goes on from the last
-checkpoint; output settings, title, references and `casting.length` may have changed since, all
-else must be the same.
+checkpoint; output settings (other than which fields are written), title, references and
+`casting.length` may have changed since, all else must be the same.
 
 ## Keys
 """

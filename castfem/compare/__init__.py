@@ -3,5 +3,5 @@
 chief    which results are looked at first
 runs     the runs, read from their folders
 table    the table
-figures  what figures there are;  drawing  draws them
+figures  what figures there are;  drawing  draws them;  sections  those over the section
 """

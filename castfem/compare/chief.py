@@ -19,14 +19,12 @@ CHIEF = (
     "von_mises_mid_face",
     "von_mises_corner",
     "gap_max",
-    "penetration",
     "contact_pressure_max",
     "contact_share",
     "size_mid_face",
     "size_corner",
     "displacement_mid_face",
     "displacement_corner",
-    "temperature_max",
     "metallurgical_length",
 )
 _SAME = 1e-6  # relative; faces of a square section differ by less

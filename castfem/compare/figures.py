@@ -6,7 +6,7 @@ panel for each place. A quantity that has no entry in `FIGURES` is drawn under i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,10 @@ import pandas
 from castfem.compare.runs import Run
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
-_NOT_DRAWN = ("time", "position", "step", "cooling_power")
+_LAST = ("max", "min", "mean")  # places that are none: their panels come after the others
+_NOT_DRAWN = ("time", "position", "step", "cooling_power", "penetration")
+_STEADY = 1e-6  # relative; what varies by less is the same all the way and in all runs
+_ROUNDING = 1e-6  # kN; the solver leaves so much force on a free strand, and less
 _NOT_DRAWN_ENDINGS = ("error", "newton", "iterations", "newton_mechanics")
 
 
@@ -28,34 +31,37 @@ class Definition:
         title: Of the figure.
         label: Of its axes, without unit.
         zero: The axis begins at zero.
+        extremes: What the largest and the smallest value of the section are called.
     """
 
     quantity: str
     title: str
     label: str
     zero: bool = False
+    extremes: tuple[str, str] = ("largest", "smallest")
 
 
+_HOTTEST = ("highest", "lowest")
 FIGURES = (
     Definition("surface_temperature", "Surface temperature", "temperature"),
-    Definition("temperature", "Temperature of the slice", "temperature"),
-    Definition("shell", "Shell", "depth of the solidus", zero=True),
-    Definition("liquidus_depth", "Liquidus", "depth of the liquidus", zero=True),
+    Definition("temperature", "Temperature of the section", "temperature", extremes=_HOTTEST),
+    Definition("shell", "Shell: depth of the solidus below the surface", "shell", zero=True),
+    Definition("liquidus_depth", "Depth of the liquidus below the surface", "depth", zero=True),
     Definition("heat_flux", "Heat flux out of the surface", "heat flux", zero=True),
-    Definition("heat_rate", "Heat leaving the strand", "heat per length and time", zero=True),
-    Definition("heat_removed", "Heat removed since the meniscus", "heat per length", zero=True),
-    Definition("heat_share", "Heat removed, compared with the base run", "share of base"),
+    Definition("heat_rate", "Heat leaving the strand", "heat leaving", zero=True),
+    Definition("heat_removed", "Heat removed since the meniscus", "heat removed", zero=True),
+    Definition("heat_share", "Heat removed since the meniscus, {base} = 100 %", "share"),
     Definition("von_mises", "Von Mises stress", "stress", zero=True),
     Definition("stress", "Stress", "stress"),
-    Definition("displacement", "Displacement out of the section", "displacement"),
+    Definition("displacement", "Displacement of the surface, outwards", "displacement"),
     Definition("size", "Size of the section", "size"),
     Definition("gap", "Gap between strand and mould", "gap", zero=True),
-    Definition("contact_pressure", "Contact pressure", "pressure", zero=True),
-    Definition("penetration", "Penetration into the mould", "penetration", zero=True),
-    Definition("contact_share", "Share of the surface in contact", "share"),
+    Definition("contact_pressure", "Contact pressure", "pressure", True, _HOTTEST),
+    Definition("contact_share", "Share of the surface in contact", "share", zero=True),
     Definition("axial_strain", "Axial strain", "strain"),
-    Definition("axial_force", "Axial force", "force"),
+    Definition("axial_force", "Axial force, modelled part", "force"),
     Definition("friction_force", "Friction of the mould on the strand", "force per length"),
+    Definition("friction_pull", "Pull of friction handed down the strand", "force"),
 )
 
 
@@ -112,14 +118,13 @@ def figures(runs: Sequence[Run], base: Run) -> list[tuple[Definition, list[Panel
             continue
         if any(t[column].isna().all() for t in having.values()):
             continue
-        if quantity == "friction_force" and not any(t[column].any() for t in having.values()):
-            continue
         curves = tuple(
             Curve(run, t["position"].to_numpy(), t[column].to_numpy())
             for run in drawn
             if (t := having.get(id(run))) is not None
         )
-        grouped.setdefault(quantity, []).append(Panel(place, units.pop(), curves))
+        if _vary(curves, units):
+            grouped.setdefault(quantity, []).append(Panel(place, units.pop(), curves))
     return _ordered(grouped)
 
 
@@ -133,6 +138,16 @@ def parts(column: str, columns: Sequence[str]) -> tuple[str, str]:
     return column, ""
 
 
+def _vary(curves: Sequence[Curve], units: Set[str]) -> bool:
+    """Whether there is anything to see: a core that stays liquid, a force that is rounding."""
+    values = np.concatenate([curve.values for curve in curves])
+    values = values[np.isfinite(values)]
+    largest = float(np.abs(values).max(initial=0.0))
+    if "kN" in units:
+        return largest > _ROUNDING
+    return largest == 0.0 or float(np.ptp(values)) > _STEADY * largest
+
+
 def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Panel]]]:
     """Return the known figures in their order and the others after them."""
     known = {d.quantity: d for d in FIGURES}
@@ -142,7 +157,8 @@ def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Pan
     for name in names:
         plain = name.replace("_", " ")
         definition = known.get(name, Definition(name, plain.capitalize(), plain))
-        found.append((definition, _different(grouped[name])))
+        panels = sorted(grouped[name], key=lambda panel: panel.place in _LAST)
+        found.append((definition, _different(panels)))
     return found
 
 

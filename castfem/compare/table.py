@@ -114,7 +114,7 @@ def remarks(runs: Sequence[Run], base: Run) -> list[str]:
 
 
 def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Table]:
-    """Return the tables for the terminal: as many runs in each as fit side by side.
+    """Return the tables for the terminal: equally many runs in each, as they fit side by side.
 
     References stand in a column of their own if all runs have the same ones, else in brackets
     behind our values.
@@ -124,8 +124,10 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
         table: From `lines`.
         width: Of the terminal, characters.
     """
+    from castfem.output.show import unit_shown
+
     labels = ["\n".join(textwrap.wrap(line.label, 26)) for line in table]
-    first = [("quantity", labels), ("unit", [line.unit for line in table])]
+    first = [("quantity", labels), ("unit", [unit_shown(line.unit) for line in table])]
     alone = have_common_references(table)
     if alone:
         expected = [next(filter(math.isfinite, line.theirs), math.nan) for line in table]
@@ -135,20 +137,20 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
         ]
         first.append(("reference", cells))
     room = width - sum(_width(*column) for column in first)
-    blocks: list[list[tuple[str, list[str]]]] = []
-    left = 0
+    columns: list[tuple[str, list[str]]] = []
     for number, run in enumerate(runs):
-        header = "\n".join(textwrap.wrap(run.label, 12))
+        header = "\n".join(textwrap.wrap(run.label, 13))
+        if not alone and any(math.isfinite(line.theirs[number]) for line in table):
+            header += "\n(reference)"
         cells = [
             _cell(line.ours[number], math.nan if alone else line.theirs[number], line.unit)
             for line in table
         ]
-        left -= _width(header, cells)
-        if left < 0 or not blocks:
-            blocks.append([])
-            left = room - _width(header, cells)
-        blocks[-1].append((header, cells))
-    return [_block([*first, *columns]) for columns in blocks]
+        columns.append((header, cells))
+    fitting = max(1, room // max(_width(*column) for column in columns))
+    each = math.ceil(len(columns) / math.ceil(len(columns) / fitting))
+    blocks = [columns[i : i + each] for i in range(0, len(columns), each)]
+    return [_block([*first, *block]) for block in blocks]
 
 
 def have_common_references(table: Sequence[Line]) -> bool:

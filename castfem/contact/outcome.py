@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from mpi4py import MPI
-
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
@@ -29,9 +27,9 @@ def summary(contact: WallContact, state: ContactState) -> ContactSummary:
         [*(weight @ force), weight @ state.friction[:, 1], weight @ touches, weight.sum(), *counts],
     )
     met = np.where(np.isfinite(state.gap), state.gap, -np.inf)
-    pressure, highest = _peak(comm, state.pressure, state.place)
-    gap, widest = _peak(comm, met, state.place)
-    deepest, _ = _peak(comm, -state.gap[touches], state.place[touches])
+    pressure, *highest = reductions.peak(comm, state.pressure, state.place)
+    gap, *widest = reductions.peak(comm, met, state.place)
+    deepest = reductions.largest(comm, -state.gap[touches])
     return ContactSummary(
         pressure=max(pressure, 0.0),
         penetration=max(deepest, 0.0),
@@ -41,19 +39,9 @@ def summary(contact: WallContact, state: ContactState) -> ContactSummary:
         length=float(sums[3]),
         share=float(sums[3] / sums[4]),
         points=(int(sums[5]), int(sums[6]), int(sums[7])),
-        highest=highest,
-        widest=widest,
+        highest=np.array(highest),
+        widest=np.array(widest),
     )
-
-
-def _peak(comm: MPI.Comm, values: Array, places: Array) -> tuple[float, Array]:
-    """Largest value over the ranks and where it is; of several the one of least x, then y."""
-    best = (np.inf, np.nan, np.nan)
-    if len(values):
-        i = np.lexsort((places[:, 1], places[:, 0], -values))[0]
-        best = (-float(values[i]), float(places[i, 0]), float(places[i, 1]))
-    value, x, y = min(comm.allgather(best), key=lambda found: (found[0], found[1:]))
-    return -value, np.array([x, y])
 
 
 class SurfaceGap:

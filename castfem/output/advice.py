@@ -7,7 +7,7 @@ off the fields where the surface is worse off than at the probes; what a run has
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from castfem.output.fields import Fields
 from castfem.output.plot_history import curves, has_values, unit_of
 from castfem.output.plot_section import Steel
-from castfem.output.spots import hottest, thinnest
+from castfem.output.spots import Spot, hottest, thinnest
 from castfem.output.style import CELSIUS
 from castfem.output.summary import Summary
 
@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 _THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
+_MORE = 0.01  # of the surface; if less of it touches again, only the least is named
 _REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
 
@@ -83,10 +84,20 @@ def remarks(
     position = table["position"].to_numpy()
     if (np.diff(position) < 0).any() or position[-1] <= position[0]:
         return []
-    found = [*_contact(table, position), *_at_exit(table, position, summary)]
+    at, name = _exit(position, summary)
+    where = f"{name} at {_mm(at)}"
+    weakest = _at_exit(table, position, at, where)
     if fields is not None:
-        found += _between_probes(fields, position, summary, {r.what: r.value for r in found})
-    return [*found, *_reheating(table, position), *_stress(table, position)]
+        weakest |= _between_probes(fields, at, where, weakest)
+    if _THINNEST in weakest and weakest[_THINNEST].value <= 0.0:
+        bare = weakest[_THINNEST]
+        weakest[_THINNEST] = replace(bare, where=f"no shell at all; {bare.where}")
+    return [
+        *_contact(table, position),
+        *weakest.values(),
+        *_reheating(table, position),
+        *_stress(table, position),
+    ]
 
 
 def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
@@ -130,8 +141,22 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         if len(stretches) > 1:
             where += f"; {len(stretches)} times, longest {_mm(longest.start)} to {_mm(longest.end)}"
         yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where)
+    yield from _share(table, position)
     yield from _largest(table, position, "gap", "largest gap", least=OPEN)
     yield from _largest(table, position, "contact_pressure", "highest contact pressure")
+
+
+def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The least part of the surface that touches, unless all of it always does."""
+    if not has_values(table, "contact_share"):
+        return
+    share = table["contact_share"].to_numpy()
+    row = int(np.nanargmin(share))
+    if share[row] < 1.0:
+        where = f"of the surface, at {_at(float(position[row]), table)}"
+        if share[-1] > share[row] + _MORE:
+            where += f"; {100.0 * share[-1]:.3g} % at the end of the run"
+        yield Remark("least contact", 100.0 * float(share[row]), "%", where)
 
 
 def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
@@ -160,9 +185,9 @@ def _largest(
     yield Remark(what, value, unit_of(table, column), where)
 
 
-def _at_exit(table: pandas.DataFrame, position: Array, summary: Summary | None) -> Iterator[Remark]:
-    """The thinnest shell and the hottest place of the surface where the mould ends."""
-    at, name = _exit(position, summary)
+def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) -> dict[str, Remark]:
+    """The thinnest shell and the hottest place of the surface among the probes at the exit."""
+    found = {}
     for prefix, what, pick in (
         ("shell", _THINNEST, min),
         ("surface_temperature", _HOTTEST, max),
@@ -175,27 +200,37 @@ def _at_exit(table: pandas.DataFrame, position: Array, summary: Summary | None) 
         if values:
             label = pick(values, key=lambda label: values[label][0])
             value, column = values[label]
-            yield Remark(what, value, unit_of(table, column), f"{label}, {name} at {_mm(at)}")
+            found[what] = Remark(what, value, unit_of(table, column), f"{label}, {where}")
+    return found
 
 
 def _between_probes(
-    fields: Fields, position: Array, summary: Summary | None, probes: dict[str, float]
-) -> Iterator[Remark]:
-    """Places of the surface at the exit that are worse off than every probe."""
-    at, name = _exit(position, summary)
+    fields: Fields, at: float, where: str, probes: dict[str, Remark]
+) -> dict[str, Remark]:
+    """Places of the surface at the exit that are worse off than every probe, in their stead."""
     steel = Steel.of(fields.attributes)
     times = np.flatnonzero(np.isclose(fields.positions, at, rtol=1e-6, atol=0.0))
     if "temperature" not in fields.names or "symmetry" not in fields.attributes or not len(times):
-        return  # a strip has sides, but no surface beside its probe
-    index = int(times[0])
+        return {}  # a strip has sides, but no surface beside its probe
+    index, found = int(times[0]), {}
     thin = None if steel is None else thinnest(fields, steel.solidus, index)
-    if thin is not None and 1e3 * thin.value < (1 - _THINNER) * probes.get(_THINNEST, np.nan):
-        where = f"x = {1e3 * thin.x:.1f}, y = {1e3 * thin.y:.1f} mm, {name} at {_mm(at)}"
-        yield Remark("thinnest shell between the probes", 1e3 * thin.value, "mm", where)
-    hot = hottest(fields, index)
-    if hot.value - CELSIUS > probes.get(_HOTTEST, np.nan) + _HOTTER:
-        where = f"x = {1e3 * hot.x:.1f}, y = {1e3 * hot.y:.1f} mm, {name} at {_mm(at)}"
-        yield Remark("hottest spot between the probes", hot.value - CELSIUS, "°C", where)
+    known = probes.get(_THINNEST)
+    if thin and known and 1e3 * thin.value < (1 - _THINNER) * known.value:
+        found[_THINNEST] = _instead(known, 1e3 * thin.value, thin, where)
+    hot, known = hottest(fields, index), probes.get(_HOTTEST)
+    if known and hot.value - CELSIUS > known.value + _HOTTER:
+        found[_HOTTEST] = _instead(known, hot.value - CELSIUS, hot, where)
+    return found
+
+
+def _instead(probe: Remark, value: float, spot: Spot, where: str) -> Remark:
+    """What holds at a spot, and what is worst among the probes."""
+    label = probe.where.removesuffix(f", {where}")
+    digits = ".4g" if probe.unit == "°C" else ".3g"
+    place = f"x = {1e3 * spot.x:.1f}, y = {1e3 * spot.y:.1f} mm, {where}"
+    return Remark(
+        probe.what, value, probe.unit, f"{place}; of the probes {label}, {probe.value:{digits}}"
+    )
 
 
 def _exit(position: Array, summary: Summary | None) -> tuple[float, str]:

@@ -2,6 +2,7 @@
 
     /          attributes: format, version, physics
     /meta      the description, JSON
+    /case      what of the case the state depends on, JSON: it is told by name what has changed
     /arrays/*  the arrays
 
 After the HDF5 come eight bytes, a mark and the CRC-32 of all before it: HDF5 itself does not notice
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     import h5py
 
 CHECKPOINT_NAME = "checkpoint.h5"
-VERSION = 1
+VERSION = 2
 _MARK = b"cfck"
 _ANEW = "run again without --resume"
 
@@ -40,6 +41,7 @@ def save_checkpoint(
     arrays: Mapping[str, NDArray[Any]],
     *,
     physics: str = "",
+    case: Mapping[str, Any] | None = None,
 ) -> None:
     """Replaces the checkpoint by this state; the one before survives until this one is complete.
 
@@ -48,23 +50,25 @@ def save_checkpoint(
         meta: What JSON can hold; floats come back bit by bit, NaN included.
         arrays: Name to array; a "/" in a name groups. They come back bit by bit.
         physics: Hash of everything in the case that the state depends on.
+        case: The same in words: the tables of the case.
 
     Raises:
         RunFailure: The file cannot be written; the old one is untouched.
     """
-    image = _image(dict(meta), arrays, physics)
+    image = _image(dict(meta), arrays, physics, dict(case or {}))
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(image + _MARK + struct.pack("<I", zlib.crc32(image)))
 
 
 def load_checkpoint(
-    path: Path | str, *, physics: str | None = None
+    path: Path | str, *, physics: str | None = None, case: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """The description and the arrays of a checkpoint.
 
     Args:
         path: Of the file.
         physics: Hash the checkpoint must have; None takes any.
+        case: The same in words, as to `save_checkpoint`, to say what differs.
 
     Raises:
         InputError: No such file, not a checkpoint, damaged, of another castfem, or of another case;
@@ -74,7 +78,7 @@ def load_checkpoint(
 
     path = Path(path)
     with h5py.File(io.BytesIO(_checked(path)), "r") as file:
-        _check_head(path, file, physics)
+        _check_head(path, file, physics, case or {})
         arrays: dict[str, NDArray[Any]] = {}
 
         def collect(name: str, stored: h5py.Dataset | h5py.Group) -> None:
@@ -82,7 +86,7 @@ def load_checkpoint(
                 arrays[name] = np.asarray(stored[()])
 
         file["arrays"].visititems(collect)
-        return json.loads(file["meta"][()].tobytes()), arrays
+        return _words(file, "meta"), arrays
 
 
 def _checked(path: Path) -> bytes:
@@ -101,16 +105,19 @@ def _checked(path: Path) -> bytes:
     return image
 
 
-def _image(meta: dict[str, Any], arrays: Mapping[str, NDArray[Any]], physics: str) -> bytes:
+def _image(
+    meta: dict[str, Any], arrays: Mapping[str, NDArray[Any]], physics: str, case: dict[str, Any]
+) -> bytes:
     """The bytes of the file: HDF5 itself never meets a full disk, which it does not survive."""
     import h5py
 
-    text = json.dumps(meta, default=_json_value).encode()
     with h5py.File("checkpoint", "w", driver="core", backing_store=False) as file:
         file.attrs["format"] = "castfem checkpoint"
         file.attrs["version"] = VERSION
         file.attrs["physics"] = physics
-        file.create_dataset("meta", data=np.frombuffer(text, dtype=np.uint8))
+        for name, content in (("meta", meta), ("case", case)):
+            text = json.dumps(content, default=_json_value).encode()
+            file.create_dataset(name, data=np.frombuffer(text, dtype=np.uint8))
         file.create_group("arrays")
         for name, values in arrays.items():
             file.create_dataset(f"arrays/{name}", data=np.asarray(values))
@@ -118,7 +125,13 @@ def _image(meta: dict[str, Any], arrays: Mapping[str, NDArray[Any]], physics: st
         return bytes(file.id.get_file_image())
 
 
-def _check_head(path: Path, file: h5py.File, physics: str | None) -> None:
+def _words(file: h5py.File, name: str) -> dict[str, Any]:
+    """What was written as JSON."""
+    content: dict[str, Any] = json.loads(file[name][()].tobytes())
+    return content
+
+
+def _check_head(path: Path, file: h5py.File, physics: str | None, case: Mapping[str, Any]) -> None:
     """Refuses other versions and other cases."""
     version = file.attrs.get("version")
     if version != VERSION:
@@ -128,10 +141,36 @@ def _check_head(path: Path, file: h5py.File, physics: str | None) -> None:
         )
     written = file.attrs.get("physics")
     if physics is not None and written != physics:
+        told = _difference(_flat(_words(file, "case")), _flat(case))
+        told = told or f"physics {str(written)[:12]} there, {physics[:12]} here"
         raise InputError(
-            f"{path}: belongs to another case (physics {str(written)[:12]}, now {physics[:12]}); "
-            f"undo the change of the case, or {_ANEW}"
+            f"{path}: belongs to another case ({told}); undo the change of the case, or {_ANEW}"
         )
+
+
+def _difference(there: dict[str, Any], here: dict[str, Any]) -> str:
+    """The keys in which two cases differ, with both values."""
+    keys = [*there, *(key for key in here if key not in there)]
+    changed = [key for key in keys if there.get(key) != here.get(key)]
+    told = [f"{key}: {_brief(there, key)} there, {_brief(here, key)} here" for key in changed[:5]]
+    more = [f"and {len(changed) - 5} more"] if len(changed) > 5 else []
+    return "; ".join(told + more)
+
+
+def _brief(case: dict[str, Any], key: str) -> str:
+    text = str(case.get(key, "nothing"))
+    return text if len(text) <= 40 else text[:36] + " ..."
+
+
+def _flat(value: Any, key: str = "") -> dict[str, Any]:
+    """Nested tables and arrays as one, by dotted key."""
+    if isinstance(value, Mapping | list | tuple):
+        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
+        found: dict[str, Any] = {}
+        for name, part in parts:
+            found |= _flat(part, f"{key}.{name}" if key else str(name))
+        return found
+    return {key: value}
 
 
 def _json_value(value: Any) -> Any:

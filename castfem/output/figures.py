@@ -19,6 +19,9 @@ from castfem.output.style import Course, look, save
 from castfem.output.summary import Summary
 from castfem.output.xdmf import HDF5_NAME
 
+_OVER_SECTION = SECTION_FIGURES | SHAPE_FIGURES | {"stack": draw_stack}
+_SHADED = {"temperature": ("inferno",), "stack": ("inferno", STRESS_MAP)}  # by colour maps
+
 
 def draw_figures(folder: Path | str) -> list[Path]:
     """Draws all figures for which the folder has the data, into its `figures`.
@@ -62,13 +65,10 @@ def _draw_section(path: Path, summary: Summary | None) -> list[Path]:
         if "temperature" not in fields.names:
             return []
         steel = _steel(fields, summary)
-        for name, draw in (SECTION_FIGURES | SHAPE_FIGURES).items():
+        for name, draw in _OVER_SECTION.items():
             figure = draw(fields, steel)
             if figure is not None:
-                drawn.append(save(figure, _target(path, name)))
-        figure = draw_stack(fields, steel)
-        if figure is not None:
-            drawn.append(save(figure, _target(path, "stack"), maps=("inferno", STRESS_MAP)))
+                drawn.append(save(figure, _target(path, name), maps=_SHADED.get(name, ())))
     return drawn
 
 

@@ -117,8 +117,11 @@ class GrowingFile:
         """Adds text before the foot; `publish` shows it."""
         self._body += text.encode()
 
-    def publish(self) -> None:
+    def publish(self, durable: bool = False) -> None:
         """Makes the whole text the content of the file, in one step.
+
+        Args:
+            durable: Force it to disk, so that it survives a power cut too.
 
         Raises:
             RunFailure: The file cannot be written; the old one is untouched.
@@ -131,6 +134,8 @@ class GrowingFile:
             with open(copy, "r+b" if begin else "wb") as file:
                 file.seek(begin)
                 file.write(self._body[begin:] + self._foot)
+            if durable:
+                _force_to_disk(copy)
             kept = bool(self._visible)
             if kept:
                 with suppress(OSError):
@@ -143,6 +148,8 @@ class GrowingFile:
             if kept:
                 os.replace(link, copy)
                 self._hidden = self._visible
+            if durable:
+                _force_to_disk(self._path.parent)
             self._visible = len(self._body)
 
     def close(self) -> None:

@@ -5,7 +5,8 @@
     run.log        what was said on the way
     history.csv    one row a step (`castfem.output.history`)
     fields.xdmf    the fields over time, for ParaView (`castfem.output.xdmf`) ...
-    fields.h5      ... and their numbers
+    fields.h5      ... and their numbers (`castfem.output.field_files`), those of
+    fields/        a run that has not ended in a file a time
     checkpoint.h5  the state to resume from (`castfem.output.checkpoint`)
     summary.json   the results in numbers (`castfem.output.summary`)
     figures/       what `castfem show` draws (`castfem.output.figures`)
@@ -33,10 +34,11 @@ from typing import TYPE_CHECKING, Any
 import castfem
 from castfem.errors import CastfemError, InputError
 from castfem.output.checkpoint import CHECKPOINT_NAME
+from castfem.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.output.files import saving, system_reason, temporary_name, write_json, write_text
 from castfem.output.history import HISTORY_NAME
 from castfem.output.summary import SUMMARY_NAME, Summary
-from castfem.output.xdmf import HDF5_NAME, XDMF_NAME
+from castfem.output.xdmf import XDMF_NAME
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -50,9 +52,10 @@ MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 TENSILE_FIGURES = ("tensile",)
 _LOCK_NAME = ".castfem.lock"
 _FORMAT = "castfem run"
+# The checkpoint is the first to go: of what is left of a run nothing is resumed.
 ARTEFACTS = (
-    *(CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
-    *(CHECKPOINT_NAME, SUMMARY_NAME),
+    *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
+    SUMMARY_NAME,
     *(f"{FIGURES_NAME}/{name}.png" for name in FIGURES + MECHANICS_FIGURES + TENSILE_FIGURES),
 )
 
@@ -120,6 +123,7 @@ class OutputFolder:
         self.path = Path(path)
         self.record = RunRecord()
         self._earlier: Mapping[str, float] = {}
+        self._before: tuple[RunRecord, str] | None = None
         self._lock: FileLock | None = None
 
     def __truediv__(self, name: str) -> Path:
@@ -161,6 +165,8 @@ class OutputFolder:
         Raises:
             RunFailure: It cannot be written.
         """
+        if changes:
+            self._before = None  # the run is on its way
         if "wall_time" in changes:
             own = changes["wall_time"]
             stages = [*self._earlier, *(name for name in own if name not in self._earlier)]
@@ -188,6 +194,12 @@ class OutputFolder:
         inside = first.replace(f"{self.path}/", "")
         self.update(status="failed", reason=inside, ended=_now(), **changes)
 
+    def _begin_no_more(self, record: RunRecord, case: str) -> None:
+        """Leaves the folder as it was before a resume that turned out to be impossible."""
+        self.record = record
+        self.update()
+        write_text(self / CASE_NAME, case)
+
     def close(self) -> None:
         """Gives the lock back."""
         if self._lock is not None:
@@ -203,7 +215,10 @@ class OutputFolder:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if error is not None and self._lock is not None and self.record.status == "running":
+        if self._before is not None and isinstance(error, InputError):
+            with suppress(CastfemError):
+                self._begin_no_more(*self._before)
+        elif error is not None and self._lock is not None and self.record.status == "running":
             stopped = isinstance(error, KeyboardInterrupt)
             reason = "stopped by the user" if stopped else str(error) or type(error).__name__
             with suppress(CastfemError):  # a full disk must not hide what went wrong
@@ -247,6 +262,7 @@ class OutputFolder:
     def _take_over(self, case: str, ranks: int, resume: bool) -> None:
         """Makes the folder ready under the lock."""
         present = [name for name in ARTEFACTS if (self / name).exists()]
+        present += [str(path.relative_to(self.path)) for path in singles(self.path)]
         if (self / RUN_NAME).exists():
             earlier = RunRecord.load(self.path)
         elif resume:
@@ -263,6 +279,7 @@ class OutputFolder:
                     "run again without --resume"
                 )
             self._earlier = dict(earlier.wall_time)
+            self._before = earlier, (self / CASE_NAME).read_text(encoding="utf-8")
             began, count = earlier.started, earlier.resumed + 1
         else:
             began, count = _now(), 0
@@ -283,6 +300,7 @@ class OutputFolder:
                 if name not in (CASE_NAME, RUN_NAME) or leftover != path:
                     with saving(path):
                         leftover.unlink(missing_ok=True)
+        remove_singles(self.path)
         with suppress(OSError):  # it may hold figures of the user
             (self / FIGURES_NAME).rmdir()
 

@@ -74,6 +74,8 @@ class History:
             RunFailure: It cannot be written.
         """
         path = Path(path)
+        if not path.is_file():
+            raise InputError(f"{path}: no such file; {_ANEW}")
         header, rows = _complete_lines(path)
         found = _columns(path, header)
         if columns is not None and found != list(columns):

@@ -15,7 +15,7 @@ from castfem.output.style import (
     SOLIDUS_COLOUR,
     Course,
     dress,
-    new_figure,
+    new_panels,
     probe_colours,
     probe_label,
 )
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH = 7.2  # inches
 _THERMAL, _MECHANICAL = "#0072b2", "#d55e00"
 _NO_PROBES = ("min", "max")  # ends of names of columns over the whole section
+_NAMED = 3  # probes with one curve that are all named
 _MANY = 150  # steps; their Newton iterations would blacken a line plot
 
 
@@ -49,17 +49,27 @@ def curves(table: pandas.DataFrame, prefix: str) -> list[tuple[str, str, str]]:
     """
     probes = probes_with(table, prefix)
     colours = probe_colours(list(probes))
-    found: list[tuple[str, str, str]] = []
+    found: dict[str, list[str]] = {}  # column to the probes that share its curve
     for probe, column in probes.items():
         values = table[column].to_numpy()
         near = 2e-3 * np.ptp(values[np.isfinite(values)])
-        for i, (label, colour, other) in enumerate(found):
+        for other, together in found.items():
             if np.allclose(table[other], values, rtol=0, atol=near, equal_nan=True):
-                found[i] = (f"{label} and {probe_label(probe)}", colour, other)
+                together.append(probe)
                 break
         else:
-            found.append((probe_label(probe), colours[probe], column))
-    return found
+            found[column] = [probe]
+    return [
+        (_listed([probe_label(probe) for probe in together]), colours[together[0]], column)
+        for column, together in found.items()
+    ]
+
+
+def _listed(names: list[str]) -> str:
+    """Names as in a sentence; the first stands for more than three."""
+    if len(names) > _NAMED:
+        return f"{names[0]} and {len(names) - 1} others"
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def draw_surface_temperature(
@@ -69,8 +79,7 @@ def draw_surface_temperature(
     surfaces = curves(table, "surface_temperature")
     if not surfaces:
         return None
-    figure = new_figure(_WIDTH, 4.4)
-    axes = figure.add_subplot()
+    figure, (axes,) = new_panels(1, 3.4)
     for probe, colour, column in surfaces:
         label = probe if probe == "surface" else f"surface, {probe}"
         axes.plot(course.abscissa, table[column], color=colour, label=label)
@@ -100,13 +109,12 @@ def draw_shell(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
     solid, liquid = curves(table, "shell"), curves(table, "liquidus_depth")
     if not solid and not liquid:
         return None
-    figure = new_figure(_WIDTH, 4.4)
-    axes = figure.add_subplot()
+    figure, (axes,) = new_panels(1, 3.4)
     for lines, kind, style in ((solid, "solidus (shell)", "-"), (liquid, "liquidus", "--")):
         for probe, colour, column in lines:
             label = f"{probe}, {kind}"
             axes.plot(course.abscissa, table[column], color=colour, linestyle=style, label=label)
-    axes.set_ylim(bottom=0.0)
+    axes.set_ylim(0.0, 1.12 * axes.get_ylim()[1])  # room for the legend
     unit = unit_of(table, [*solid, *liquid][0][2])
     axes.set_ylabel(f"depth below the surface [{unit}]")
     dress([axes], course)
@@ -115,23 +123,29 @@ def draw_shell(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
 
 
 def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
-    """Heat flux at the probes; heat leaving the strand and all that has left it."""
+    """Heat flux at the probes; heat leaving the strand; all that has left it."""
     fluxes = curves(table, "heat_flux")
     totals = _totals(table)
-    panels = bool(fluxes) + bool(totals)
-    if not panels:
+    if not fluxes and not totals:
         return None
-    figure = new_figure(_WIDTH, 1.2 + 2.7 * panels)
-    axes = list(figure.subplots(panels, 1, sharex=True, squeeze=False)[:, 0])
-    if fluxes:
-        for label, colour, column in fluxes:
-            axes[0].plot(course.abscissa, table[column], color=colour, label=label)
-        axes[0].set_ylabel(f"heat flux [{unit_of(table, fluxes[0][2])}]")
+    figure, axes = new_panels(bool(fluxes) + len(totals), 2.0)
+    for label, colour, column in fluxes:
+        axes[0].plot(course.abscissa, table[column], color=colour, label=label)
+        axes[0].set_ylabel(f"heat flux [{unit_of(table, column)}]")
         axes[0].legend(loc="best")
+    for panel, (label, (values, unit)) in zip(axes[bool(fluxes) :], totals.items(), strict=True):
+        style = "steps-pre" if "leaving" in label else "default"
+        panel.plot(course.abscissa, values, color="#444444", drawstyle=style)
+        panel.set_ylabel(f"{label} [{unit}]".replace("leaving ", "leaving\n"))
+    for panel in axes:
+        panel.set_ylim(bottom=min(0.0, panel.get_ylim()[0]) if _below_zero(panel) else 0.0)
     dress(axes, course)
-    if totals:
-        _draw_totals(axes[-1], course, totals)
     return figure
+
+
+def _below_zero(panel: Axes) -> bool:
+    """Whether anything drawn is negative."""
+    return any(np.nanmin(np.asarray(line.get_ydata(), dtype=float)) < 0.0 for line in panel.lines)
 
 
 def draw_steps(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
@@ -148,19 +162,18 @@ def draw_steps(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
     panels = [(draw, names) for draw, names in found if names]
     if not panels:
         return None
-    figure = new_figure(_WIDTH, 1.2 + 1.7 * len(panels))
-    axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
+    figure, axes = new_panels(len(panels), 1.5)
     for panel, (draw, names) in zip(axes, panels, strict=True):
         draw(panel, table, course, names)
         if any(name.endswith(("mechanics", "force_error")) for name in names):
-            panel.legend(loc="best", ncols=2)
+            panel.legend(loc="upper right", ncols=2)  # above what is drawn
     dress(axes, course)
     return figure
 
 
 def _draw_step(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
     """The time step."""
-    values = table[names[0]].to_numpy()
+    values = np.where(table[names[0]] > 0.0, table[names[0]], np.nan)  # none at the meniscus
     panel.step(course.abscissa, values, where="pre", color=_THERMAL, linewidth=1.2)
     _log_scale(panel, values)
     panel.set_ylabel(f"time step [{unit_of(table, names[0])}]")
@@ -181,13 +194,15 @@ def _draw_newton(panel: Axes, table: pandas.DataFrame, course: Course, names: li
             panel.step(
                 course.abscissa, values, where="pre", color=colour, linewidth=1.0, label=label
             )
-    panel.set_ylim(0, np.nanmax(table[names].to_numpy()) + 1)
-    panel.yaxis.set_major_locator(MaxNLocator("auto", integer=True))
+    panel.set_ylim(0, 1.4 * np.nanmax(table[names].to_numpy()) + 1)
+    panel.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     panel.set_ylabel("Newton\niterations [-]")
 
 
 def _draw_errors(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
     """How far energy and forces are out of balance; what is exact is left out."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
     for name in names:
         forces = name == "force_error"
         size = np.abs(table[name].to_numpy())
@@ -200,7 +215,17 @@ def _draw_errors(panel: Axes, table: pandas.DataFrame, course: Course, names: li
             label="forces" if forces else "energy",
         )
     panel.set_yscale("log")
+    panel.yaxis.set_major_locator(LogLocator(numticks=6))
+    panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _power(value)))
+    panel.yaxis.set_minor_locator(NullLocator())
+    panel.set_ylim(top=panel.get_ylim()[1] * 10.0 ** (2.5 * (len(names) > 1)))
     panel.set_ylabel("relative error [-]" if len(names) > 1 else f"{_ERRORS[names[0]]} [-]")
+
+
+def _power(value: float) -> str:
+    """A power of ten in plain characters: formulas have to be parsed, which takes its time."""
+    exponent = f"{np.log10(value):.0f}"
+    return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 _ERRORS = {
@@ -239,28 +264,13 @@ def _totals(table: pandas.DataFrame) -> dict[str, tuple[np.ndarray, str]]:
     return {label: _engineering(*pair) for label, pair in found.items()}
 
 
-def _draw_totals(axes: Axes, course: Course, totals: dict[str, tuple[np.ndarray, str]]) -> None:
-    """The heat rate on the left, the heat removed on the right; one alone takes the left."""
-    panels = [axes, axes.twinx()] if len(totals) == 2 else [axes]
-    for panel, (label, (values, unit)) in zip(panels, totals.items(), strict=True):
-        colour = "#d55e00" if label == "heat removed" else "#0072b2"
-        style = "default" if label == "heat removed" else "steps-pre"
-        panel.plot(course.abscissa, values, color=colour, drawstyle=style)
-        finite = values[np.isfinite(values)]
-        panel.set_ylim(bottom=min(0.0, float(finite.min(initial=0.0))))
-        panel.set_ylabel(f"{label} [{unit}]", color=colour)
-        panel.tick_params(axis="y", colors=colour)
-    if len(panels) == 2:
-        panels[1].grid(False)
-
-
 def _log_scale(panel: Axes, values: np.ndarray) -> None:
     """A logarithmic axis with plain numbers, if there is anything to tell apart; else from zero."""
     from matplotlib.ticker import FuncFormatter, LogLocator
 
     positive = values[values > 0]
     decades = np.ptp(np.log10(positive)) if len(positive) else 0.0
-    if decades < 0.3:
+    if decades < 1.0:
         panel.set_ylim(bottom=0.0)
         return
     panel.set_yscale("log")
@@ -290,7 +300,11 @@ def has_values(table: pandas.DataFrame, name: str) -> bool:
 
 def unit_of(table: pandas.DataFrame, name: str) -> str:
     """The unit of a column as figures write it."""
-    unit = str(table.attrs["units"][name])
+    return plain_unit(str(table.attrs["units"][name]))
+
+
+def plain_unit(unit: str) -> str:
+    """A unit as figures write it."""
     return unit.replace("degC", "°C").replace("^2", "²").replace("^3", "³").replace("um", "µm")
 
 

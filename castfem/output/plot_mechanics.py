@@ -9,20 +9,19 @@ import numpy as np
 
 from castfem.output.plot_history import curves, has_values, unit_of
 from castfem.output.plot_section import Steel
-from castfem.output.style import Course, dress, new_figure
+from castfem.output.style import Course, dress, new_panels
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH = 7.2  # inches
 _ALL: dict[str, Any] = {
     "color": "#444444",
     "linestyle": ":",
     "linewidth": 1.5,
 }  # over the whole section
-_LEFT, _RIGHT = "#0072b2", "#d55e00"
+_SINGLE = "#0072b2"
 _CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
 _HELD = 1e-6  # mm; a surface that moves by less is held, as that of a strip
 _NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver
@@ -33,8 +32,7 @@ def draw_stress(table: pandas.DataFrame, course: Course, steel: Steel | None) ->
     lines = curves(table, "von_mises")
     if not lines and not has_values(table, "von_mises_max"):
         return None
-    figure = new_figure(_WIDTH, 4.4)
-    axes = figure.add_subplot()
+    figure, (axes,) = new_panels(1, 3.4)
     _draw_probes(axes, table, course, "von_mises", "surface, ")
     if has_values(table, "von_mises_max"):
         axes.plot(course.abscissa, table["von_mises_max"], **_ALL, label="largest in the section")
@@ -57,8 +55,7 @@ def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
     panels = [lines for lines in (sizes, others) if lines]
     if not panels:
         return None
-    figure = new_figure(_WIDTH, 1.4 + 3.0 * len(panels))
-    axes = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
+    figure, axes = new_panels(len(panels), 3.4 if len(panels) == 1 else 2.6)
     for panel, lines in zip(axes, panels, strict=True):
         for label, colour, column in lines:
             values = table[column].to_numpy()
@@ -83,23 +80,20 @@ def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
         loaded = float(np.nanmax(np.abs(table["axial_force"].to_numpy()))) > _NOTHING
     if not strained and not loaded:
         return None
-    figure = new_figure(_WIDTH, 4.0)
-    axes = figure.add_subplot()
-    panels = [axes, axes.twinx()] if strained and loaded else [axes]
+    count = strained + loaded
+    figure, axes = new_panels(count, 3.4 if count == 1 else 2.4)
     if strained:
-        panels[0].plot(course.abscissa, 100.0 * table["axial_strain"], color=_LEFT)
-        panels[0].set_ylabel("axial strain [%]", color=_LEFT if loaded else "k")
+        label = "free slice, no axial force" if has_values(table, "axial_force") else ""
+        axes[0].plot(course.abscissa, 100.0 * table["axial_strain"], color=_SINGLE, label=label)
+        axes[0].set_ylabel("axial strain [%]")
+        if label and not loaded:
+            axes[0].legend(loc="best")
     if loaded:
-        panels[-1].plot(course.abscissa, table["axial_force"], color=_RIGHT)
-        unit = unit_of(table, "axial_force")
-        panels[-1].set_ylabel(f"axial force, modelled part [{unit}]", color=_RIGHT)
-    elif has_values(table, "axial_force"):
-        axes.text(0.02, 0.05, "no axial force", transform=axes.transAxes, color="#555555")
-    if len(panels) == 2:
-        panels[1].grid(False)
-        for panel, colour in zip(panels, (_LEFT, _RIGHT), strict=True):
-            panel.tick_params(axis="y", colors=colour)
-    dress([axes], course)
+        axes[-1].plot(course.abscissa, table["axial_force"], color=_SINGLE)
+        axes[-1].set_ylabel(f"axial force,\nmodelled part [{unit_of(table, 'axial_force')}]")
+    for panel in axes:
+        _mark_zero(panel)
+    dress(axes, course)
     return figure
 
 
@@ -120,8 +114,7 @@ def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -
             found.append(_single(table, course, name, what))
     if not found:
         return None
-    figure = new_figure(_WIDTH, 1.2 + 2.3 * len(found))
-    axes = list(figure.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0])
+    figure, axes = new_panels(len(found), 2.1)
     for panel, draw in zip(axes, found, strict=True):
         draw(panel)
     dress(axes, course)
@@ -141,7 +134,7 @@ def _over_surface(
     def draw(panel: Axes) -> None:
         name = _draw_probes(panel, table, course, prefix) or largest
         if has_values(table, largest):
-            panel.plot(course.abscissa, table[largest], **_ALL, label="largest")
+            panel.plot(course.abscissa, table[largest], **_ALL, label="largest anywhere")
         panel.set_ylabel(f"{what} [{unit_of(table, name)}]")
         low, high = panel.get_ylim()
         high = max(high, smallest)
@@ -159,7 +152,7 @@ def _single(
     def draw(panel: Axes) -> None:
         unit = unit_of(table, name)
         percent = name == "contact_share" and unit == "-"
-        panel.plot(course.abscissa, table[name] * (100.0 if percent else 1.0), color=_LEFT)
+        panel.plot(course.abscissa, table[name] * (100.0 if percent else 1.0), color=_SINGLE)
         panel.set_ylabel(f"{what} [{'%' if percent else unit}]")
         if percent:
             panel.set_ylim(0.0, 105.0)

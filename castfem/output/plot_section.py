@@ -16,12 +16,15 @@ from castfem.output.style import CELSIUS, LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_f
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.cm import ScalarMappable
+    from matplotlib.collections import TriMesh
     from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure
     from matplotlib.tri import Triangulation
 
-_STATES = {"solid": "#5b6f82", "mushy": "#f2a541", "liquid": "#fbe7b2"}
+STATES = {"solid": "#5b6f82", "mushy": "#f2a541", "liquid": "#fbe7b2"}
 _SLENDER = 12.0  # from this ratio of the sides on, equal axes would leave a line
+_NEAR = 0.03  # of the scale; an isotherm so near to solidus or liquidus would seem to be one
+_LEFT, _RIGHT, _BELOW, _BAR_BELOW = 0.72, 0.15, 0.5, 0.62  # inches around the frame
 _WIDE = 1.6  # from here on the colour bar lies below
 _MIRRORED = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
 
@@ -72,7 +75,9 @@ def section_triangles(
 def draw_temperature(
     fields: Fields, steel: Steel | None, *, index: int = -1, mirrored: bool = True
 ) -> Figure:
-    """The temperature field with solidus and liquidus drawn into it.
+    """The temperature field with solidus and liquidus drawn into it and into its scale.
+
+    Thin white lines are isotherms, at the numbers of the scale.
 
     Args:
         fields: Of the run.
@@ -87,12 +92,22 @@ def draw_temperature(
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-6:
         low, high = low - 1.0, high + 1.0
-    shades = axes.tripcolor(mesh, values, shading="gouraud", cmap="inferno", vmin=low, vmax=high)
+    shades = shade(axes, mesh, values, "inferno", low, high)
     bar = colour_bar(figure, axes, shades, lies=lies_flat(mesh))
-    lines = [level for level in bar.get_ticks() if values.min() < level < values.max()]
+    marked = [] if steel is None else [steel.solidus - CELSIUS, steel.liquidus - CELSIUS]
+    for level, colour in zip(marked, (SOLIDUS_COLOUR, LIQUIDUS_COLOUR), strict=False):
+        if low < level < high:
+            mark = bar.ax.axvline if lies_flat(mesh) else bar.ax.axhline
+            mark(level, color=colour, linewidth=2.0)
+    near = _NEAR * (high - low)
+    lines = [
+        level
+        for level in bar.get_ticks()
+        if low < level < high and all(abs(level - other) > near for other in marked)
+    ]
     if lines:
         axes.tricontour(mesh, values, levels=lines, colors="white", linewidths=0.5, alpha=0.6)
-    handles = _isotherms(axes, mesh, values, steel)
+    handles = draw_isotherms(axes, mesh, values, steel)
     if handles:
         legend_below(figure, handles)
     return figure
@@ -113,12 +128,12 @@ def draw_states(
     high = max(float(values.max()), steel.liquidus) + 1.0
     gap = max(steel.liquidus, np.nextafter(steel.solidus, np.inf))
     axes.tricontourf(
-        mesh, values, levels=[low, steel.solidus, gap, high], colors=list(_STATES.values())
+        mesh, values, levels=[low, steel.solidus, gap, high], colors=list(STATES.values())
     )
     shares = state_shares(mesh, values, steel)
     handles = [
         Patch(facecolor=colour, edgecolor="#444444", label=f"{state}  {100 * share:.1f} %")
-        for (state, colour), share in zip(_STATES.items(), shares, strict=True)
+        for (state, colour), share in zip(STATES.items(), shares, strict=True)
     ]
     legend_below(figure, handles)
     return figure
@@ -154,7 +169,7 @@ def _share_below(corners: NDArray[np.float64], level: float) -> NDArray[np.float
     return np.where(level <= a, 0.0, np.where(level >= c, 1.0, share))
 
 
-def _isotherms(
+def draw_isotherms(
     axes: Axes, mesh: Triangulation, values: NDArray[np.float64], steel: Steel | None
 ) -> list[Any]:
     """Draws solidus and liquidus into a field in degC and returns their legend."""
@@ -189,11 +204,23 @@ def lies_flat(mesh: Triangulation) -> bool:
 
 
 def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
-    """A figure for the section, axes in mm, with room for a colour bar."""
+    """A figure for the section, axes in mm, with room for a colour bar; placed by hand."""
     width, height = _size(mesh)
-    beside = 1.1 if bar and not lies_flat(mesh) else 0.1
-    below = 0.9 if bar and lies_flat(mesh) else 0.0
-    figure = new_figure(max(width + 0.7 + beside, 3.6), height + 1.1 + below)
+    flat = lies_flat(mesh)
+    if width < 4.0:
+        title = title.replace(", ", ",\n").replace(" at ", "\nat ")
+    right = 0.075 * width + 0.75 if bar and not flat else _RIGHT
+    bottom = _BELOW + (_BAR_BELOW if bar and flat else 0.0)
+    top = 0.15 + 0.2 * (title.count("\n") + 1)
+    across, up = max(_LEFT + width + right, 3.6), bottom + height + top
+    aside = 0.5 * (across - _LEFT - width - right)  # of a figure wider than what it shows
+    figure = new_figure(across, up, layout="none")
+    figure.subplots_adjust(
+        left=(_LEFT + aside) / across,
+        right=1.0 - (right + aside) / across,
+        bottom=bottom / up,
+        top=1.0 - top / up,
+    )
     axes = figure.add_subplot()
     true = np.ptp(mesh.x) / np.ptp(mesh.y) / (width / height)
     axes.set_aspect("equal" if 0.99 < true < 1.01 else "auto")
@@ -202,8 +229,31 @@ def frame(mesh: Triangulation, title: str, bar: bool) -> tuple[Figure, Axes]:
     axes.set_ylabel("y [mm]")
     axes.set_xlim(mesh.x.min(), mesh.x.max())
     axes.set_ylim(mesh.y.min(), mesh.y.max())
-    axes.set_title(title if width > 4 else title.replace(", ", ",\n").replace(" at ", "\nat "))
+    axes.set_title(title)
     return figure, axes
+
+
+def shade(
+    axes: Axes, mesh: Triangulation, values: NDArray[np.float64], cmap: str, low: float, high: float
+) -> TriMesh:
+    """Shades a nodal field smoothly, as `tripcolor` does, which looks at each triangle for limits.
+
+    Args:
+        axes: Into these, whose limits stay.
+        mesh: Triangles.
+        values: At their corners.
+        cmap: Name of the colour map.
+        low: Value at its beginning.
+        high: Value at its end.
+    """
+    from matplotlib.collections import TriMesh
+    from matplotlib.colors import Normalize
+
+    shades = TriMesh(mesh, cmap=cmap, norm=Normalize(low, high))
+    shades.set_array(values)
+    shades.set_in_layout(False)
+    axes.add_collection(shades, autolim=False)
+    return shades
 
 
 def colour_bar(
@@ -214,17 +264,27 @@ def colour_bar(
     label: str = "temperature [°C]",
 ) -> Colorbar:
     """The scale of the colours, as long as the frame."""
-    if lies:
-        return figure.colorbar(shades, ax=axes, label=label, location="bottom", aspect=45, pad=0.03)
-    # constrained layout would make it as long as the room for the frame, of which that takes a part
-    return figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.045, 1)), label=label)
+    if not lies:
+        return figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.045, 1)), label=label)
+    height = axes.get_position().height * figure.get_size_inches()[1]
+    place = axes.inset_axes((0.0, -(_BELOW + 0.12) / height, 1.0, 0.12 / height))
+    return figure.colorbar(shades, cax=place, orientation="horizontal", label=label)
 
 
 def legend_below(figure: Figure, handles: list[Any]) -> None:
-    """A legend under everything, on one or two lines if there is room."""
+    """A legend under everything, on one or two lines if there is room; the figure grows by it."""
+    width, height = figure.get_size_inches()
     lines = (len(handles), (len(handles) + 1) // 2)
-    columns = next((n for n in lines if figure.get_size_inches()[0] > 1.4 * n), 1)
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
+    columns = next((n for n in lines if width > 1.4 * n), 1)
+    rows = -(-len(handles) // columns)
+    higher = height + 0.08 + 0.19 * rows
+    margins = figure.subplotpars
+    figure.set_size_inches(width, higher)
+    figure.subplots_adjust(
+        bottom=1.0 - (1.0 - margins.bottom) * height / higher,
+        top=1.0 - (1.0 - margins.top) * height / higher,
+    )
+    figure.legend(handles=handles, loc="lower center", ncols=columns, frameon=False)
 
 
 def when(what: str, fields: Fields, index: int) -> str:

@@ -71,7 +71,7 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
     label = "von Mises stress in the solid [MPa]"
     colour_bar(figure, axes, shades, lies_flat(mesh), label)
     _, kelvin = section_triangles(fields, temperature, mirrored=False)
-    handles = _cover_soft(axes, mesh, kelvin, steel)
+    handles = cover_soft(axes, mesh, kelvin, steel)
     if factor > 0.0:
         handles = [*_draw_outlines(axes, fields, outline, moved, factor, "#222222"), *handles]
         _fit(axes, fields, moved * factor)
@@ -130,7 +130,7 @@ def _magnified(fields: Fields, index: int) -> tuple[Array, float, Outline]:
     return moved, magnification(moved[np.unique(outline.surface)], fields.points), outline
 
 
-def _cover_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> list[Line2D]:
+def cover_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> list[Line2D]:
     """Covers mush and liquid with grey; returns the legend of what it drew."""
     from matplotlib.lines import Line2D
 
@@ -206,9 +206,9 @@ def _name_extremes(
         aside = float(sideways @ inwards) / float(np.linalg.norm(inwards))
         sideways *= np.sign(aside) if abs(aside) > _ASIDE else 0.0
         axes.annotate(
-            f"{outward[number]:+.2f} mm".replace("-", "\N{MINUS SIGN}"),
+            _signed(float(outward[number])),
             xy=(point[0], point[1]),
-            xytext=tuple(-34.0 * normal + 32.0 * sideways),
+            xytext=tuple(-46.0 * normal + 32.0 * sideways),
             textcoords="offset points",
             ha="center",
             va="center",
@@ -217,6 +217,12 @@ def _name_extremes(
             bbox={"facecolor": "w", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
             arrowprops={"arrowstyle": "-|>", "color": _MOVED, "linewidth": 0.9, "shrinkB": 1.0},
         )
+
+
+def _signed(length: float) -> str:
+    """A length [mm] with its sign, if it is not nothing."""
+    rounded = round(length, 2)
+    return f"{rounded:+.2f} mm".replace("-", "\N{MINUS SIGN}") if rounded else "0.00 mm"
 
 
 def _extremes(outward: Array, points: Array) -> set[int]:

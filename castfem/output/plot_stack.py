@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
-from castfem.output.plot_section import Steel, legend_below, section_triangles
+from castfem.output.plot_section import Steel, section_triangles, shade
 from castfem.output.plot_shape import SOFT, STRESS_MAP, stress_levels
 from castfem.output.shape import Outline, displacement, magnification, von_mises
 from castfem.output.style import CELSIUS, LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
@@ -27,14 +27,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _MOST = 40  # slices; more cannot be told apart
-_ROWS = 80  # of the walls, at least: triangles between distant slices would show
+_ROWS = 60  # of the walls, at least: triangles between distant slices would show
 _SHARP = 0.7  # cosine of the angle from which on two walls meet in an edge
 _LENGTH = 1.6  # drawn length of the strand, of width plus height of what is modelled
 _SLENDER = 12.0  # ratio of the sides from which a section is a mere line
 _ELEVATION = np.radians(-24.0)  # the eye lies below: the last slice is seen, not the first
 _OUTSIDE = 50.0  # degrees from x
 _INSIDE = {"quarter": 230.0, "half": 130.0}  # from where planes of symmetry are seen
-_HEIGHT = 5.2  # inches of a panel
+_AROUND = 0.01  # of the size of a picture: half an edge
+_HEIGHT = 5.2  # inches of a picture
+_LEFT, _BESIDE, _BELOW, _ABOVE = 0.95, 0.25, 1.15, 0.35  # inches around the pictures
 _EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.6}
 
 
@@ -191,19 +193,41 @@ def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
     kinds = ["temperature", *(["stress"] if stack.stress is not None else [])]
     extents = np.ptp([view.project(stack.points).reshape(-1, 2) for view in views], axis=1)
     widest, highest = extents.max(axis=0)
-    wide = max(_HEIGHT * 1.25 * widest / highest, 1.9)
-    count = len(kinds) * len(views)
-    figure = new_figure(wide * count + 0.5, _HEIGHT + 1.5)
-    rows = figure.subplots(1, count, squeeze=False)[0]
-    for number, kind in enumerate(kinds):
+    wide = max(_HEIGHT * widest / highest, 1.9)
+    figure, rows, bars = _places(len(kinds), len(views), wide)
+    for number, (kind, bar) in enumerate(zip(kinds, bars, strict=True)):
         group = list(rows[number * len(views) : (number + 1) * len(views)])
         for axes, view in zip(group, views, strict=True):
             shades = _draw_view(axes, stack, view, kind, steel)
+            _fit(axes, view, stack, (1 + _AROUND) * extents.max(axis=0))
         label = "temperature [°C]" if kind == "temperature" else "von Mises stress, solid [MPa]"
-        figure.colorbar(shades, ax=group, location="bottom", label=label, shrink=0.8, aspect=30)
+        figure.colorbar(shades, cax=bar, orientation="horizontal", label=label)
     _draw_scale(rows[0], stack, views[0])
-    legend_below(figure, _legend(stack, steel))
+    handles = _legend(stack, steel)
+    figure.legend(
+        handles=handles, loc="lower center", ncols=len(handles), frameon=False, columnspacing=1.2
+    )
     return figure
+
+
+def _places(kinds: int, views: int, wide: float) -> tuple[Figure, list[Axes], list[Axes]]:
+    """An empty figure, its pictures `wide` inches wide from left to right, and the scales below.
+
+    They are placed by hand: there is little to fit, and to find a layout takes as long as to draw.
+    """
+    count = kinds * views
+    width = _LEFT + count * (wide + _BESIDE)
+    height = _BELOW + _HEIGHT + _ABOVE
+    figure = new_figure(width, height, layout="none")
+
+    def place(left: float, bottom: float, across: float, up: float) -> Axes:
+        return figure.add_axes((left / width, bottom / height, across / width, up / height))
+
+    lefts = [_LEFT + number * (wide + _BESIDE) for number in range(count)]
+    pictures = [place(left, _BELOW, wide, _HEIGHT) for left in lefts]
+    span = views * (wide + _BESIDE) - _BESIDE
+    scales = [place(left + 0.1 * span, 0.85, 0.8 * span, 0.12) for left in lefts[::views]]
+    return figure, pictures, scales
 
 
 def _draw_view(
@@ -219,10 +243,10 @@ def _draw_view(
     _, kelvin = section_triangles(fields, fields.values("temperature"), mirrored=False)
     flat = np.column_stack([plane.x, plane.y, np.full(len(plane.x), stack.end[0, 2])])
     bottom = Triangulation(flat @ view.right, flat @ view.up, plane.triangles)
-    shades = axes.tripcolor(view.walls, walls.ravel(), shading="gouraud", **options)
+    shades = shade(axes, view.walls, walls.ravel(), *options)
     if steel is not None and (view.inside or kind == "stress"):
         _draw_isotherms(axes, view.walls, stack.temperature.ravel(), steel, kind)
-    axes.tripcolor(bottom, values, shading="gouraud", **options)
+    shade(axes, bottom, values, *options)
     if steel is not None:
         _draw_isotherms(axes, bottom, kelvin, steel, kind)
     _draw_edges(axes, stack, view)
@@ -232,17 +256,26 @@ def _draw_view(
     return shades
 
 
-def _shading(stack: Stack, kind: str) -> tuple[Array, Array, dict[str, Any]]:
+def _fit(axes: Axes, view: View, stack: Stack, size: Array) -> None:
+    """Limits of a width and height that are those of all pictures: they have one scale."""
+    drawn = view.project(stack.points).reshape(-1, 2)
+    low, high = drawn.min(axis=0), drawn.max(axis=0)
+    start, end = 0.5 * (low + high - size), 0.5 * (low + high + size)
+    axes.set_xlim(start[0], end[0])
+    axes.set_ylim(start[1], end[1])
+
+
+def _shading(stack: Stack, kind: str) -> tuple[Array, Array, tuple[str, float, float]]:
     """Values of the walls (r, m) and of the last slice (n,) in the unit of the scale; the scale."""
     if kind == "temperature" or stack.stress is None:
         last = stack.fields.values("temperature") - CELSIUS
         low = float(stack.temperature.min()) - CELSIUS
         high = max(stack.hottest - CELSIUS, low + 1.0)
-        return stack.temperature - CELSIUS, last, {"cmap": "inferno", "vmin": low, "vmax": high}
+        return stack.temperature - CELSIUS, last, ("inferno", low, high)
     stress = von_mises(stack.fields)
     assert stress is not None
     top = float(stress_levels(1e-6 * stack.strongest)[-1])
-    return 1e-6 * stack.stress, 1e-6 * stress, {"cmap": STRESS_MAP, "vmin": 0.0, "vmax": top}
+    return 1e-6 * stack.stress, 1e-6 * stress, (STRESS_MAP, 0.0, top)
 
 
 def _draw_isotherms(
@@ -290,9 +323,10 @@ def _draw_scale(axes: Axes, stack: Stack, view: View) -> None:
     left = float(drawn[..., 0].min())
     heights = np.interp(ticks, scale * stack.position, column[:, 1])
     room = 0.03 * float(np.ptp(drawn[..., 1]))
-    axes.plot([left - room] * 2, [column[0, 1], column[-1, 1]], **_EDGE)
+    outside: dict[str, Any] = {**_EDGE, "clip_on": False, "scalex": False, "scaley": False}
+    axes.plot([left - room] * 2, [column[0, 1], column[-1, 1]], **outside)
     for tick, height in zip(ticks, heights, strict=True):
-        axes.plot([left - 1.5 * room, left - room], [height] * 2, **_EDGE)
+        axes.plot([left - 1.5 * room, left - room], [height] * 2, **outside)
         axes.text(left - 1.8 * room, height, f"{tick:g}", ha="right", va="center", fontsize=8)
     middle = 0.5 * float(column[0, 1] + column[-1, 1])
     axes.text(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,18 +13,17 @@ from castfem.output.advice import remarks
 from castfem.output.fields import Fields
 from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
-from castfem.output.summary import (
-    Comparison,
-    Summary,
-    from_si,
-    unit_of_difference,
-)
+from castfem.output.plot_history import plain_unit
+from castfem.output.summary import Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.output.xdmf import HDF5_NAME
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+_NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
+_BRIEF = 0.01  # of the wall time; a stage that takes less is not named
+_LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
 _DECIMALS = {"degC": 1, "K": 1, "mm": 2}
 
 
@@ -67,10 +67,16 @@ def shown(value: float, unit: str) -> str:
     if not math.isfinite(value):
         return "-"
     if unit in _DECIMALS and abs(value) < 1e5:
-        return f"{value:.{_DECIMALS[unit]}f}"
+        digits = _DECIMALS[unit]
+        return f"{_rounded(value, digits):.{digits}f}"
     if value == int(value) and abs(value) < 1e6:
         return f"{value:.0f}"
     return f"{value:.4g}"
+
+
+def _rounded(value: float, digits: int) -> float:
+    """A value rounded, and 0 without a sign where nothing is left of it."""
+    return round(value, digits) + 0.0
 
 
 def _print(out: Console, text: str, style: str = "") -> None:
@@ -137,7 +143,9 @@ def _print_summary(out: Console, summary: Summary) -> None:
     for name, terms in summary.balances.items():
         table = _table(f"Balance of {name.replace('_', ' ')}", "term", "value", "unit")
         for quantity in terms.values():
-            table.add_row(quantity.label, shown(quantity.shown, quantity.unit), quantity.unit)
+            table.add_row(
+                quantity.label, shown(quantity.shown, quantity.unit), unit_shown(quantity.unit)
+            )
         out.print(table, "", highlight=False)
 
 
@@ -161,8 +169,26 @@ def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
         for texts in zip(*((remark.what, text) for remark, text in lines), strict=True)
     )
     for remark, text in lines:
-        _print(out, f"{remark.what:<{what}}  {text:>{value}}  {remark.where}")
+        start = f"{remark.what:<{what}}  {text:>{value}}  "
+        for line in _wrapped(out, remark.where, start):
+            _print(out, line)
     out.print()
+
+
+def _wrapped(out: Console, text: str, start: str) -> list[str]:
+    """A text behind its start, its further lines below; in one line unless it is for a screen."""
+    if not out.is_terminal:
+        return [start + text]
+    indent = len(start) if out.width - len(start) >= _LEAST else _INDENT
+    lines = textwrap.wrap(
+        text,
+        out.width,
+        initial_indent=start,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return lines or [start]
 
 
 def _finely(value: float, unit: str) -> str:
@@ -178,17 +204,34 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
     `sources` is filled with the mark of each source.
     """
     rows: list[tuple[str, ...]] = []
+    referred = {c.reference.quantity for c in summary.references}
     for name, quantity in summary.quantities.items():
+        twin = summary.quantities.get(name.replace(_NARROW, _WIDE))
+        if name.endswith(_NARROW) and name not in referred and _same(quantity, twin):
+            continue
+        label, twin = quantity.label, summary.quantities.get(name.replace(_WIDE, _NARROW))
+        if name.endswith(_WIDE) and name.replace(_WIDE, _NARROW) not in referred:
+            label = label.replace("mid-face", "both faces") if _same(quantity, twin) else label
         mine = [c for c in summary.references if c.reference.quantity == name and not c.note]
         value = shown(quantity.shown, quantity.unit)
         if all(c.reference.at is not None for c in mine):
-            rows.append((quantity.label, value, quantity.unit, "", "", ""))
-        rows.extend(_comparison_row(c, quantity.label, sources) for c in mine)
+            rows.append((label, value, unit_shown(quantity.unit), "", "", ""))
+        rows.extend(_comparison_row(c, label, sources) for c in mine)
     for comparison in summary.references:
         if comparison.note:
             label = f"{comparison.reference.quantity} ({comparison.note})"
             rows.append(_comparison_row(comparison, label, sources))
     return rows
+
+
+def _same(one: Quantity, other: Quantity | None) -> bool:
+    """Whether two quantities would be printed alike, as those of the faces of a square."""
+    return other is not None and shown(one.shown, one.unit) == shown(other.shown, other.unit)
+
+
+def unit_shown(unit: str) -> str:
+    """A unit as tables print it."""
+    return plain_unit(unit).replace("percent", "%")
 
 
 def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str]) -> tuple[str, ...]:
@@ -200,15 +243,18 @@ def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str])
     theirs = shown(from_si(reference.value, unit), unit)
     difference = ""
     if math.isfinite(comparison.difference):
-        digits = len(theirs.partition(".")[2])
+        value, digits = comparison.difference, len(theirs.partition(".")[2])
         form = "+.4g" if "e" in theirs else f"+.{digits}f"
-        difference = f"{comparison.difference:{form}}"
+        if "e" not in theirs:
+            value = _rounded(value, digits)
+        difference = f"{value:{form}}"
         if unit_of_difference(unit) != unit:
             difference += f" {unit_of_difference(unit)}"
         if math.isfinite(comparison.relative):
             difference += f" ({100 * comparison.relative:+.1f} %)"
     mark = sources.setdefault(reference.source, f"[{len(sources) + 1}]")
-    return label, shown(from_si(comparison.ours, unit), unit), unit, theirs, difference, mark
+    ours = shown(from_si(comparison.ours, unit), unit)
+    return label, ours, unit_shown(unit), theirs, difference, mark
 
 
 def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:
@@ -225,7 +271,7 @@ def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:
     last = _table(f"Last of {len(table)} steps", "quantity", "castfem", "unit")
     for name, value in table.iloc[-1].items():
         unit = units[str(name)]
-        last.add_row(str(name).replace("_", " "), shown(float(value), unit), unit)
+        last.add_row(str(name).replace("_", " "), shown(float(value), unit), unit_shown(unit))
     out.print(last, "", highlight=False)
     if "time" in record.reached:
         at = f"t = {record.reached['time']:.6g} s"
@@ -237,16 +283,31 @@ def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:
 def _print_effort(out: Console, record: RunRecord, summary: Summary | None) -> None:
     """Steps, wall time by stage, memory."""
     if summary is not None and summary.steps:
-        counts = ", ".join(f"{k.replace('_', ' ')} {v:.6g}" for k, v in summary.steps.items())
-        _print(out, f"steps: {counts}")
+        counts = [f"{_step(name)} {number:.6g}" for name, number in summary.steps.items()]
+        _print_list(out, "steps: ", counts)
     if record.wall_time:
-        stages = ", ".join(
-            f"{stage.replace('_', ' ')} {seconds:.2f} s"
-            for stage, seconds in record.wall_time.items()
-        )
-        _print(out, f"wall time: {stages}")
+        total = sum(record.wall_time.values())
+        long = {k: v for k, v in record.wall_time.items() if v >= _BRIEF * total}
+        stages = [
+            f"{k.replace('_', ' ')} {v:.2f} s"
+            for k, v in sorted(long.items(), key=lambda item: -item[1])
+        ]
+        rest = total - sum(long.values())
+        _print_list(out, "wall time: ", [*stages, *([f"the rest {rest:.2f} s"] if rest else [])])
     if record.memory_mb is not None:
         _print(out, f"memory: {record.memory_mb:.0f} MB")
+
+
+def _step(name: str) -> str:
+    """What is counted, as in "Newton iterations, mechanics", without the comma."""
+    return name.replace("_", " ").replace(", ", " of the ")
+
+
+def _print_list(out: Console, start: str, entries: Sequence[str]) -> None:
+    """Entries with commas between them, none of them torn by the end of a line."""
+    glued = ", ".join(entry.replace(" ", "\N{NO-BREAK SPACE}") for entry in entries)
+    for line in _wrapped(out, glued, start):
+        _print(out, line.replace("\N{NO-BREAK SPACE}", " "))
 
 
 def _print_figures(out: Console, path: Path) -> None:
@@ -259,5 +320,4 @@ def _print_figures(out: Console, path: Path) -> None:
         _print(out, f"figures: {error}", style="yellow")
         return
     if drawn:
-        names = ", ".join(figure.name for figure in drawn)
-        _print(out, f"figures in {drawn[0].parent}: {names}")
+        _print_list(out, f"figures in {drawn[0].parent}: ", [figure.name for figure in drawn])

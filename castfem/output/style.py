@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,10 @@ LIQUIDUS_COLOUR = "#c0392b"
 # Colour-blind safe (Okabe and Ito); the known probes keep theirs in every figure.
 _COLOURS = {"mid_face": "#0072b2", "corner": "#d55e00", "narrow_face": "#009e73"}
 _OTHER_COLOURS = ("#cc79a7", "#56b4e9", "#e69f00", "#7f7f7f", "#000000")
+WIDTH = 7.2  # inches
+_LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN, _EDGE = 0.8, 0.2, 0.52, 0.48, 0.14, 0.04  # inches
 _LONG = 2.0  # m; from here on positions are in metres
+_WHITE = 250  # of 255; what is brighter is the paper
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,61 +101,127 @@ def look() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure (inches) that needs no display."""
+def new_figure(width: float, height: float, *, layout: Literal["none"] | None = None) -> Figure:
+    """An empty figure (inches) that needs no display; its layout is found unless it is "none"."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height))
+    options: dict[str, Any] = {} if layout is None else {"layout": layout}  # it lacks a type
+    figure = Figure(figsize=(width, height), **options)
     FigureCanvasAgg(figure)
     return figure
 
 
+def new_panels(
+    count: int, height: float, *, above: float = 0.0, below: float = 0.0
+) -> tuple[Figure, list[Axes]]:
+    """A figure of panels above one another with a common x axis.
+
+    Margins are fixed: no layout has to be sought, which takes as long as all the drawing, and the
+    same position lies at the same place in all figures.
+
+    Args:
+        count: Of the panels.
+        height: Of each [inch].
+        above: Room for a title [inch].
+        below: Room for a legend [inch].
+    """
+    between = _BETWEEN * (count - 1)
+    total = count * height + between + _TOP + above + _BOTTOM + below
+    figure = new_figure(WIDTH, total, layout="none")
+    figure.subplots_adjust(
+        left=_LEFT / WIDTH,
+        right=1.0 - _RIGHT / WIDTH,
+        bottom=(_BOTTOM + below) / total,
+        top=1.0 - (_TOP + above) / total,
+        hspace=_BETWEEN / height,
+    )
+    axes = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
+    for panel in axes:
+        panel.locator_params(axis="x", nbins=8, steps=[1, 2, 5, 10])
+        panel.locator_params(axis="y", nbins=6)
+    return figure, axes
+
+
 def save(figure: Figure, path: Path, *, maps: tuple[str, ...] = ()) -> Path:
-    """Writes a PNG in one step.
+    """Writes a PNG of 256 colours in one step; that takes half the time and a third of the size.
 
     Args:
         figure: What to write.
         path: Of the file.
-        maps: Names of colour maps: nothing but their colours, greys and those of the isotherms is
-            written, which makes a third of the size where much is shaded.
+        maps: Names of the colour maps of what is shaded: these colours, greys and those of the
+            isotherms are kept. Of anything else the picture has few, and they are found.
 
     Raises:
         RunFailure: It cannot be written.
     """
+    image = render(figure)
     with replacing(path, durable=False) as temporary:
-        if maps:
-            _indexed(figure, maps).save(temporary, format="PNG", dpi=(DPI, DPI))
-        else:
-            figure.savefig(temporary, format="png", dpi=DPI)
+        _indexed(image, maps).save(temporary, format="PNG", dpi=(DPI, DPI))
     return path
 
 
-def _indexed(figure: Figure, maps: tuple[str, ...]) -> Image.Image:
-    """A figure as an image of 256 colours at most, a share of them of each colour map."""
-    from io import BytesIO
+def render(figure: Figure) -> Image.Image:
+    """Draws a figure once; `savefig` does it twice where a layout has to be found first."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image
 
+    figure.set_dpi(DPI)
+    layout = figure.get_layout_engine()
+    if layout is not None:
+        layout.execute(figure)
+        figure.set_layout_engine("none")
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    if layout is None and _widen(figure):
+        canvas.draw()
+    return Image.fromarray(np.ascontiguousarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+
+
+def _widen(figure: Figure) -> bool:
+    """Moves axes with fixed margins that have long numbers away from the edge; was it needed?"""
+    cut = min((axes.yaxis.label.get_window_extent().x0 for axes in figure.axes), default=0.0)
+    if cut >= 0.0:
+        return False
+    wider = (_EDGE * figure.dpi - cut) / figure.bbox.width
+    figure.subplots_adjust(left=figure.subplotpars.left + wider)
+    return True
+
+
+def _indexed(image: Image.Image, maps: tuple[str, ...]) -> Image.Image:
+    """An image in 256 colours at most."""
+    from PIL import Image
+
+    if maps:
+        return image.quantize(palette=_palette(maps), dither=Image.Dither.NONE)
+    found = image.quantize(method=Image.Quantize.FASTOCTREE)
+    colours = np.array(found.getpalette(), dtype=np.uint8)
+    colours[(colours.reshape(-1, 3) > _WHITE).all(axis=1).repeat(3)] = 255  # it is a mean of some
+    found.putpalette(colours.tobytes())
+    return found
+
+
+@lru_cache
+def _palette(maps: tuple[str, ...]) -> Image.Image:
+    """Greys, the colours of the isotherms, and an equal share of the rest of each colour map."""
     import matplotlib
     from matplotlib.colors import to_rgb
     from PIL import Image
 
-    buffer = BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_level": 1})
     lines = [np.array(to_rgb(colour)) for colour in (SOLIDUS_COLOUR, LIQUIDUS_COLOUR)]
     fading = [c + (1.0 - c) * t for c in lines for t in (0.0, 0.3, 0.6)]
     greys = np.repeat(np.linspace(0.0, 1.0, 30)[:, None], 3, axis=1)
     rest = (256 - len(greys) - len(fading)) // len(maps)
     shades = [matplotlib.colormaps[name](np.linspace(0.0, 1.0, rest))[:, :3] for name in maps]
-    palette = Image.new("P", (1, 1))
     colours = np.round(255 * np.vstack([greys, fading, *shades])).astype(np.uint8)
+    palette = Image.new("P", (1, 1))
     palette.putpalette(colours.tobytes())
-    whole = Image.open(buffer).convert("RGB")
-    return whole.quantize(palette=palette, dither=Image.Dither.NONE)
+    return palette
 
 
 def probe_label(probe: str) -> str:
     """The name of a probe in a legend."""
-    return "mid-face" if probe == "mid_face" else probe.replace("_", " ")
+    return probe.replace("mid_face", "mid-face").replace("_", " ")
 
 
 def probe_colours(probes: list[str]) -> dict[str, str]:
@@ -204,10 +274,12 @@ def _draw_zones(axes: list[Axes], course: Course) -> float:
         return 0.0
     figure = axes[0].figure.get_figure(root=True)
     width, height = figure.get_size_inches()
-    inches = (0.86 * width - 0.2) / (high - low)  # about, per unit of the abscissa
-    names = [_fitting(name, (right - left) * inches) for left, right, name in zones]
+    scale = axes[0].get_position().width * width / (high - low)  # inches a unit of the abscissa
+    names = [_fitting(name, (right - left) * scale) for left, right, name in zones]
     lines = max(name.count("\n") + 1 for name, _ in names)
-    share = (0.08 + 0.115 * lines) / (0.8 * height / len(axes))
+    inches = 0.08 + 0.115 * lines
+    figure.subplots_adjust(top=figure.subplotpars.top - inches / height)
+    share = inches / (axes[0].get_position().height * height)
     strip = axes[0].inset_axes((0.0, 1.0, 1.0, share))
     strip.set_xlim(low, high)
     strip.set_axis_off()

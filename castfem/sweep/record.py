@@ -65,10 +65,12 @@ class Record:
             raise InputError(f"{path}: cannot be read ({error}); choose another folder") from None
 
     def expect(self, variants: Iterable[Variant]) -> None:
-        """Take in the runs that are to be; what is known of those that are done stays."""
+        """Take in the runs that are to be; of those that are not finished nothing is known."""
         for variant in variants:
-            entry = self.entries.setdefault(variant.name, Entry())
-            entry.given = dict(variant.given)
+            job = Job(variant.name, self.folder / variant.name, variant.case)
+            if not self.is_finished(job):
+                self.entries[variant.name] = Entry()
+            self.entries[variant.name].given = dict(variant.given)
 
     def is_finished(self, job: Job) -> bool:
         """Return whether the very same run has ended well: case, output and property files."""

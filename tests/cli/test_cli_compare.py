@@ -126,6 +126,29 @@ def test_figures_follow_the_columns(tmp_path):
     assert rate == pytest.approx(np.full(6, 2e6))
 
 
+def test_what_never_changes_is_not_drawn(tmp_path):
+    """A core that stays liquid, and forces that are the solver's rounding; zeros stay."""
+    names = {"temperature_core": "degC", "temperature_max": "degC", "axial_force": "kN"}
+    names |= {"shell_corner": "mm", "gap_max": "mm", "gap_corner": "mm"}
+    columns = [("time", "s"), ("position", "m"), *names.items()]
+    made = []
+    for name, scale in (("one", 1.0), ("two", 2.0)):
+        (tmp_path / name).mkdir()
+        with History(tmp_path / name / "history.csv", columns) as history:
+            for step in range(6):
+                row = {
+                    "time": step,
+                    "position": 0.1 * step,
+                    "temperature_core": 1542.5 - 1e-7 * step,
+                }
+                row |= {"temperature_max": 1500.0 - step, "axial_force": 1e-9 * step * scale}
+                row |= {"shell_corner": 0.0, "gap_max": 2.0 * scale * step, "gap_corner": step}
+                history.append(row)
+        made.append(Run(tmp_path / name, name, Summary(name, "finished")))
+    found = {d.quantity: [panel.place for panel in panels] for d, panels in figures(made, made[0])}
+    assert found == {"temperature": ["max"], "shell": ["corner"], "gap": ["corner", "max"]}
+
+
 def test_equal_panels_are_drawn_once(tmp_path):
     columns = [("surface_temperature_a", "degC"), ("surface_temperature_b", "degC")]
     made = [_imagined(tmp_path, name, 1.0, columns) for name in ("one", "two")]

@@ -16,8 +16,11 @@ import pytest
 from ranks import needs_mpirun, python_on
 from small_case import write_small
 
+from castfem.case import load_case
 from castfem.sweep.local import run_locally
 from castfem.sweep.plan import plan
+from castfem.sweep.record import Record
+from castfem.sweep.results import rows
 from castfem.sweep.work import Job
 
 SPEEDS = ("--set", "speed=3 m/min,4 m/min")
@@ -69,6 +72,20 @@ def test_finished_runs_are_not_run_again(castfem, tmp_path):
     assert "mesh.order: 1 there, 2 here" in other.err
     assert castfem(*two, "--set", "length=30 mm").status == 0
     assert [row["position [m]"] for row in _table(Path("out"))] == ["0.03", "0.03"]
+
+
+def test_results_of_another_case_are_not_those_of_this_sweep(castfem, tmp_path):
+    """--overwrite with a changed case, stopped before its first run has ended."""
+    path = write_small(tmp_path)
+    assert castfem("sweep", "small", *SPEEDS, "-j", 1, "-o", "out").status == 0
+    base, values = load_case(path), [SPEEDS[1]]
+    for length, status in (("60 mm", "finished"), ("50 mm", "waiting")):
+        variants = plan(base.with_(length=length), values)
+        record = Record(Path("out"))
+        record.expect(variants)
+        table = rows(variants, record)
+        assert [row.status for row in table] == [status] * 2
+        assert [bool(row.quantities) for row in table] == [status == "finished"] * 2
 
 
 def test_one_failed_run_does_not_stop_the_rest(castfem, tmp_path):

@@ -1,54 +1,95 @@
-"""A whole run with its mechanics gives the same history on one rank and on three."""
+"""Whole runs with mechanics and a mould give the same on one rank and on several."""
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
-import sys
+import json
 from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import pandas
 import pytest
+from ranks import needs_mpirun, python_on
 
+from castfem import march
+from castfem.case import load_case
+from castfem.output.checkpoint import load_checkpoint
 from castfem.output.history import read_history
 
-WORDS = ["run", "billet125/idealised", "-q"]
-for key in (
-    "mechanics.law=norton_hoff_kozlowski", "coupling.interval=0.25 s", "casting.length=150 mm",
-    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=6 mm",
-    "mesh.core_size=12 mm", "output.fields=[]", "output.figures=false",
-):  # fmt: skip
-    WORDS += ["--set", key]
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+COARSE = (
+    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
+    "mesh.core_size=14 mm", "output.figures=false",
+)  # fmt: skip
+IDEALISED = (*COARSE, "coupling.interval=0.25 s", "casting.length=150 mm", "output.fields=[]")
+MOULDED = (
+    *COARSE, "mould.friction.law=coulomb", "mould.friction.coefficient=0.2",
+    "coupling.interval=0.2 s", "output.every=0.4 s",
+)  # fmt: skip
 # What is zero but for rounding, and rounds otherwise on other ranks.
 LEFT_OVER = {"energy_error", "axial_force", "force_error"}
+ERRORS = {"error", "whole", "worst_step"}
 
 
-def history(folder: Path, ranks: int) -> pandas.DataFrame:
-    """History of a run of its own, started as a user starts it."""
-    clean = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMI", "PRTE_"))}
-    clean |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-    command = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
-    command += [sys.executable, "-m", "castfem.cli", *WORDS, "-o", str(folder)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=300, env=clean, check=False
-    )
+def run(folder: Path, ranks: int, case: str, overrides: tuple[str, ...], *words: str) -> None:
+    """A run as a user starts it; that on one rank, to which others are compared, in here."""
+    if ranks == 1:
+        march.run(load_case(CASES / f"{case}.toml", overrides), folder, comm=MPI.COMM_SELF)
+        return
+    sets = [word for override in overrides for word in ("--set", override)]
+    words = ("-m", "castfem.cli", "run", f"billet125/{case}", "-q", *sets, *words)
+    done = python_on(ranks, *words, "-o", str(folder))
     assert done.returncode == 0, done.stderr
-    return read_history(folder / "history.csv")
 
 
-@pytest.mark.skipif(shutil.which("mpirun") is None, reason="mpirun is not on the path")
-def test_ranks_do_not_show(tmp_path: Path) -> None:
-    from mpi4py import MPI
-
-    if MPI.COMM_WORLD.size > 1:
-        pytest.skip("starts ranks of its own")
-    one = history(tmp_path / "1", 1)
-    assert one["von_mises_max"].iloc[-1] > 1.0 and one["shell_corner"].iloc[-1] > 0.5
-    three = history(tmp_path / "3", 3)
-    assert list(three) == list(one) and len(three) == len(one)
+def assert_same(one: pandas.DataFrame, other: pandas.DataFrame) -> None:
+    """Two histories are one."""
+    assert list(other) == list(one) and len(other) == len(one)
     for name in set(one) - LEFT_OVER:
-        ours, theirs = three[name].to_numpy(), one[name].to_numpy()
+        ours, theirs = other[name].to_numpy(), one[name].to_numpy()
         size = np.nanmax(np.abs(theirs), initial=1e-300)
         assert np.nanmax(np.abs(ours - theirs), initial=0.0) <= 1e-8 * size, name
+
+
+@needs_mpirun
+def test_ranks_do_not_show(tmp_path: Path) -> None:
+    for ranks in (1, 3):
+        run(tmp_path / str(ranks), ranks, "idealised", IDEALISED)
+    one, three = (read_history(tmp_path / str(ranks) / "history.csv") for ranks in (1, 3))
+    assert one["von_mises_max"].iloc[-1] > 1.0 and one["shell_corner"].iloc[-1] > 0.5
+    assert_same(one, three)
+
+
+def numbers(folder: Path) -> dict[str, float]:
+    """All numbers of a summary but errors, by name."""
+    content: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    found = {name: entry["value"] for name, entry in content["quantities"].items()}
+    for balance, terms in content["balances"].items():
+        for name in terms.keys() - ERRORS:
+            found[f"{balance}: {name}"] = terms[name]["value"]
+    return found | content["steps"]
+
+
+@needs_mpirun
+def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> None:
+    """What one rank does in one go, two begin and three end."""
+    case = "taper_0"  # leaves the wall in the corner
+    run(tmp_path / "one", 1, case, (*MOULDED, "casting.length=108 mm"))
+    run(tmp_path / "many", 2, case, (*MOULDED, "casting.length=48 mm"))
+    run(tmp_path / "many", 3, case, (*MOULDED, "casting.length=108 mm"), "--resume")
+    table = read_history(tmp_path / "one" / "history.csv")
+    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 1e-4
+    assert_same(table, read_history(tmp_path / "many" / "history.csv"))
+    one, many = numbers(tmp_path / "one"), numbers(tmp_path / "many")
+    assert many == pytest.approx(one, rel=1e-7, abs=1e-12)
+    (_, state), (_, ours) = (
+        load_checkpoint(tmp_path / name / "checkpoint.h5") for name in ("one", "many")
+    )
+    assert state.keys() == ours.keys() and len(set(state["contact_status"].ravel())) > 1
+    for name, values in state.items():
+        known = np.isfinite(values)
+        assert np.array_equal(known, np.isfinite(ours[name])), name
+        size = np.abs(values[known]).max(initial=1e-300)
+        assert np.abs(values - ours[name])[known].max(initial=0.0) <= 1e-7 * size, name

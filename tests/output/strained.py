@@ -28,7 +28,8 @@ MECHANICS = [
     ("contact_pressure_max", "MPa"),
     ("penetration", "um"),
     ("contact_share", "-"),
-    ("friction_force", "kN"),
+    ("friction_force", "kN/m"),
+    ("friction_pull", "kN"),
 ]
 
 
@@ -58,6 +59,7 @@ def strained(row: dict[str, float]) -> dict[str, float]:
         "penetration": 0.01,
         "contact_share": 0.8 if gap else 1.0,
         "friction_force": 0.0,
+        "friction_pull": 0.0,
     }
 
 

@@ -46,6 +46,9 @@ def test_remarks_name_what_is_worth_a_look(table):
     pressure = of(found, "highest contact pressure")
     assert pressure.value == pytest.approx(0.12)
     assert pressure.where == "at 600 mm, t = 10 s; of the probes corner, 0.12"
+    least = of(found, "least contact")
+    assert (least.value, least.unit) == (pytest.approx(80.0), "%")
+    assert least.where.endswith("; 100 % at the end of the run")
     thinnest = of(found, "thinnest shell")
     assert thinnest.value == pytest.approx(table["shell_mid_face"].iloc[-1])
     assert thinnest.where == "mid-face, mould exit at 600 mm"
@@ -73,6 +76,17 @@ def test_the_mould_ends_where_its_zone_does_and_reheating_is_named(table):
     assert reheated.where.startswith("corner, from ")
     found = remarks(table, Summary("x", "finished", zones=(Zone("mould", 0.0, 0.8),)))
     assert of(found, "thinnest shell").where.endswith("end of the run at 600 mm")
+
+
+def test_no_shell_is_said_and_full_contact_is_not_named(table):
+    units = table.attrs["units"]
+    table["shell_corner"] = 0.0
+    table["contact_share"] = 1.0
+    table.attrs["units"] = units
+    found = remarks(table, summary())
+    thin = of(found, "thinnest shell")
+    assert (thin.value, thin.where) == (0.0, "no shell at all; corner, mould exit at 600 mm")
+    assert not [r for r in found if r.what == "least contact"]
 
 
 def test_a_gap_without_a_wall_is_no_gap(table):
@@ -119,13 +133,21 @@ def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, 
         table["shell_mid_face"] = table["shell_corner"] = 6.2575
         for name in ("mid_face", "corner"):
             table[f"surface_temperature_{name}"] = 1326.85
-        remark = of(remarks(table, summary(), fields), "thinnest shell between the probes")
+        remark = of(remarks(table, summary(), fields), "thinnest shell")
         assert remark.value == pytest.approx(1e3 * thin.value)
-        assert remark.where.endswith(" y = 62.5 mm, mould exit at 600 mm")
-        remark = of(remarks(table, summary(), fields), "hottest spot between the probes")
+        probes = "; of the probes mid-face and corner, 6.26"
+        assert remark.where.endswith(f" y = 62.5 mm, mould exit at 600 mm{probes}")
+        remark = of(remarks(table, summary(), fields), "hottest surface")
         assert remark.value == pytest.approx(hot.value - 273.15)
+        assert remark.where.endswith(
+            "mould exit at 600 mm; of the probes mid-face and corner, 1327"
+        )
         later = Summary("x", "finished", zones=(Zone("mould", 0.0, 0.45),))
-        assert not [r for r in remarks(table, later, fields) if "between" in r.what]
+        remark = of(remarks(table, later, fields), "thinnest shell")  # no field at 450 mm
+        assert (remark.value, remark.where) == (
+            pytest.approx(6.2575),
+            "mid-face and corner, mould exit at 450 mm",
+        )
 
 
 def depth_of_level(kelvin):

@@ -82,15 +82,41 @@ def test_another_case_is_refused_with_the_mend(tmp_path):
         load_checkpoint(tmp_path / "c.h5", physics="fedcba9876543210")
     (line,) = error.value.problems
     assert str(tmp_path / "c.h5") in line
-    assert "another case (physics 0123456789ab, now fedcba987654)" in line
+    assert "another case (physics 0123456789ab there, fedcba987654 here)" in line
     assert "undo the change of the case, or run again without --resume" in line
+
+
+def test_another_case_is_refused_by_the_name_of_what_differs(tmp_path):
+    path = tmp_path / "c.h5"
+    there = {"casting": {"speed": "3.6 m/min"}, "cooling": [{"to": "1 m"}], "mesh": {"order": 2}}
+    here = {
+        "casting": {"speed": "3 m/min"},
+        "cooling": [{"to": "1 m"}],
+        "mould": {"taper": "x" * 50},
+    }
+    save_checkpoint(path, {}, {}, physics="0123", case=there)
+    load_checkpoint(path, physics="0123", case=there)
+    with pytest.raises(InputError) as error:
+        load_checkpoint(path, physics="4567", case=here)
+    assert (
+        "belongs to another case (casting.speed: 3.6 m/min there, 3 m/min here; "
+        f"mesh.order: 2 there, nothing here; mould.taper: nothing there, {'x' * 36} ... here); "
+        "undo the change of the case"
+    ) in error.value.problems[0]
+    many = {"steel": {f"k{i}": i for i in range(7)}}
+    with pytest.raises(InputError, match=r"k0: .*steel\.k1: .*; and 4 more\)"):
+        load_checkpoint(
+            path, physics="4567", case=there | many | {"mesh": {"order": 1}, "cooling": []}
+        )
 
 
 def test_another_version_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(checkpoint, "VERSION", 99)
     save_checkpoint(tmp_path / "c.h5", {}, {})
     monkeypatch.undo()
-    with pytest.raises(InputError, match="format version 99, this castfem reads 1"):
+    with pytest.raises(
+        InputError, match=f"format version 99, this castfem reads {checkpoint.VERSION}"
+    ):
         load_checkpoint(tmp_path / "c.h5")
 
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+from castfem.compare.runs import read_runs
+from castfem.compare.sections import draw_sections
 from castfem.output.fields import Fields
 from castfem.output.figures import draw_figures
 from castfem.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
@@ -17,7 +19,7 @@ from castfem.output.plot_section import Steel
 from castfem.output.plot_shape import SOFT, draw_shape, draw_von_mises, stress_levels
 from castfem.output.plot_stack import Stack, View, draw_stack
 from castfem.output.shape import Outline, displacement, magnification, von_mises
-from castfem.output.style import Course
+from castfem.output.style import Course, look, render
 from castfem.output.xdmf import FieldWriter
 
 from .imagined import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
@@ -40,7 +42,7 @@ def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
         image = matplotlib.image.imread(path)
         assert min(image.shape[:2]) > 400
         assert image[..., :3].std() > 0.02
-        assert path.stat().st_size < 300_000
+        assert path.stat().st_size < 200_000
     OutputFolder(run).begin("x = 1\n")
     assert not (run / "figures").exists()
 
@@ -147,6 +149,18 @@ def colour_at(figure, x: float, y: float) -> np.ndarray:
     return image[len(image) - int(line), int(column)]
 
 
+def test_a_displacement_that_rounds_to_nothing_has_no_sign(tmp_path):
+    run = write_strained(tmp_path)
+    with FieldWriter.resume(run, 9.0) as writer, Fields(run) as fields:
+        kelvin = temperature(fields.points[:, :2], 10.0)
+        moved = 1e-3 * moved_points(fields.points[:, :2], 10.0)
+        writer.write(10.0, 0.6, {"temperature": kelvin, "von_mises": kelvin, "displacement": moved})
+    with Fields(run) as fields:
+        figure = draw_shape(fields, STEEL)
+        assert figure is not None
+        assert {text.get_text() for text in figure.axes[0].texts} == {"0.00 mm"}
+
+
 def test_the_largest_stress_of_all_is_drawn_at_the_end_of_the_scale(strained_run):
     with Fields(strained_run) as fields:  # 2 MPa everywhere, the scale ends there
         figure = draw_von_mises(fields, STEEL)
@@ -169,7 +183,7 @@ def test_history_figures_say_what_they_draw(table, course):
     figure = draw_axial(table, course, None)
     assert len(figure.axes) == 1
     assert figure.axes[0].lines[0].get_ydata()[-1] == pytest.approx(-0.3)
-    assert figure.axes[0].texts[0].get_text() == "no axial force"
+    assert figure.axes[0].get_legend().get_texts()[0].get_text() == "free slice, no axial force"
 
 
 def test_displacements_and_forces_are_drawn_where_they_say_something(table, course):
@@ -180,7 +194,7 @@ def test_displacements_and_forces_are_drawn_where_they_say_something(table, cour
     labels = [axes.get_ylabel() for axes in draw_size(half, course, None).axes]
     assert labels == ["change of size [mm]", "outward displacement [mm]"]
     labels = [axes.get_ylabel() for axes in draw_axial(half, course, None).axes]
-    assert labels == ["axial strain [%]", "axial force, modelled part [kN]"]
+    assert labels == ["axial strain [%]", "axial force,\nmodelled part [kN]"]
 
 
 def test_contact_and_steps_are_drawn_from_the_columns_that_are_there(table, course):
@@ -219,6 +233,18 @@ def test_the_stack_shows_outside_and_core_in_temperature_and_stress(tmp_path, pa
         assert f"displacement × {2 if part == 'quarter' else 5}" in labels
         ticks = [text.get_text() for text in figure.axes[0].texts]
         assert ticks[:3] == ["0", "100", "200"]
+
+
+def test_pictures_of_the_stack_have_one_scale(strained_run):
+    with Fields(strained_run) as fields:
+        figure = draw_stack(fields, STEEL)
+        assert figure is not None
+        pictures = figure.axes[:4]
+        figure.canvas.draw()
+        scales = [axes.get_window_extent().width / np.ptp(axes.get_xlim()) for axes in pictures]
+        assert scales == pytest.approx([scales[0]] * 4)
+        tops = [axes.get_window_extent().height / np.ptp(axes.get_ylim()) for axes in pictures]
+        assert tops == pytest.approx(scales)
 
 
 def test_rows_of_the_stack_lie_straight_between_its_slices(strained_run):
@@ -272,3 +298,37 @@ def test_a_strip_and_a_slice_that_stands_still_are_no_strand(tmp_path):
             assert draw_stack(fields, STEEL) is None
             assert draw_von_mises(fields, STEEL) is not None
             assert (draw_shape(fields, STEEL) is None) == (name == "strip")
+
+
+def test_long_numbers_do_not_push_their_label_off_the_figure(table, course):
+    units = table.attrs["units"]
+    for name in ("von_mises_mid_face", "von_mises_corner", "von_mises_max"):
+        table[name] *= 1e7
+    table.attrs["units"] = units
+    with look():
+        figure = draw_stress(table, course, None)
+        figure.axes[0].ticklabel_format(axis="y", style="plain")
+        before = figure.subplotpars.left
+        image = render(figure)
+    assert figure.subplotpars.left > before
+    assert figure.axes[0].yaxis.label.get_window_extent().x0 > 0.0
+    assert np.asarray(image)[:, 0].min() == 255  # nothing is drawn at the edge
+
+
+def test_sections_of_several_runs_have_one_scale_and_soft_steel_is_grey(tmp_path):
+    folders = [tmp_path / "taper_1", tmp_path / "taper_2"]
+    for folder, last in zip(folders, (10.0, 5.0), strict=True):
+        folder.mkdir()
+        write_strained(folder, last=last)
+    found = draw_sections(read_runs(folders), lambda label: label.replace("_", " "))
+    assert list(found) == ["temperature", "states", "von_mises"]
+    figure = found["von_mises"]
+    assert [axes.get_title() for axes in figure.axes[:2]] == ["taper 1", "taper 2"]
+    assert figure.axes[2].get_ylim() == pytest.approx((0.0, 2.0))  # of the stronger
+    assert np.allclose(colour_at(figure, 10.0, 10.0), to_rgb(SOFT[1]), atol=0.01)
+    titles = [axes.get_title() for axes in found["states"].axes]
+    shares = [float(title.split(": ")[1].removesuffix(" % solid")) for title in titles]
+    assert shares[0] > shares[1] > 0.0
+    assert len(found["temperature"].axes) == 3
+    (tmp_path / "taper_2" / "fields.h5").unlink()
+    assert draw_sections(read_runs(folders), str) == {}

@@ -62,13 +62,18 @@ def test_beginning_anew_removes_the_former_run_and_nothing_else(tmp_path):
     (run / "notes.txt").write_text("keep")
     (run / "fields.csv").write_text("keep")
     (run / ".fields.xdmf.tmp").write_text("of a killed run")
+    (run / "fields").mkdir()
+    for name in ("000012.h5", ".000013.h5.tmp", "mine.h5"):
+        (run / "fields" / name).write_text("a field")
     begun(run).close()
     found = sorted(str(p.relative_to(run)) for p in run.rglob("*"))
-    kept = ["figures", "figures/mine.png", "fields.csv", "notes.txt"]
+    kept = ["figures", "figures/mine.png", "fields", "fields/mine.h5", "fields.csv", "notes.txt"]
     assert found == sorted([".castfem.lock", "case.toml", "run.json", *kept])
 
 
-@pytest.mark.parametrize("name", ["case.toml", "fields.h5", "summary.json", "figures/heat.png"])
+@pytest.mark.parametrize(
+    "name", ["case.toml", "fields.h5", "fields/000012.h5", "summary.json", "figures/heat.png"]
+)
 def test_files_castfem_did_not_write_are_never_touched(tmp_path, name):
     file = tmp_path / name
     file.parent.mkdir(exist_ok=True)
@@ -137,6 +142,51 @@ def test_resume_keeps_everything_and_adds_up_the_wall_time(tmp_path):
     record = RunRecord.load(tmp_path)
     assert record.wall_time == {"march": 5.0, "mesh": 1.0, "output": 0.25}
     assert (record.status, record.resumed, record.started) == ("finished", 1, started)
+
+
+def finished(path: Path) -> dict[str, str]:
+    """A run that can be resumed, and what its files say."""
+    with OutputFolder(path) as folder:
+        folder.begin(CASE)
+        save_checkpoint(folder / "checkpoint.h5", {}, {})
+        folder.finish(wall_time={"march": 2.0})
+    return {name: (path / name).read_text() for name in ("run.json", "case.toml")}
+
+
+def test_a_resume_that_is_refused_leaves_the_folder_as_it_was(tmp_path):
+    before = finished(tmp_path)
+    with pytest.raises(InputError), OutputFolder(tmp_path) as folder:
+        folder.begin('title = "another"\n', resume=True)
+        raise InputError("belongs to another case")
+    assert {name: (tmp_path / name).read_text() for name in before} == before
+
+
+def test_a_resume_that_went_on_and_met_a_mistake_is_a_failed_run(tmp_path):
+    finished(tmp_path)
+    with pytest.raises(InputError), OutputFolder(tmp_path) as folder:
+        folder.begin('title = "another"\n', resume=True)
+        folder.update(reached={"time": 1.0})
+        raise InputError("no such zone")
+    record = RunRecord.load(tmp_path)
+    assert (record.status, record.reason, record.resumed) == ("failed", "no such zone", 1)
+    assert "another" in (tmp_path / "case.toml").read_text()
+
+
+def test_nothing_is_resumed_of_a_run_that_is_half_removed(tmp_path, monkeypatch):
+    """A new run was killed while it removed the files of the one before."""
+    finished(tmp_path)
+    removed: list[str] = []
+    unlink = Path.unlink
+
+    def note(path: Path, missing_ok: bool = False) -> None:
+        if path.exists():
+            removed.append(path.name)
+        unlink(path, missing_ok)
+
+    (tmp_path / "history.csv").write_text("time [s]\n")
+    monkeypatch.setattr(Path, "unlink", note)
+    begun(tmp_path).close()
+    assert removed[0] == "checkpoint.h5" and "history.csv" in removed
 
 
 def test_nothing_to_resume_is_an_input_error(tmp_path):

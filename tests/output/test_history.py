@@ -143,3 +143,8 @@ def test_a_full_disk_is_a_run_failure_and_leaves_whole_rows(tmp_path):
     content = (tmp_path / "h.csv").read_text()
     assert content.endswith("\n")
     assert len(read_history(tmp_path / "h.csv")) == content.count("\n") - 1 > 0
+
+
+def test_resume_without_a_history_names_the_mend(tmp_path):
+    with pytest.raises(InputError, match=r"h\.csv: no such file; run again without --resume"):
+        History.resume(tmp_path / "h.csv", 1.0)

@@ -53,7 +53,7 @@ def test_the_table_shows_ours_theirs_and_the_difference(finished_run):
     row = cells_of(text, "surface, mid-face")
     assert row[2] == "1242.0"
     assert row[3].endswith(" K")
-    assert cells_of(text, "solidus") == ["1452.0", "degC"]
+    assert cells_of(text, "solidus") == ["1452.0", "°C"]
     assert cells_of(text, "metallurgical length") == ["-", "m"]
     assert cells_of(text, "enthalpy given off") == ["2.38", "MJ/m"]
     assert "accepted 412, rejected 3" in text
@@ -215,7 +215,7 @@ def test_heat_rate_is_taken_from_the_heat_removed_where_it_has_no_column(finishe
     course = Course(table["time"].to_numpy(), table["position"].to_numpy())
     figure = draw_heat(removed, course, None)
     assert figure is not None
-    (panel,) = [a for a in figure.axes if a.get_ylabel() == "heat leaving the strand [kW/m]"]
+    (panel,) = [a for a in figure.axes if a.get_ylabel() == "heat leaving\nthe strand [kW/m]"]
     assert np.allclose(panel.lines[0].get_ydata(), 500.0)
 
 
@@ -242,6 +242,11 @@ def test_curves_that_would_hide_one_another_are_drawn_once(finished_run):
     found = [(label, column) for label, _, column in curves(table, "shell")]
     both = ("mid-face and narrow face", "shell_mid_face")
     assert found == [both, ("corner", "shell_corner")]
+    for name in ("mid_face_extrados", "narrow_face_left"):
+        table[f"shell_{name}"] = table["shell_mid_face"]
+        labels = [label for label, _, _ in curves(table, "shell")]
+        expected = "mid-face, narrow face and mid-face extrados"
+        assert labels[0] == (expected if "mid" in name else "mid-face and 3 others")
 
 
 @pytest.mark.parametrize(
@@ -253,10 +258,42 @@ def test_curves_that_would_hide_one_another_are_drawn_once(finished_run):
         (3.14159e-12, "-", "3.142e-12"),
         (float("nan"), "mm", "-"),
         (142.71, "kJ", "142.7"),
+        (-3.2e-4, "mm", "0.00"),
+        (-0.04, "degC", "0.0"),
+        (-0.006, "mm", "-0.01"),
     ],
 )
 def test_values_are_printed_with_the_digits_that_matter(value, unit, text):
     assert shown(value, unit) == text
+
+
+def test_faces_of_a_square_have_one_row_and_nothing_has_no_sign(tmp_path):
+    write_run(tmp_path, steps=4)
+    whole = json.loads((tmp_path / "summary.json").read_text())
+    gap = {"value": -1e-9, "unit": "mm", "label": "gap, mid-face"}
+    hot = {"value": 1200.0, "unit": "degC", "label": "surface, narrow face"}
+    whole["quantities"] |= {"gap_mid_face": gap, "surface_temperature_narrow_face": hot}
+    whole["quantities"]["gap_narrow_face"] = gap | {"label": "gap, narrow face"}
+    reference = {"quantity": "gap_mid_face", "value": 1e-9, "unit": "mm", "source": "a book"}
+    found = {"ours": -1e-9, "difference": -2e-9, "relative": -2.0, "note": ""}
+    whole["references"] = [reference | found | {"at": None}]
+    (tmp_path / "summary.json").write_text(json.dumps(whole))
+    text = printed(tmp_path, figures=False)
+    assert cells_of(text, "gap, both faces")[:4] == ["0.00", "mm", "0.00", "+0.00 (-200.0 %)"]
+    assert "narrow face" not in text.replace("surface, narrow face", "")
+    assert cells_of(text, "surface, narrow face") == ["1200.0", "°C"]  # another than the mid-face
+
+
+def test_on_a_screen_long_lines_go_on_below_their_beginning(strained_run):
+    stream = io.StringIO()
+    screen = Console(file=stream, width=70, force_terminal=True, color_system=None)
+    show(strained_run, screen, figures=False)
+    lines = stream.getvalue().splitlines()
+    (start,) = [i for i, line in enumerate(lines) if line.startswith("highest contact pressure")]
+    assert max(map(len, lines)) <= 70
+    assert lines[start].endswith(" at 600 mm, t = 10 s; of the probes")
+    assert lines[start + 1].strip() == "corner, 0.12"
+    assert lines[start + 1].startswith(" " * 11)
 
 
 def test_summary_of_a_run_is_what_show_prints(finished_run):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,13 +17,17 @@ BOUNDS = Adaptive(tolerance=1.0, first=1e-3, smallest=1e-5, largest=0.5)
 
 
 def march(control: StepControl, error: float) -> list[float]:
+    return march_some(control, error, 100_000)
+
+
+def march_some(control: StepControl, error: float, most: int) -> list[float]:
+    """Times of the steps to the end, or of so many."""
     times = [0.0]
-    while times[-1] < control.end:
+    while times[-1] < control.end and len(times) <= most:
         end = control.propose(times[-1])
         assert end > times[-1]
         control.learn(end - times[-1], error)
         times.append(end)
-        assert len(times) < 100_000
     return times
 
 
@@ -78,3 +84,44 @@ def test_restart_begins_small_again() -> None:
     control.step = 0.4
     control.restart()
     assert control.step == BOUNDS.first
+
+
+def test_step_accepted_at_the_smallest_goes_on_with_the_smallest() -> None:
+    control = StepControl(10.0, adaptive=replace(BOUNDS, first=BOUNDS.smallest))
+    times = march_some(control, 0.9, 20)
+    assert np.allclose(np.diff(times), BOUNDS.smallest, rtol=1e-9)
+
+
+@pytest.mark.parametrize("how", ["rejected", "failed"])
+def test_the_smallest_step_is_tried_before_the_run_fails(how: str) -> None:
+    """From three times the smallest a cut would go below it: it stops at the smallest."""
+
+    def refuse(taken: float) -> None:
+        if how == "failed":
+            control.failed(taken, "stuck")
+        else:
+            control.learn(taken, 1e9)
+
+    control = StepControl(10.0, adaptive=replace(BOUNDS, first=3 * BOUNDS.smallest))
+    refuse(control.propose(0.0))
+    assert control.propose(0.0) == BOUNDS.smallest
+    with pytest.raises(RunFailure, match="1e-05 s"):
+        refuse(control.propose(0.0))
+
+
+@pytest.mark.parametrize("error", [2.0, np.nan])
+def test_what_a_milestone_leaves_below_the_smallest_step_is_divided_once(error: float) -> None:
+    crumb = 0.5 * BOUNDS.smallest
+    control = StepControl(1.0 + crumb, [1.0], adaptive=BOUNDS)
+    assert control.propose(1.0) == control.end
+    control.learn(crumb, error)
+    part = control.propose(1.0) - 1.0
+    assert 0.0 < part < crumb
+    control.learn(part, 0.5)
+    assert control.propose(1.0 + part) == control.end
+    # Not more than once: what is too long still, ends the run.
+    control.propose(1.0)
+    control.learn(crumb, error)
+    part = control.propose(1.0) - 1.0
+    with pytest.raises(RunFailure, match=r"thermal\.time\.adaptive\.smallest"):
+        control.learn(part, error)

@@ -1,0 +1,41 @@
+"""The first of (38) as a reader can check it: stress, external force, pull of friction, rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from moulded import billet, run
+
+from castfem.output.history import read_history
+
+RUBBING = ("casting.length=60 mm", "mould.friction.law=coulomb", "mould.friction.coefficient=0.3")
+
+
+@pytest.mark.parametrize("method", ["penalty", "nitsche"])
+def test_pull_of_friction_and_external_force_are_that_of_the_stress(
+    tmp_path: Path, method: str
+) -> None:
+    external = 'mechanics.planes.force="2 N"'
+    summary = run(billet("taper_1", *RUBBING, external, f"mould.contact={method}"), tmp_path)
+    terms = {name: q.value for name, q in summary.balances["axial force"].items()}
+    assert terms["external"] == 2.0
+    assert terms["friction"] > 1.0
+    assert terms["force"] == pytest.approx(terms["external"] + terms["friction"], rel=1e-6)
+    assert abs(terms["reaction"]) < 1e-6 * terms["force"]
+    # The pull is the friction of all steps, over the length that each has travelled.
+    table = read_history(tmp_path / "history.csv")
+    travelled = np.diff(table["position"])
+    pull = -np.cumsum(table["friction_force"].to_numpy()[1:] * travelled)
+    assert np.allclose(table["friction_pull"].to_numpy()[1:], pull, rtol=1e-6)
+    header = (tmp_path / "history.csv").read_text().splitlines()[0]
+    assert "friction_force [kN/m]" in header and "friction_pull [kN]" in header
+
+
+def test_what_planes_that_are_held_bear(tmp_path: Path) -> None:
+    held = 'mechanics.planes.a0="0"'
+    summary = run(billet("taper_1", *RUBBING, held), tmp_path)
+    terms = {name: q.value for name, q in summary.balances["axial force"].items()}
+    assert abs(terms["reaction"]) > terms["friction"] > 1.0
+    assert terms["reaction"] == pytest.approx(terms["force"] - terms["friction"], rel=1e-12)

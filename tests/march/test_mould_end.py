@@ -1,0 +1,54 @@
+"""Where the mould changes and ends, an interval ends, and heat is taken on below it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+from moulded import billet, marched, run
+
+from castfem.output.history import read_history
+
+SHORT = ("casting.length=70 mm", "mould.length=50 mm")
+
+
+def test_intervals_end_where_the_mould_does() -> None:
+    """A gap of its own carries the heat on below the mould, so that no zone ends with it."""
+    kept = marched(
+        billet(
+            "taper_1",
+            *SHORT,
+            "mould.taper=[{ to = '20 mm', taper = '2 %/m' }, { taper = '1 %/m' }]",
+            "cooling.mould.surface.0.gap=0 mm",
+        )
+    )
+    positions = [reading.position for reading in kept.readings]
+    for knot in (0.02, 0.05):
+        assert min(abs(p - knot) for p in positions) < 1e-12
+    for reading in kept.readings[1:]:
+        contact = reading.mechanics and reading.mechanics.contact
+        assert contact is not None
+        assert (contact.pressure > 1e3) == (reading.position < 0.05 + 1e-12)
+
+
+def test_heat_goes_on_below_the_mould() -> None:
+    kept = marched(billet("taper_1", *SHORT, "cooling.mould.to=50 mm"))
+    below = [r for r in kept.readings if r.position > 0.05 + 1e-12]
+    assert len(below) >= 2 and min(r.flux["mid_face"] for r in below) > 1e5
+
+
+def test_below_the_mould_there_is_no_gap(tmp_path: Path) -> None:
+    """It is neither zero nor the distance to a wall that is not there."""
+    case = billet("taper_1", *SHORT, "cooling.mould.to=50 mm", 'output.fields=["gap"]')
+    summary = run(case.with_({"output.every": "0.25 s"}), tmp_path)
+    assert np.isnan(summary.quantities["gap_corner"].value)
+    table = read_history(tmp_path / "history.csv")
+    below = table["position"] > 0.05 + 1e-12
+    assert table.loc[below, "gap_corner"].isna().all() and below.sum() >= 2
+    assert (table.loc[~below, "gap_corner"].abs() < 1.0).all()
+    with h5py.File(tmp_path / "fields.h5") as file:
+        gaps = [np.asarray(step["gap"]) for step in file["steps"].values()]
+    on_surface = np.isnan(gaps[-1])
+    assert 0 < on_surface.sum() < on_surface.size
+    assert np.isfinite(gaps[2]).all() and (gaps[2][~on_surface] == 0.0).all()
