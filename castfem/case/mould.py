@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
 from castfem.case.base import TableModel, written
 from castfem.case.mechanics import Share
@@ -75,6 +75,21 @@ class Touch(TableModel):
         "method's own",
         examples=[1000],
     )
+
+    @field_validator("factor")
+    @classmethod
+    def _stable(cls, factor: float | None, info: ValidationInfo) -> float | None:
+        """Refuse factors with which Nitsche's method cannot solve a strand (docs/contact.md)."""
+        if factor is None or info.data.get("method") != "nitsche":
+            return factor
+        from castfem.contact.contact import FACTOR, LEAST_NITSCHE
+
+        if factor >= LEAST_NITSCHE:
+            return factor
+        raise ValueError(
+            f"too small for Nitsche's method to be stable; allowed: at least "
+            f"{LEAST_NITSCHE:g}, or leave it out for {FACTOR:g}"
+        )
 
 
 class NoFriction(TableModel):

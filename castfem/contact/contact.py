@@ -12,6 +12,9 @@ from castfem.mould.wall import Wall
 
 METHODS = ("penalty", "nitsche")
 FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/contact.md
+# Nitsche's tangent is coercive from 3 on where the surface is liquid; cells thinner than the mean
+# one ask for more.
+LEAST_NITSCHE = 4.0
 
 
 def _still(time: float) -> float:

@@ -57,6 +57,8 @@ class Coulomb:
         """Check the numbers."""
         _check("coefficient", self.coefficient)
         _check("cohesion", self.cohesion)
+        if self.yield_stress is not None:
+            _check("yield_stress", self.yield_stress, 1e-300)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""

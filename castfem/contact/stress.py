@@ -16,7 +16,7 @@ from castfem.contact.state import ContactState
 from castfem.forms import finite_strain
 from castfem.forms.mechanics import SQRT2
 from castfem.laws.base import Law, MaterialStep, Response
-from castfem.mechanics.kinematics import MEAN, turned
+from castfem.mechanics.kinematics import turned
 
 if TYPE_CHECKING:
     from castfem.mechanics.kinematics import Fields
@@ -55,18 +55,6 @@ class SurfaceStress:
         self._thickness = np.column_stack([np.ones(facets.count), facets.position])
         self.strain: Array = np.zeros((facets.count, 4))
         self.response = Response.empty(facets.count, len(law.state_names))
-
-    @staticmethod
-    def bulk(law: Law, temperatures: tuple[Array, Array], dt: float) -> Array:
-        """Bulk modulus (n,) of points at these temperatures at start and end of a step, Pa.
-
-        Laws change volume elastically alone: it does not depend on what has happened to a point.
-        """
-        n = len(temperatures[1])
-        nothing = np.zeros((n, 4))
-        step = MaterialStep(nothing, np.zeros(n), *temperatures, dt)
-        tangent = law.integrate(step, nothing, law.initial_state(n)).tangent
-        return np.asarray(np.einsum("i,nij,j->n", MEAN, tangent, MEAN))
 
     def begin(
         self,

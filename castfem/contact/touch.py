@@ -181,7 +181,8 @@ class WallContact:
         self._travel.value = travelled
         self._slip = travelled - (contact.stroke(end) - contact.stroke(start))
         temperatures = self._at_points_from(before), self._at_points_from(after)
-        bulk = SurfaceStress.bulk(slice_.law, temperatures, self._dt)
+        # Not the tangent's, which of a point that freezes within the step has a share alone.
+        bulk = slice_.law.elasticity.moduli(temperatures[1])[1]
         self.stiffness = contact.strength * bulk / self._height
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)

@@ -65,7 +65,8 @@ class Rule:
     """One quadrature rule on all cells of this rank.
 
     Attributes:
-        points: Reference points (k, 2). measure: Area measure that uses them.
+        points: Reference points (k, 2). weights: Of them (k,).
+        measure: Area measure that uses them.
         count: Points on this rank's cells. volume: Area that belongs to each (count,), m2.
         position: Where they are on the undeformed mesh (count, 2), m.
     """
@@ -75,19 +76,19 @@ class Rule:
         self._mesh, self._cell = mesh, section.cell
         rule: dict[str, object] = {"quadrature_degree": degree}
         if section.cell == "triangle" and degree == 3:
-            self.points, self._weights = STRANG_FIX
+            self.points, self.weights = STRANG_FIX
             rule["quadrature_rule"] = "custom"
             # As tuples: of arrays the form's signature would see a few digits only.
             rule["quadrature_points"] = tuple(map(tuple, self.points.tolist()))
-            rule["quadrature_weights"] = tuple(self._weights.tolist())
+            rule["quadrature_weights"] = tuple(self.weights.tolist())
         else:
             kind = getattr(basix.CellType, section.cell)
             points, weights = basix.make_quadrature(kind, degree)
-            self.points, self._weights = np.asarray(points), np.asarray(weights)
+            self.points, self.weights = np.asarray(points), np.asarray(weights)
             rule["quadrature_rule"] = "default"
         self.measure = ufl.Measure("dx", domain=mesh, metadata=rule)
         size = Tabulation(mesh, abs(ufl.JacobianDeterminant(mesh)), self.points).values()
-        self.volume = (size[..., 0] * self._weights).ravel() if size.size else np.zeros(0)
+        self.volume = (size[..., 0] * self.weights).ravel() if size.size else np.zeros(0)
         self.count = self.volume.size
         places = Tabulation(mesh, ufl.SpatialCoordinate(mesh), self.points).values()
         self.position = places.reshape(self.count, 2)
@@ -111,7 +112,7 @@ class Rule:
 
     def _space(self, shape: tuple[int, ...]) -> fem.FunctionSpace:
         element = basix.ufl.quadrature_element(
-            self._cell, value_shape=shape, points=self.points, weights=self._weights
+            self._cell, value_shape=shape, points=self.points, weights=self.weights
         )
         return fem.functionspace(self._mesh, element)
 
@@ -208,8 +209,9 @@ class Points:
     def recovered(self, stress: Array) -> Array:
         """Stress at the deviator's points with the mean stress of its own rule, (split, 4).
 
-        On each cell the mean stress is carried over by a polynomial of as many terms as it has
-        points: linear, on quadrilaterals with the mixed term.
+        On each cell the mean stress is carried over by its projection on the polynomials it can
+        resolve: linear, on quadrilaterals with the mixed term. What is left does no work with any
+        linear strain: on triangles a mode of the four points that equilibrium does not see.
 
         Args:
             stress: At the points of both rules (count, 4).
@@ -219,7 +221,8 @@ class Points:
             np.column_stack([np.ones(len(p)), p, p[:, 0] * p[:, 1]])[:, :several]
             for p in (self.deviator.points, self.mean.points)
         ]
-        carry = terms[0] @ np.linalg.pinv(terms[1])
+        weighted = terms[1] * self.mean.weights[:, None]
+        carry = terms[0] @ np.linalg.solve(terms[1].T @ weighted, weighted.T)
         own = stress[self.split :, :3].mean(axis=1).reshape(-1, len(self.mean.points))
         found = stress[: self.split].copy()
         found[:, :3] += ((own @ carry.T).ravel() - found[:, :3].mean(axis=1))[:, None]

@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, elastic, expansion, mapped, skewed
+from mechanics.scenes import SliceScene, box, elastic, expansion, mapped, skewed
 from scipy.optimize import brentq
 
 from castfem.contact.contact import Contact
 from castfem.contact.outcome import SurfaceGap, summary
 from castfem.contact.state import OPEN
+from castfem.laws.elasticity import Elasticity, Solidity
+from castfem.laws.flow import ThermoElastic
 from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.supports import SurfacePressure
 from castfem.mould import Mould, RectangleCavity, Taper, same
 from contact.scenes import LineWall
 
@@ -91,6 +94,33 @@ def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -
             # The wall goes on while the slice waits.
             later = gaps.at(scene.state, SPEED * time + 0.001)
             assert later == pytest.approx(gaps.at(scene.state) - TAPER * 0.001, rel=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("below", [1e-4, 1e-2, 1.0])
+def test_wall_is_as_stiff_when_the_surface_freezes(method: str, below: float) -> None:
+    """However late in a step the surface freezes, the wall is that of a solid at its end."""
+    elasticity = Elasticity.constant(YOUNG, POISSON, Solidity.between(1000.0, 1050.0))
+    wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
+    scene = SliceScene(
+        mapped(3, 3, box(HALF, HALF), groups=("symmetry_x", "foot", "right", "top")),
+        ThermoElastic(elasticity),
+        start=1010.0,
+        given={
+            "planes": PlainPlanes(("a0",)),
+            "contact": Contact(wall, ("foot",), method=method),  # type: ignore[arg-type]
+            "loads": (SurfacePressure(("top",), lambda t: 1e4),),
+            "pin": False,
+        },
+    )
+    scene.step(1.0, 1005.0)
+    scene.step(2.0, 1000.0 - below)
+    contact, state = scene.problem.contact, scene.state.contact
+    bulk = YOUNG / (3.0 * (1.0 - 2.0 * POISSON))
+    assert contact.stiffness == pytest.approx(contact.contact.strength * bulk * 3.0 / HALF)
+    assert state.pressure == pytest.approx(1e4, rel=1e-6)
+    give = 1e4 / contact.stiffness[0] if method == "penalty" else 0.0
+    assert state.gap == pytest.approx(-give, rel=1e-6, abs=1e-16)
 
 
 def test_vertices_of_a_billet() -> None:

@@ -1,0 +1,115 @@
+"""How large the factor of Nitsche's method has to be: the trace inequality, and the case model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import ufl
+from march.moulded import billet
+from mechanics.scenes import Array, Map, SliceScene, box, elastic, mapped, skewed
+
+from castfem.contact.contact import FACTOR, LEAST_NITSCHE, Contact
+from castfem.errors import InputError
+from castfem.laws.base import MaterialStep
+from castfem.mechanics.planes import PlainPlanes
+from contact.scenes import LineWall
+
+SHAPES: dict[str, Map] = {
+    "square": box(3.0, 3.0),
+    "wide": box(12.0, 3.0),
+    "deep": box(3.0, 12.0),
+    "skewed": skewed(3.0, 3.0),
+}
+
+
+def block(shape: str, cell: str, poisson: float) -> SliceScene:
+    """Cells that nothing holds, all of whose foot is on a wall."""
+    groups = ("left", "foot", "right", "top")
+    wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
+    return SliceScene(
+        mapped(3, 3, SHAPES[shape], cell, groups=groups),
+        elastic(1.0, poisson),
+        given={
+            "planes": PlainPlanes(()),
+            "pin": False,
+            "contact": Contact(wall, ("foot",), method="nitsche"),
+        },
+    )
+
+
+def elastic_matrix(scene: SliceScene) -> Array:
+    """Tangent of Hooke's law (4, 4)."""
+    n, law = 1, scene.law
+    nothing = np.zeros((n, 4))
+    step = MaterialStep(nothing, np.zeros(n), np.zeros(n), np.zeros(n), 1.0)
+    return np.asarray(law.integrate(step, nothing, law.initial_state(n)).tangent[0])
+
+
+def energy(scene: SliceScene) -> Array:
+    """Stiffness by castfem's two rules, dense."""
+    points, tangent = scene.problem.points, elastic_matrix(scene)
+    volume = np.outer([1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]) * tangent[:3, :3].sum() / 9.0
+    strain = points.strain.toarray().reshape(points.count, 4, -1)
+    rules = [(slice(0, points.split), tangent - volume), (slice(points.split, None), volume)]
+    parts = [
+        np.einsum("q,qia,ij,qjb->ab", points.volume[rows], strain[rows], part, strain[rows])
+        for rows, part in rules
+    ]
+    return np.asarray(parts[0] + parts[1])
+
+
+def least_factor(shape: str, cell: str, poisson: float) -> float:
+    """Factor from which a(u, u) + int (K_p u_n - sigma_n(u)) u_n is nowhere negative."""
+    scene = block(shape, cell, poisson)
+    contact, space = scene.problem.contact, scene.problem.space
+    assert contact is not None
+    facets, trial, tangent = contact.facets, ufl.TrialFunction(space), elastic_matrix(scene)
+    moved = facets.operator(trial, space).toarray().reshape(facets.count, 2, -1)
+    g = facets.operator(ufl.grad(trial), space).toarray().reshape(facets.count, 4, -1)
+    strain = np.stack([g[:, 0], g[:, 3], 0 * g[:, 0], (g[:, 1] + g[:, 2]) / np.sqrt(2)], axis=1)
+    x, y = facets.normal.T
+    along = np.column_stack([x * x, y * y, 0 * x, np.sqrt(2) * x * y])
+    stress = np.einsum("qi,ij,qja->qa", along, tangent, strain)
+    closing = np.einsum("qi,qia->qa", facets.normal, moved)
+    cross = np.einsum("q,qa,qb->ab", facets.weight, stress, closing)
+    spring = np.einsum("q,qa,qb->ab", facets.weight, closing, closing)
+    height = facets.weight @ facets.height / facets.weight.sum()
+    spring *= tangent[:3, :3].sum() / 9.0 / height
+    rest = energy(scene) - 0.5 * (cross + cross.T)
+    low, high = 0.0, 30.0
+    while high - low > 1e-3:
+        middle = 0.5 * (low + high)
+        least = np.linalg.eigvalsh(rest + middle * spring)[0]
+        low, high = (middle, high) if least < -1e-9 else (low, middle)
+    return high
+
+
+@pytest.mark.parametrize("shape", ["square", "wide", "deep"])
+def test_liquid_quadrilaterals_ask_for_three(shape: str) -> None:
+    """C = 12 in h |sigma_n|^2 <= C K a(u, u), and a factor of C / 4, whatever the aspect."""
+    assert least_factor(shape, "quadrilateral", 0.0) == pytest.approx(3.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.4])
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+@pytest.mark.parametrize("shape", ["square", "skewed"])
+def test_usual_factor_is_enough(shape: str, cell: str, poisson: float) -> None:
+    least = least_factor(shape, cell, poisson)
+    assert 1.0 < least < 0.8 * FACTOR
+    assert cell == "triangle" or least < LEAST_NITSCHE
+
+
+@pytest.mark.parametrize("factor", [1.0, 3.9])
+def test_case_with_too_small_a_factor(factor: float) -> None:
+    """Said up front, with key and mend; the penalty may be as soft."""
+
+    def case(method: str) -> Any:
+        return billet("taper_1", f'mould.contact={{method="{method}",factor={factor}}}')
+
+    with pytest.raises(InputError) as caught:
+        case("nitsche")
+    for part in ("mould.contact.factor", f"({factor:g}", "at least 4", "leave it out for 10"):
+        assert part in str(caught.value)
+    assert case("penalty").mould.contact.factor == factor
