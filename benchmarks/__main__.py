@@ -21,12 +21,14 @@ BENCHMARKS = {
     "weiner_boley": "benchmarks.weiner_boley",
     "mechanical_cost": "benchmarks.mechanical_cost",
     "billet": "benchmarks.billet_study",
+    "turns": "benchmarks.turns",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
     "weiner_boley": "benchmarks_mechanics.md",
     "mechanical_cost": "benchmarks_mechanics.md",
     "billet": "billet.md",
+    "turns": "coupling.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

@@ -92,6 +92,7 @@ def variants(folder: Path) -> list[Variant]:
         ),
         Variant("latent heat 10 % higher", ('steel.overrides.latent_heat.value="297 kJ/kg"',)),
         Variant("large strain", ("mechanics.strain=large",)),
+        Variant("heat through the undeformed slice", ("coupling.follow_shape=false",)),
         Variant("no heat of viscoplastic work", ("coupling.dissipation=0",)),
         Variant(
             "friction 0.3 (Coulomb)",

@@ -286,7 +286,7 @@ CONVERGENCE: dict[str, tuple[tuple[Any, ...], Choice, Any]] = {
         (1, 2, 5), lambda v: (*mesh(1.2), "coupling.interval=0.1 s", f"coupling.passes={v}"), 1,
     ),
     "penalty, factor": ((1, 10, 100, 1000), lambda v: (*COARSE, touch("penalty", v)), 10),
-    "Nitsche, factor": ((1, 10, 100, 1000), lambda v: (*COARSE, touch("nitsche", v)), 10),
+    "Nitsche, factor": ((10, 100, 1000), lambda v: (*COARSE, touch("nitsche", v)), 10),
 }  # fmt: skip
 """What is refined -> its values, the last the reference; keys of a value; the shipped one."""
 
