@@ -19,12 +19,12 @@ import weakref
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from castfem.closing import Closing
 from castfem.errors import InputError
 from castfem.output.summary import Summary
 
@@ -131,7 +131,7 @@ class Snapshot:
         return self.values[name]
 
 
-class Result:
+class Result(Closing):
     """What a run has found, read from its folder when it is asked for.
 
     `Result(folder)` looks at a run of an earlier day. With a temporary folder, use it as a context
@@ -224,17 +224,6 @@ class Result:
         """Remove the folder if it is a temporary one."""
         if self._remove is not None:
             self._remove()
-
-    def __enter__(self) -> Result:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         return f"Result({str(self.folder)!r}: {self._summary.title}, {self._summary.status})"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
@@ -9,8 +11,10 @@ from dolfinx import fem, la
 from castfem import reductions
 from castfem.contact.state import OPEN, SLIP, STICK, ContactState, ContactSummary
 from castfem.contact.touch import WallContact
-from castfem.mechanics.points import Points
-from castfem.mechanics.state import MechanicalState
+
+if TYPE_CHECKING:
+    from castfem.mechanics.points import Points
+    from castfem.mechanics.state import MechanicalState
 
 Array = npt.NDArray[np.float64]
 

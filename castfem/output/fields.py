@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from castfem.closing import Closing
 from castfem.errors import InputError
 from castfem.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5, written
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 _TRIES = 3  # a run that ends while its fields are read moves them into one file
 
 
-class Fields:
+class Fields(Closing):
     """The fields of a run, read from its folder one array at a time.
 
     Attributes:
@@ -126,14 +126,3 @@ class Fields:
         if self._file is not None:
             self._file.close()
         self._file = None
-
-    def __enter__(self) -> Fields:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

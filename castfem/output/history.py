@@ -8,9 +8,9 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from castfem.closing import Closing
 from castfem.errors import InputError
 from castfem.output.files import saving, write_text
 from castfem.output.xdmf import same_or_before
@@ -23,7 +23,7 @@ _ANEW = "run again without --resume"
 _COLUMN = re.compile(r"(.*?) \[(.*)\]")
 
 
-class History:
+class History(Closing):
     """Appends rows to a CSV file whose first line is `name [unit],name [unit],...`.
 
     Numbers have twelve significant digits; what is missing or not finite is an empty cell. A row
@@ -125,17 +125,6 @@ class History:
         if self._handle >= 0:
             os.close(self._handle)
         self._handle = -1
-
-    def __enter__(self) -> History:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _open(self) -> None:
         with saving(self._path):

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
@@ -24,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from castfem import log
+from castfem.closing import Closing
 from castfem.errors import InputError, RunFailure
 from castfem.output import field_files
 from castfem.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5
@@ -51,7 +51,7 @@ _CENTRES = {"point": "Node", "cell": "Cell"}
 _ANEW = "run again without --resume"
 
 
-class FieldWriter:
+class FieldWriter(Closing):
     """Appends the fields of one time after another to fields.xdmf; keeps no file open.
 
     Attributes:
@@ -196,17 +196,6 @@ class FieldWriter:
         except (RunFailure, *UNREADABLE) as error:
             log.logger.warning("the fields stay in single files: %s", error)
         self._xdmf.close()
-
-    def __enter__(self) -> FieldWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _drop(self, everything: list[Step], kept: list[Step]) -> None:
         """Takes up the times that are kept and removes the others from the disk."""
