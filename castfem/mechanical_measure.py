@@ -11,6 +11,7 @@ import numpy.typing as npt
 from castfem import reductions
 from castfem.contact.outcome import SurfaceGap, summary
 from castfem.contact.state import ContactSummary
+from castfem.laws.base import equivalent_stress
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.probes import LineProbes
@@ -61,13 +62,6 @@ class MechanicalReading:
     pressure: dict[str, float]
 
 
-def von_mises(stress: Array) -> Array:
-    """Von Mises stress (n,) of Mandel vectors (n, 4)."""
-    deviator = stress.copy()
-    deviator[:, :3] -= stress[:, :3].mean(axis=1)[:, None]
-    return np.sqrt(1.5 * np.einsum("ij,ij->i", deviator, deviator))
-
-
 class MechanicalMeasure:
     """Reads the slice of one scene.
 
@@ -91,7 +85,7 @@ class MechanicalMeasure:
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalReading:
         """Read the committed `state` (collective)."""
         points = self.problem.points
-        stress = von_mises(points.recovered(state.stress))
+        stress = equivalent_stress(points.recovered(state.stress))
         places = points.deviator.position
         peak, *where = reductions.peak(self.section.comm, stress, places)
         moved = self._moved(state)
@@ -154,7 +148,7 @@ class MechanicalMeasure:
             if "stress" in names:
                 found["stress"] = points.at_vertices(recovered)
             if "von_mises" in names:
-                found["von_mises"] = points.at_vertices(von_mises(recovered))
+                found["von_mises"] = points.at_vertices(equivalent_stress(recovered))
         if "strain" in names:
             found["strain"] = points.at_vertices(self._strain(state))
         remembered = self.problem.slice.law.state_names

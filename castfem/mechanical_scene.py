@@ -17,7 +17,7 @@ from castfem.mechanics.planes import Course, PlainPlanes, allowed_modes
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.slice import Slice
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.mechanics.supports import Held
+from castfem.mechanics.supports import SPRING, Held
 from castfem.section import Section
 from castfem.stopwatch import Stopwatch
 from castfem.table import Table
@@ -49,6 +49,7 @@ def build_mechanics(
         table.solver,
         tolerance=table.tolerance,
         watch=watch,
+        springs=None if case.mould is None else SPRING,
     )
     return MechanicalStepper(problem)
 
@@ -64,7 +65,6 @@ def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Sectio
         ferrostatic=_ferrostatic(case, table, steel),
         contact=_contact(case, section),
         large_strain=table.strain == "large",
-        pin=not table.held,
     )
 
 

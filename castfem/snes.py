@@ -5,8 +5,9 @@ The problem owns its vectors; SNES works on vectors of its own (the line search 
 
 from __future__ import annotations
 
+import ctypes
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Protocol
@@ -16,9 +17,12 @@ from petsc4py import PETSc
 import numpy as np
 
 from castfem.errors import InputError
+from castfem.log import logger
 from castfem.stopwatch import Stopwatch
 
 Options = Mapping[str, Any]
+
+FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_")
 
 
 class NonlinearProblem(Protocol):
@@ -64,6 +68,91 @@ def _reason_names() -> dict[int, str]:
     return {getattr(reasons, k): k for k in dir(reasons) if k.isupper()}
 
 
+class SolverOptions:
+    """PETSc options of one solver, in PETSc's database only while that solver works.
+
+    Some are read when the solver is made, others when it first factors.  Left in the database they
+    would bind every later solver of the same prefix.
+
+    Args:
+        prefix: Of the options in the database.
+        options: Without prefix, without a leading dash.
+        asked: Names of those to be told of if PETSc never reads them; all if None.
+
+    Raises:
+        InputError: If an option is of no family PETSc knows.
+    """
+
+    def __init__(self, prefix: str, options: Options, asked: Collection[str] | None = None) -> None:
+        strangers = [k for k in options if not k.startswith(FAMILIES)]
+        if strangers:
+            raise InputError(
+                [
+                    f"solver option '{k}': PETSc has no such family of options; write it without a "
+                    f"dash, beginning with one of {', '.join(FAMILIES)}"
+                    for k in strangers
+                ]
+            )
+        self._prefix, self._options = prefix, options
+        self._unread = [k for k in options if asked is None or k in asked]
+
+    @contextmanager
+    def given(self) -> Iterator[None]:
+        """Have them in PETSc's database for a while."""
+        database = PETSc.Options()
+        # What came from the command line (PETSC_OPTIONS) is the user's last word.
+        mine = [k for k in self._options if not database.hasName(self._prefix + k)]
+        for key in mine:
+            database.setValue(self._prefix + key, self._options[key])
+        try:
+            yield
+        finally:
+            self._unread = [k for k in self._unread if k in mine and not _read(self._prefix + k)]
+            for key in mine:
+                database.delValue(self._prefix + key)
+
+    def apply(self, *objects: PETSc.Object) -> None:
+        """Hand them to PETSc objects (SNES, KSP, PC).
+
+        Raises:
+            InputError: If PETSc refuses a value.
+        """
+        with self.given():
+            try:
+                for thing in objects:
+                    thing.setFromOptions()
+            except PETSc.Error as error:
+                raise InputError(_refused(self._prefix, self._options, str(error))) from error
+
+    def tell_unread(self) -> None:
+        """Warn of those that PETSc has not asked for, once; call it after the first solve."""
+        for key in self._unread:
+            logger.warning(
+                '%s solver: PETSc has not read %s = "%s": a wrong name, or of no use with the rest',
+                self._prefix.rstrip("_"), key, self._options[key],
+            )  # fmt: skip
+        self._unread = []
+
+
+def _read(name: str) -> bool:
+    """Whether PETSc has read an option in its database; petsc4py does not hand that on."""
+    found = ctypes.c_int(0)
+    library = ctypes.CDLL(PETSc.__file__)
+    library.PetscOptionsUsed(None, name.encode(), ctypes.byref(found))
+    return bool(found.value)
+
+
+def _refused(prefix: str, options: Options, told: str) -> str:
+    """What PETSc says of a value, after the options that hold it (all, if it does not tell)."""
+    reason = re.sub(r"^\[\d+\] ", "", told.splitlines()[-1])
+    meant = {
+        k: v for k, v in options.items() if re.search(rf"(?<!\w){re.escape(str(v))}\b", reason)
+    }
+    named = ", ".join(f'{k} = "{v}"' for k, v in (meant or options).items())
+    what = prefix.rstrip("_")
+    return f"{what} solver, {named}: PETSc refuses: {reason}; its manual has names and values"
+
+
 class SnesSolver:
     """SNES around a `NonlinearProblem`.
 
@@ -75,6 +164,8 @@ class SnesSolver:
         watch: Charged with "petsc" for what SNES does itself; the problem charges its own part.
         shorten: Called with the unknowns and Newton's correction before each step (SNES takes the
             correction off the unknowns); may scale the correction, and tells whether it did.
+        asked: Names of the options the user has written, of which those that PETSc never reads are
+            told; all if None.
 
     Raises:
         InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
@@ -89,6 +180,7 @@ class SnesSolver:
         options: Options,
         watch: Stopwatch | None = None,
         shorten: Callable[[PETSc.Vec, PETSc.Vec], bool] | None = None,
+        asked: Collection[str] | None = None,
     ) -> None:
         self.problem = problem
         self.watch = watch if watch is not None else Stopwatch()
@@ -102,7 +194,8 @@ class SnesSolver:
         if shorten is not None:
             self.snes.setLineSearchPreCheck(self._precheck)
         ksp = self.snes.getKSP()
-        self._late = apply_options(prefix, options, self.snes, ksp, ksp.getPC())
+        self._options = SolverOptions(prefix, options, asked)
+        self._options.apply(self.snes, ksp, ksp.getPC())
         self._names = _reason_names()
         self._history: list[dict[str, float]] = []
         self._raised: BaseException | None = None
@@ -152,7 +245,7 @@ class SnesSolver:
         """Solve from the values in `x`, in place; never raises for a lack of convergence."""
         self._history = []
         self._raised = None
-        with self.watch.section("petsc"):
+        with self.watch.section("petsc"), self._options.given():
             try:
                 self.snes.solve(None, self.x)
             except PETSc.Error:
@@ -161,71 +254,11 @@ class SnesSolver:
                 raise self._raised from None  # Ctrl-C in the midst of a solve, say
         reason = self.snes.getConvergedReason()
         name = self._names.get(reason, str(reason))
+        if self.snes.getIterationNumber() > 0:
+            self._options.tell_unread()
         return Outcome(reason > 0, self.snes.getIterationNumber(), name, self._history)
 
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""
-        forget_options(self._late)
         for thing in (self.snes, self.x, self._f, self._matrix):
             thing.destroy()
-
-
-FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_")
-
-
-# Read only when a factorisation or an inner solver is first set up.
-LATE = ("mat_", "sub_", "redundant_", "fieldsplit_")
-
-
-def apply_options(prefix: str, options: Options, *objects: PETSc.Object) -> list[str]:
-    """Hand `options` to PETSc objects (SNES, KSP, PC).
-
-    Returns:
-        Names, with prefix, of options left in PETSc's database because they are read late; give
-        them to `forget_options` when the objects are destroyed.
-
-    Raises:
-        InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
-    """
-    strangers = [k for k in options if not k.startswith(FAMILIES)]
-    if strangers:
-        raise InputError(
-            [
-                f"solver option '{k}': PETSc has no such family of options; write it without a "
-                f"dash, beginning with one of {', '.join(FAMILIES)}"
-                for k in strangers
-            ]
-        )
-    database = PETSc.Options()
-    given = {prefix + k: v for k, v in options.items()}
-    # What came from the command line (PETSC_OPTIONS) is the user's last word.
-    mine = [k for k in given if not database.hasName(k)]
-    for key in mine:
-        database.setValue(key, given[key])
-    try:
-        for thing in objects:
-            thing.setFromOptions()
-    except PETSc.Error as error:
-        raise InputError(_refused(prefix, options, str(error))) from error
-    finally:
-        late = [k for k in mine if k.removeprefix(prefix).startswith(LATE)]
-        forget_options([k for k in mine if k not in late])
-    return late
-
-
-def _refused(prefix: str, options: Options, told: str) -> str:
-    """What PETSc says of a value, after the options that hold it (all, if it does not tell)."""
-    reason = re.sub(r"^\[\d+\] ", "", told.splitlines()[-1])
-    meant = {
-        k: v for k, v in options.items() if re.search(rf"(?<!\w){re.escape(str(v))}\b", reason)
-    }
-    named = ", ".join(f'{k} = "{v}"' for k, v in (meant or options).items())
-    what = prefix.rstrip("_")
-    return f"{what} solver, {named}: PETSc refuses: {reason}; its manual has names and values"
-
-
-def forget_options(names: Iterable[str]) -> None:
-    """Take options (with prefix) out of PETSc's database, so that they bind no later solver."""
-    database = PETSc.Options()
-    for name in names:
-        database.delValue(name)

@@ -15,8 +15,7 @@ from castfem.contact.facets import Facets
 from castfem.contact.state import ContactState
 from castfem.forms import finite_strain
 from castfem.forms.mechanics import SQRT2
-from castfem.laws.base import Law, MaterialStep, Response
-from castfem.mechanics.kinematics import turned
+from castfem.laws.base import Law, MaterialStep, Response, turned
 
 if TYPE_CHECKING:
     from castfem.mechanics.kinematics import Fields

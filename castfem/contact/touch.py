@@ -216,7 +216,7 @@ class WallContact:
         place, moved = self._where(fields.u.x.array, fields.modes.value)
         before = self._where(fields.u_old.x.array, fields.modes_old.value)[1]
         strand, stretch = self.facing(fields.u.x.array, fields.modes.value)
-        n, gap = self._meet(moved, strand)
+        n, gap, bend = self._meet(moved, strand)
         near = np.minimum(gap, self._size)
         stress: Array | float = 0.0
         if self._stress is not None:
@@ -234,6 +234,9 @@ class WallContact:
             seen[:, BY_STRAIN] = by_strain * closed[:, None]
             seen[:, BY_TURN] = by_turn * closed
         seen[:, TRACTION.start : 2] = -pressure[:, None] * n
+        # Along a hollow wall the pressure turns against what slides.
+        along = np.column_stack([-n[:, 1], n[:, 0]])
+        seen[:, BY_SLIP.start : BY_SLIP.stop - 1] = -(bend * pressure)[:, None] * along
         seen[:, BY_PRESSURE.start : 5] = -n
         slides: Flags = closed
         friction: Array = np.zeros((self.facets.count, 2))
@@ -245,8 +248,8 @@ class WallContact:
         far = float(np.abs(moved).max(initial=0.0))
         return self._rounding * reductions.largest(self.section.comm, np.array([far]))
 
-    def _meet(self, moved: Array, strand: Array) -> tuple[Array, Array]:
-        """Normal of the wall and distance to it along that (n,), m.
+    def _meet(self, moved: Array, strand: Array) -> tuple[Array, Array, Array]:
+        """Normal of the wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
 
         The wall is met from places on a fine raster, and the rest of the way added: the distance
         then is as exact as the displacement, not as the position, which is a thousand times larger.
@@ -258,7 +261,8 @@ class WallContact:
         rest = (start - near) + moved
         facing = np.einsum("ni,ni->n", n, strand)
         gap = np.asarray(reach.gap) * facing - np.einsum("ni,ni->n", n, rest)
-        return n, np.where(np.isfinite(gap), gap, np.inf)
+        met = np.isfinite(gap)
+        return n, np.where(met, gap, np.inf), np.where(met, reach.bend, 0.0)
 
     def _where(self, u: Array, modes: Array) -> tuple[Array, Array]:
         """Place and displacement of the points (n, 2), m."""
@@ -300,7 +304,7 @@ class WallContact:
         seen[:, TRACTION] += np.einsum("nij,nj->ni", frame, answer.traction)
         seen[:, BY_PRESSURE] += np.einsum("nij,nj->ni", frame, answer.by_pressure)
         by_slip = -self.stiffness[:, None] * answer.by_trial[:, :, 0]
-        seen[:, BY_SLIP] = np.einsum("nij,nj->ni", frame, by_slip)
+        seen[:, BY_SLIP] += np.einsum("nij,nj->ni", frame, by_slip)
         return answer.slides, answer.traction
 
     def hold(self, on: bool) -> bool:
@@ -314,7 +318,7 @@ class WallContact:
         self._held = np.zeros(self.facets.count, dtype=bool)
         if on:
             u, modes = self._fields.u_old.x.array, self._fields.modes_old.value
-            gap = self._meet(self._where(u, modes)[1], self.facing(u, modes)[0])[1]
+            _, gap, _ = self._meet(self._where(u, modes)[1], self.facing(u, modes)[0])
             self._held = (self._old.pressure > 0.0) & (gap < REACH * self._height)
         return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
 

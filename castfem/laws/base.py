@@ -136,6 +136,15 @@ def rotation(angle: float) -> Array:
     )
 
 
+def turned(stress: Array, angle: Array) -> Array:
+    """Mandel vectors (n, 4) turned by angles (n,) about the casting direction."""
+    c, s, r2 = np.cos(2.0 * angle), np.sin(2.0 * angle), np.sqrt(2.0)
+    centre = 0.5 * (stress[:, 0] + stress[:, 1])
+    half, shear = 0.5 * (stress[:, 0] - stress[:, 1]), stress[:, 3] / r2
+    new, slant = c * half - s * shear, s * half + c * shear
+    return np.column_stack([centre + new, centre - new, stress[:, 2], r2 * slant])
+
+
 def equivalent_stress(stress: Array) -> Array:
     """Von Mises stress (120) of Mandel vectors (..., 4)."""
     mean = stress[..., :3].mean(axis=-1)

@@ -16,7 +16,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from castfem.snes import Options, apply_options
+from castfem.snes import Options, SolverOptions
 
 Array = npt.NDArray[np.float64]
 
@@ -50,7 +50,8 @@ class Border:
         self.ksp = PETSc.KSP().create(matrix.comm)
         self.ksp.setOptionsPrefix(prefix)
         self.ksp.setOperators(matrix)
-        apply_options(prefix, options, self.ksp, self.ksp.getPC())
+        self._options = SolverOptions(prefix, options)
+        self._options.apply(self.ksp, self.ksp.getPC())
         here = self.owned + (scalars if self.comm.rank == self._keeper else 0)
         whole = matrix.getSize()[0] + scalars
         size = (here, whole)
@@ -100,6 +101,11 @@ class Border:
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Solve for one right-hand side, all columns of U along with it."""
+        with self._options.given():
+            self._solve(pc, x, y)
+        self._options.tell_unread()
+
+    def _solve(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         self.ksp.setUp()
         if self.ksp.getPC().getFailedReason():
             pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)

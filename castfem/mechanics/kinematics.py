@@ -15,7 +15,7 @@ from dolfinx import fem
 
 from castfem.compat import Tabulation
 from castfem.forms import finite_strain, mechanics
-from castfem.laws.base import Response
+from castfem.laws.base import Response, turned
 from castfem.mechanics.points import Points
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.section import Section
@@ -355,12 +355,3 @@ class LargeStrain:
         return np.ascontiguousarray(found[:, :4]), turned(
             stress_old, 2.0 * np.arctan(0.5 * found[:, 4])
         )
-
-
-def turned(stress: Array, angle: Array) -> Array:
-    """Mandel vectors (n, 4) turned by angles (n,) about the casting direction."""
-    c, s = np.cos(2.0 * angle), np.sin(2.0 * angle)
-    centre = 0.5 * (stress[:, 0] + stress[:, 1])
-    half, shear = 0.5 * (stress[:, 0] - stress[:, 1]), stress[:, 3] / mechanics.SQRT2
-    new, slant = c * half - s * shear, s * half + c * shear
-    return np.column_stack([centre + new, centre - new, stress[:, 2], mechanics.SQRT2 * slant])

@@ -17,16 +17,17 @@ from castfem import reductions
 from castfem.compat import assemble_into, create_matrix
 from castfem.contact.touch import WallContact
 from castfem.mechanics.border import Border
+from castfem.mechanics.criteria import Criteria
 from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
 from castfem.mechanics.material import Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.planes import ScaledMotions, check_modes
 from castfem.mechanics.points import Integration, Points, displacement_element
-from castfem.mechanics.scales import Scales, over
+from castfem.mechanics.scales import Scales
 from castfem.mechanics.search import step_share
 from castfem.mechanics.slice import Slice
 from castfem.mechanics.state import MechanicalState
-from castfem.mechanics.supports import Constraints, rigid_pins, symmetry_supports
+from castfem.mechanics.supports import Constraints, symmetry_supports
 from castfem.mechanics.trial import Trial
 from castfem.section import Section
 from castfem.snes import Options, Outcome, SnesSolver
@@ -47,6 +48,8 @@ class MechanicalProblem:
         options: PETSc options that win over the defaults.
         tolerance: Out-of-balance stress left, relative to the stress there is.
         watch: Charged with the time spent here.
+        springs: Where a wall is to hold the slice: stiffness of the springs that stand in for pins,
+            over Young's modulus, see `supports.SPRING`; None for pins.
 
     Attributes:
         space: Space of the displacement. points: Quadrature points. scales: Sizes.
@@ -66,8 +69,9 @@ class MechanicalProblem:
         options: Options | None = None,
         tolerance: float = 1e-8,
         watch: Stopwatch | None = None,
+        springs: float | None = None,
     ) -> None:
-        self.section, self.slice, self.tolerance = section, slice_, tolerance
+        self.section, self.slice = section, slice_
         self.watch = watch if watch is not None else Stopwatch()
         check_modes(slice_.planes.free, section.groups)
         self.free = len(slice_.planes.free)
@@ -76,7 +80,8 @@ class MechanicalProblem:
         rules = slice_.integration or Integration.of(section.cell, section.order)
         self.points = Points(section, self.space, rules)
         self.scales = Scales(self.points, self.space)
-        self._build_forms()
+        self._build_forms(springs)
+        self._criteria = Criteria(section.comm, self.scales, self.constraints, tolerance)
         self._target = np.zeros_like(self.fields.u.x.array)
         self._work = fem.Function(self.space)
         self._material = Material(slice_.law, self.points)
@@ -86,7 +91,7 @@ class MechanicalProblem:
         self._slack = 1.0
         self.trial: Trial | None = None
 
-    def _build_forms(self) -> None:
+    def _build_forms(self, springs: float | None) -> None:
         section, slice_ = self.section, self.slice
         pressed = slice_.ferrostatic is not None
         self.fields = Fields.on(section, self.space, self.points, pressed)
@@ -100,8 +105,7 @@ class MechanicalProblem:
             section, self.points, self.fields, self._loads, self.free > 0, self.contact
         )
         held = [*symmetry_supports(section.groups), *slice_.held]
-        pins = rigid_pins(section.groups) if slice_.pin else []
-        self.constraints = Constraints(section, self.space, held, pins)
+        self.constraints = Constraints(section, self.space, held, slice_.pin, springs)
 
     def _build_solver(self, options: Options) -> None:
         """SNES on the displacement, or on displacement and scalars."""
@@ -116,13 +120,15 @@ class MechanicalProblem:
         if self.free:
             self.border = Border(self._matrix, self.free, prefix, linear)
             vector, operator = self.border.vector(), self.border.operator
-            self.solver = SnesSolver(self, vector, operator, prefix, nonlinear, self.watch, shorten)
+            self.solver = SnesSolver(
+                self, vector, operator, prefix, nonlinear, self.watch, shorten, options
+            )
             self.border.use_with(self.solver.snes.getKSP())
         else:
             vector = self._matrix.createVecRight()
             chosen = {**nonlinear, **linear}
             self.solver = SnesSolver(
-                self, vector, self._matrix, prefix, chosen, self.watch, shorten
+                self, vector, self._matrix, prefix, chosen, self.watch, shorten, options
             )
         vector.destroy()
 
@@ -159,6 +165,9 @@ class MechanicalProblem:
             self.contact.begin(old.contact, old.time, time, old.temperature, temperature)
         self._loads.set(time)
         self.constraints.set(time, self._target)
+        if (springs := self.constraints.springs) is not None:
+            young = slice_.law.elasticity.moduli(after)[2]
+            springs.begin(old.displacement, reductions.largest(self.section.comm, young))
         self.trial, self._first = None, 0.0
 
     def solve(self, guesses: list[tuple[Array, Array]]) -> Outcome:
@@ -281,11 +290,13 @@ class MechanicalProblem:
         if not self._known(local):
             self.trial = self._evaluate(local)
         assert self.trial is not None
-        nodal, dofs = self.trial.forces.copy(), self.constraints.dofs
+        nodal, dofs = self.trial.forces.copy(), self.constraints.fixed
         missing = local[dofs] - self._target[dofs]
         if self.constraints.moving:
             self._lift(nodal, missing)
         nodal[dofs] = missing
+        if (springs := self.constraints.springs) is not None:
+            nodal[springs.dofs] += springs.pull(local)
         if self.border is not None:
             nodal = self.border.join(nodal, self.trial.balance)
         return nodal
@@ -293,7 +304,7 @@ class MechanicalProblem:
     def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """Scale Newton's correction where a full one would overshoot by far."""
         local, step = x.getArray(readonly=True), correction.getArray(readonly=True)
-        dofs = self.constraints.dofs
+        dofs = self.constraints.fixed
         missing = np.abs(local[dofs] - self._target[dofs]).max(initial=0.0)
         comm = self.section.comm
         if self.constraints.moving and reductions.largest(comm, np.array([missing])) > 0.0:
@@ -337,6 +348,8 @@ class MechanicalProblem:
         self.fields.take_tangent(self.points, self.response)
         with self.watch.section("assembly"):
             assemble_into(self._matrix, compiled.stiffness, self.constraints.conditions)
+            if self.constraints.springs is not None:
+                self.constraints.springs.add_to(self._matrix)
             if self.border is not None:
                 self._fill_border(self.border)
 
@@ -353,7 +366,7 @@ class MechanicalProblem:
                 border.rows[:, i] = self._assemble(compiled.row or compiled.column)
             else:
                 border.rows[:, i] = border.columns[:, i]
-            border.columns[self.constraints.dofs, i] = 0.0
+            border.columns[self.constraints.fixed, i] = 0.0
             for j, other in enumerate(motions.directions.T):
                 fields.other.value[:] = other
                 corner[i, j] = fem.assemble_scalar(compiled.corner)
@@ -361,32 +374,10 @@ class MechanicalProblem:
         border.updated()
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
-        """What is out of balance, over what may be, for each kind of unknown.
-
-        "forces": the worst node, as the stress around it that would make such a force, against the
-        stress in the section.  "axial": the worst free motion of the planes against the sum of the
-        absolute forces.  "supports": distance from where supports are to be.
-        """
+        """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""
         assert self.trial is not None
-        trial, comm, scale = self.trial, self.section.comm, self.trial.scale
-        local, residual = x.getArray(readonly=True), f.getArray(readonly=True)
-        dofs, reach = self.constraints.dofs, self.scales.reach
-        nodal = np.abs(residual[: self.owned]) / reach
-        missing = nodal[dofs] * reach[dofs]
-        nodal[dofs] = 0.0
-        largest = np.abs(local[dofs]).max(initial=0.0)
-        worst = reductions.largest_of(
-            comm, [nodal.max(initial=0.0), missing.max(initial=0.0), largest]
-        )
-        allowed = self.tolerance * scale.typical + scale.rounding
-        sizes = {"forces": over(float(worst[0]), allowed)}
-        if self.constraints.moving:
-            sizes["supports"] = over(float(worst[1]), 1e-12 * float(worst[2]))
-        if self.free:
-            load = float(np.abs(self._motions.load).max()) * self.scales.length
-            total = self.tolerance * (scale.total + load) + scale.rounding * self.scales.area
-            left = float(np.abs(trial.balance).max()) * self.scales.length
-            sizes["axial"] = over(left, total)
+        residual = f.getArray(readonly=True)
+        sizes = self._criteria.sizes(self.trial, residual, self._motions.load)
         return {name: size / self._slack for name, size in sizes.items()}
 
     def destroy(self) -> None:

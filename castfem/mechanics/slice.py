@@ -30,7 +30,7 @@ class Slice:
         loads: Surface loads.
         ferrostatic: Pressure of the liquid; None for none.
         large_strain: Objective update on the deformed slice.
-        pin: Hold what symmetry leaves of the motions as a rigid body.
+        pin: Hold by points, or springs, the rigid motions that symmetry and held leave.
         integration: Quadrature rules; the usual ones if None.
         contact: With a rigid wall; None for none.
     """

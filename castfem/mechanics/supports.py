@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
@@ -55,39 +58,64 @@ def symmetry_supports(groups: tuple[str, ...]) -> list[Held]:
     return [Held((name,), i) for name, i in lines if any(g.startswith(name) for g in groups)]
 
 
-def rigid_pins(groups: tuple[str, ...]) -> list[tuple[int, tuple[str, str]]]:
-    """Points to hold where symmetry leaves a motion as a rigid body.
+# Component and place ("low", "mid" or "high" of the section's extent along x and y) of points that
+# among them hold every motion as a rigid body.  In the middle of faces, where a symmetric load
+# would not move them anyway.
+PINS: tuple[tuple[int, tuple[str, str]], ...] = (
+    (0, ("mid", "high")),
+    (0, ("mid", "low")),
+    (1, ("high", "mid")),
+)
+NOT_HELD = 1e-6  # how little of a motion counts as nothing
+SPRING = 1e-7  # stiffness of a spring over the largest Young's modulus, see docs/mechanics.md
 
-    They lie in the middle of faces, where a symmetric load would not move them anyway, and carry no
-    force as long as the loads are in equilibrium.
 
-    Returns:
-        Component and place: "low", "mid" or "high" of the section's extent along x and y.
+class Springs:
+    """Weak springs between points of the slice and where these were at the start of the step.
+
+    Args:
+        dofs: Degrees of freedom, of those this rank owns (k,).
+        share: Stiffness over the largest Young's modulus in the section.
     """
-    mirrored = {
-        line for line in ("x", "y") if any(g.startswith(f"symmetry_{line}") for g in groups)
-    }
-    if mirrored == {"x", "y"}:
-        return []
-    if mirrored == {"x"}:
-        return [(1, ("high", "mid"))]
-    if mirrored == {"y"}:
-        return [(0, ("mid", "high"))]
-    return [(0, ("mid", "high")), (0, ("mid", "low")), (1, ("high", "mid"))]
+
+    def __init__(self, dofs: npt.NDArray[np.int64], share: float) -> None:
+        self.dofs, self._share, self._stiffness = dofs, share, 0.0
+        self._old: Array = np.zeros(len(dofs))
+
+    def begin(self, old: Array, young: float) -> None:
+        """Prepare a step from displacements `old` (owned, ...), m, of steel of modulus `young`."""
+        self._old, self._stiffness = old[self.dofs], self._share * young
+
+    def pull(self, local: Array) -> Array:
+        """What must be out of balance for the springs to hold it (k,), N/m."""
+        return np.asarray(self._stiffness * (local[self.dofs] - self._old))
+
+    def add_to(self, matrix: PETSc.Mat) -> None:
+        """Add their stiffness to that of the slice (collective)."""
+        for row in self.dofs + matrix.getOwnershipRange()[0]:
+            matrix.setValue(row, row, self._stiffness, addv=PETSc.InsertMode.ADD_VALUES)
+        matrix.assemble()
 
 
 class Constraints:
-    """All essential conditions of a section.
+    """All that holds a section but a wall.
+
+    Points are held in addition, as few as it takes, where `held` leaves the section a motion as a
+    rigid body.  They carry no force as long as the loads are in equilibrium.  Where a wall is to
+    hold the section the loads are not, and the points get springs instead: these draw each back to
+    where it was at the start of the step, so weakly that they count only where the wall does not.
 
     Args:
         section: The distributed section.
         space: Space of the displacement.
         held: Conditions on groups.
-        pins: Single points, see `rigid_pins`.
+        pin: Hold points in addition.
+        springs: Do so by springs of this share of the stiffness; None for rigidly.
 
     Attributes:
         conditions: For DOLFINx' assembly.
-        dofs: Constrained degrees of freedom that this rank owns (k,).
+        fixed: Prescribed degrees of freedom that this rank owns (k,).
+        springs: At points, if the section needs any. dofs: Prescribed or with a spring.
         moving: Whether any condition is not zero for ever.
 
     Raises:
@@ -99,7 +127,8 @@ class Constraints:
         section: Section,
         space: fem.FunctionSpace,
         held: list[Held],
-        pins: list[tuple[int, tuple[str, str]]],
+        pin: bool = True,
+        springs: float | None = None,
     ) -> None:
         self.conditions: list[fem.DirichletBC] = []
         self._parts: list[tuple[fem.Function, list[Array], Array, Held]] = []
@@ -107,16 +136,23 @@ class Constraints:
         section.mesh.topology.create_connectivity(0, 2)
         single = [space.sub(i).collapse()[0] for i in range(2)]
         for one in held:
-            facets = _facets(section, one.on)
-            self._hold(space, single[one.component], 1, facets, one)
-        for component, where in pins:
-            vertices = _nearest_vertex(section, where)
-            self._hold(space, single[component], 0, vertices, Held((), component))
-        found: list[npt.NDArray[np.int32]] = [np.zeros(0, np.int32)]
-        for condition in self.conditions:
-            dofs, owned = condition.dof_indices()
-            found.append(np.asarray(dofs[:owned]))
-        self.dofs = np.unique(np.concatenate(found)).astype(np.int64)
+            self._hold(space, single[one.component], 1, _facets(section, one.on), one)
+        owned = space.dofmap.index_map.size_local * space.dofmap.bs
+        sprung: list[npt.NDArray[np.int32]] = [np.zeros(0, np.int32)]
+        for component, vertices in self._missing(section) if pin else []:
+            if springs is None:
+                self._hold(space, single[component], 0, vertices, Held((), component))
+            else:
+                parts = (space.sub(component), single[component])
+                sprung.append(fem.locate_dofs_topological(parts, 0, vertices)[0])
+        self.springs: Springs | None = None
+        if springs is not None and len(sprung) > 1:
+            self.springs = Springs(_sorted(sprung, owned), springs)
+        found = [np.zeros(0, np.int32), *(c.dof_indices()[0] for c in self.conditions)]
+        self.fixed = _sorted(found, owned)
+        self.dofs = self.fixed
+        if self.springs is not None:
+            self.dofs = np.union1d(self.fixed, self.springs.dofs)
         self.moving = any(one.value is not None for *_, one in self._parts)
 
     def _hold(
@@ -133,6 +169,33 @@ class Constraints:
         self.conditions.append(fem.dirichletbc(value, dofs, part))
         positions = single.tabulate_dof_coordinates()[dofs[1], :2]
         self._parts.append((value, list(dofs), positions, held))
+
+    def _missing(self, section: Section) -> list[tuple[int, npt.NDArray[np.int32]]]:
+        """Component and local vertex of the points that hold what the conditions leave free."""
+        points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
+        low = np.array([reductions.smallest(section.comm, v) for v in points.T])
+        high = np.array([reductions.largest(section.comm, v) for v in points.T])
+        size, found = float((high - low).max()), []
+
+        def motions(component: int, places: Array) -> Array:
+            """What two translations and a rotation are there, (n, 3)."""
+            x, y = ((places - 0.5 * (low + high)) / size).T
+            one, none = np.ones_like(x), np.zeros_like(x)
+            return np.column_stack([one, none, -y] if component == 0 else [none, one, x])
+
+        rows = [motions(h.component, places) for _, _, places, h in self._parts]
+        here = np.linalg.qr(np.concatenate([np.zeros((0, 3)), *rows]), mode="r")
+        _, strength, basis = np.linalg.svd(np.concatenate(section.comm.allgather(here)))
+        basis = basis[: int((strength > NOT_HELD * strength.max(initial=0.0)).sum())]
+        for component, where in PINS:
+            share = np.array([{"low": 0.0, "mid": 0.5, "high": 1.0}[w] for w in where])
+            place = _nearest(section.comm, points, low + share * (high - low), size)
+            row = motions(component, np.array([place]))[0]
+            row -= basis.T @ (basis @ row)
+            if (left := float(np.linalg.norm(row))) > NOT_HELD:
+                basis = np.vstack([basis, row / left])
+                found.append((component, _vertex_at(section, place, size)))
+        return found
 
     def set(self, time: float, target: Array) -> None:
         """Put the prescribed displacements at `time` (s) into the local array `target`."""
@@ -153,24 +216,28 @@ def _facets(section: Section, names: tuple[str, ...]) -> npt.NDArray[np.int32]:
     return np.unique(np.concatenate(found)).astype(np.int32)
 
 
-def _nearest_vertex(section: Section, where: tuple[str, str]) -> npt.NDArray[np.int32]:
-    """The vertex nearest to a place of the section's bounding box, the same on all ranks."""
-    points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
-    comm = section.comm
-    low = [reductions.smallest(comm, v) for v in points.T]
-    high = [reductions.largest(comm, v) for v in points.T]
-    share = {"low": 0.0, "mid": 0.5, "high": 1.0}
-    goal = [a + share[w] * (b - a) for a, b, w in zip(low, high, where, strict=True)]
-    size = max(b - a for a, b in zip(low, high, strict=True))
+def _sorted(dofs: list[npt.NDArray[np.int32]], owned: int) -> npt.NDArray[np.int64]:
+    """Those of several lists that are below `owned`, once each."""
+    every = np.unique(np.concatenate(dofs)).astype(np.int64)
+    return every[every < owned]
+
+
+def _nearest(comm: MPI.Comm, points: Array, goal: Array, size: float) -> Place:
+    """That of the points (n, 2) of all ranks which is nearest to a goal, the same on any number."""
     best = (np.inf, 0.0, 0.0)
     if len(points):
         distance = np.round(np.linalg.norm(points - goal, axis=1) / size, 9)
         order = np.lexsort((points[:, 1], points[:, 0], distance))[0]
         best = (float(distance[order]), float(points[order, 0]), float(points[order, 1]))
     _, x, y = min(comm.allgather(best))
+    return x, y
 
-    def here(place: Array) -> npt.NDArray[np.bool_]:
-        near = np.hypot(place[0] - x, place[1] - y) < 1e-9 * size
+
+def _vertex_at(section: Section, place: Place, size: float) -> npt.NDArray[np.int32]:
+    """The local vertex at a place of a section of some size, if this rank has it."""
+
+    def here(points: Array) -> npt.NDArray[np.bool_]:
+        near = np.hypot(points[0] - place[0], points[1] - place[1]) < 1e-9 * size
         return np.asarray(near, dtype=np.bool_)
 
     return np.asarray(dmesh.locate_entities(section.mesh, 0, here), dtype=np.int32)

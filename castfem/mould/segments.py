@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
-Crossing = tuple[Array, Array, Array]
+Crossing = tuple[Array, Array, Array, Array]
 """Distance along the ray and the two components of the wall's unit normal there, each (k, n)."""
 
 GRAZING = 0.02
@@ -164,7 +164,8 @@ class Straights:
         s = (d * m[0] - wx) * tx + (d * m[1] - wy) * ty
         met = facing & (s >= -slack) & (s <= self.length + slack)
         shape = d.shape
-        return np.where(met, d, np.inf), np.broadcast_to(nx, shape), np.broadcast_to(ny, shape)
+        nx, ny = np.broadcast_to(nx, shape), np.broadcast_to(ny, shape)
+        return np.where(met, d, np.inf), nx, ny, np.broadcast_to(0.0, shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,7 +208,7 @@ class Circulars:
         # On the arc: beyond the chord seen from the centre, and between its ends.
         beyond = ux * ny - uy * nx < 0.0
         met = facing & beyond & (np.abs(ux * nx + uy * ny) * radius <= self.half + slack)
-        return np.where(met, d, np.inf), nx, ny
+        return np.where(met, d, np.inf), nx, ny, np.broadcast_to(bend / radius, d.shape)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -244,7 +245,8 @@ class Parabolics:
         nx, ny = ty * scale, -tx * scale
         met = inside & (slope * scale > GRAZING)  # normal . ray = slope over |(tx, ty)|
         d = ((ax * xi + bx) * xi + wx) * m[0] + ((ay * xi + by) * xi + wy) * m[1]
-        return np.where(met, d, np.inf), nx, ny
+        turn = 2.0 * (tx * ay - ty * ax) * scale**3
+        return np.where(met, d, np.inf), nx, ny, turn
 
 
 def _columns(vectors: Array) -> tuple[Array, Array]:

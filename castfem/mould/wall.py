@@ -15,8 +15,7 @@ from castfem.mould.segments import Array
 class Reach:
     """Where n points of the strand's surface meet the wall along their outward normals.
 
-    A displacement u of a point changes its gap by -(normal . u) / (normal . strand normal), as
-    far as the wall is plane there.
+    A displacement u of a point changes its gap by -(normal . u) / (normal . strand normal).
 
     Attributes:
         gap: Distance (n,), m, from the point along the strand's outward normal to the wall
@@ -24,10 +23,13 @@ class Reach:
             where no wall lies that way.
         normal: Unit normal (n, 2) of the wall where it is met, pointing out of the cavity, so
             that normal . strand normal > 0; where no wall is met, the strand's own normal.
+        bend: Curvature of the wall there (n,), 1/m, or of all of it: how fast its normal turns
+            along (-normal_y, normal_x); positive where the cavity is hollow.
     """
 
     gap: Array
     normal: Array
+    bend: Array | float = 0.0
 
 
 class Wall(Protocol):

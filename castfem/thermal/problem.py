@@ -17,6 +17,7 @@ meniscus, and no movement adds to it.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from petsc4py import PETSc
@@ -137,7 +138,7 @@ class ThermalProblem:
         self._work = self._laplacian.createVecLeft()
         self._theta = self._laplacian.createVecRight()
         chosen = {**default_options(section.comm.size), **(options or {})}
-        self.solver = self._make_solver("thermal_", chosen)
+        self.solver = self._make_solver("thermal_", chosen, options or {})
         self._direct: SnesSolver | None = None
         self.iterations: int = 0
         self.stages: int = 0
@@ -146,10 +147,12 @@ class ThermalProblem:
         self.set_cooling(Cooling([], []))
         self._state = self._evaluate(np.zeros_like(self.area))
 
-    def _make_solver(self, prefix: str, options: Options) -> SnesSolver:
+    def _make_solver(
+        self, prefix: str, options: Options, asked: Collection[str] = ()
+    ) -> SnesSolver:
         matrix = self._laplacian.copy()
         matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
-        return SnesSolver(self, self._theta, matrix, prefix, options, self.watch)
+        return SnesSolver(self, self._theta, matrix, prefix, options, self.watch, asked=asked)
 
     def _assemble_operators(self) -> None:
         """Vertex areas and the Laplacian, from the forms."""

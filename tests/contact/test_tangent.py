@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, expansion, mapped, skewed
+from mechanics.scenes import Array, SliceScene, expansion, mapped, ring, skewed
 from mechanics.test_tangent import jacobians
 
 from castfem.contact.contact import Contact
@@ -15,6 +15,7 @@ from castfem.contact.state import OPEN, SLIP, STICK
 from castfem.laws.elasticity import Elasticity
 from castfem.laws.flow import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
+from castfem.mould import Circular, Contour, Reach
 from contact.scenes import TwoWalls
 
 GROUPS = ("left", "bottom", "right", "top")
@@ -80,3 +81,34 @@ def test_jacobian(cell: str, large: bool, method: str, friction: str) -> None:
         assert np.abs(exact - found)[block].max() < 2e-6 * np.abs(found[block]).max()
     symmetric = np.abs(exact - exact.T).max() < 1e-12 * np.abs(exact).max()
     assert symmetric == scene.problem.kinematics.symmetric
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_jacobian_at_a_round_wall(large: bool) -> None:
+    """The wall's normal turns with a point that slides: 4e-4 of the tangent, and needed."""
+    size, outer = 2e-5, 0.05
+    ends = [(outer * np.cos(a), outer * np.sin(a)) for a in (-0.3, 0.5 * np.pi + 0.3)]
+    contact = Contact(RoundWall(Circular(*ends, (0.0, 0.0))), ("right",), lambda t: t, points=4)
+    scene = SliceScene(
+        mapped(1, 5, ring(0.03, outer), order=2, groups=GROUPS),
+        LAW,
+        expansion(1e-5),
+        given={"planes": PlainPlanes(("a0",)), "large_strain": large, "contact": contact},
+    )
+    exact, found, _ = jacobians(scene, size)
+    seen = scene.problem.contact.state().status
+    assert {OPEN, SLIP} <= set(seen.tolist())
+    assert np.abs(exact - found).max() < 5e-6 * np.abs(found).max()
+
+
+class RoundWall:
+    """A wall that is one arc."""
+
+    def __init__(self, arc: Circular) -> None:
+        self.contour = Contour([arc])
+
+    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+        return self.contour.reach(points, normals)
+
+    def temperature(self, position: float) -> float:
+        return 400.0

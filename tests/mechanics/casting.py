@@ -36,6 +36,7 @@ class CastScene:
     Args:
         mesh: The section. comm: Ranks. ratio: Stiffness of the liquid over that of the solid.
         options: PETSc options of the mechanics. cooling: Heat transfer, W/m2K.
+        springs: Instead of pins: their stiffness over Young's modulus.
         given: Changes to the `Slice`.
     """
 
@@ -46,6 +47,7 @@ class CastScene:
         ratio: float = 1e-5,
         options: dict[str, Any] | None = None,
         cooling: float = 1600.0,
+        springs: float | None = None,
         **given: Any,
     ) -> None:
         start = STEEL.liquidus + 20.0
@@ -60,9 +62,8 @@ class CastScene:
             "planes": PlainPlanes(allowed_modes(section.groups)),
             "ferrostatic": Ferrostatic(vertical_head(7000.0, 0.06), STEEL.solid_fraction),
         }
-        self.problem = MechanicalProblem(
-            section, Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | given)), options
-        )
+        made = Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | given))
+        self.problem = MechanicalProblem(section, made, options, springs=springs)
         self.stepper = MechanicalStepper(self.problem)
         self.state = self.stepper.initial(0.0, self.thermal.state.point.temperature)
         self.results: list[MechanicalResult] = []

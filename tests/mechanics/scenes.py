@@ -128,13 +128,16 @@ class SliceScene:
     tolerance: float = 1e-8
     extrapolate: bool = True
     given: dict[str, Any] = field(default_factory=dict)
+    springs: float | None = None
     start: float | Callable[[Array, Array], Array] = 0.0
 
     def __post_init__(self) -> None:
         """Build section, problem and stepper."""
         self.section = Section(self.comm, self.mesh if self.comm.rank == 0 else None)
         slice_ = replace(Slice(self.law, self.thermal), **self.given)
-        self.problem = MechanicalProblem(self.section, slice_, self.options, self.tolerance)
+        self.problem = MechanicalProblem(
+            self.section, slice_, self.options, self.tolerance, springs=self.springs
+        )
         self.stepper = MechanicalStepper(self.problem, self.extrapolate)
         self.state: MechanicalState = self.stepper.initial(0.0, self.field(self.start))
         self.results: list[MechanicalResult] = []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -11,18 +12,32 @@ import numpy as np
 import pytest
 from ranks import needs_mpirun, python_on
 
+from castfem.contact.contact import Contact
 from castfem.mechanics.points import Cellwise
+from castfem.mechanics.supports import SPRING
+from castfem.mould import Mould, RectangleCavity, Taper, same
 from mechanics.casting import CastScene, billet_mesh
 from mechanics.scenes import SliceScene, box, mapped
 
 HERE = Path(__file__).parents[1]
-SCENES = [("quarter", "quadrilateral", False), ("whole", "triangle", False),
-          ("quarter", "quadrilateral", True)]  # fmt: skip
+# Symmetry, cells, large strain, and whether a mould holds the strand, springs beside it.
+SCENES = [
+    ("quarter", "quadrilateral", False, False),
+    ("whole", "triangle", False, False),
+    ("quarter", "quadrilateral", True, False),
+    ("half", "quadrilateral", False, True),
+]
 
 
-def marched(comm: MPI.Comm, symmetry: str, cell: str, large: bool) -> CastScene:
+def marched(comm: MPI.Comm, symmetry: str, cell: str, large: bool, mould: bool) -> CastScene:
     mesh = billet_mesh(symmetry, cell=cell, surface_size=4e-3, core_size=1.5e-2)
-    return CastScene(mesh, comm, large_strain=large).march(2.0, 0.5)
+    given: dict[str, Any] = {"large_strain": large}
+    if mould:
+        cavity = RectangleCavity(0.125, 0.125, 0.0)
+        wall = Mould(cavity, 0.6, same(Taper.single(0.01, 0.6)), None, None)
+        sides = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
+        given |= {"contact": Contact(wall, sides, lambda time: 0.06 * time), "springs": SPRING}
+    return CastScene(mesh, comm, **given).march(2.0, 0.5)
 
 
 def gathered(scene: CastScene) -> list[np.ndarray] | None:
@@ -40,10 +55,10 @@ def differ(one: list[np.ndarray], many: list[np.ndarray]) -> float:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("symmetry", "cell", "large"), SCENES)
-def test_many_ranks_give_what_one_gives(symmetry: str, cell: str, large: bool) -> None:
-    alone = marched(MPI.COMM_SELF, symmetry, cell, large)
-    together = marched(MPI.COMM_WORLD, symmetry, cell, large)
+@pytest.mark.parametrize(("symmetry", "cell", "large", "mould"), SCENES)
+def test_many_ranks_give_what_one_gives(symmetry: str, cell: str, large: bool, mould: bool) -> None:
+    alone = marched(MPI.COMM_SELF, symmetry, cell, large, mould)
+    together = marched(MPI.COMM_WORLD, symmetry, cell, large, mould)
     one, many = gathered(alone), gathered(together)
     if MPI.COMM_WORLD.rank == 0:
         assert one is not None and many is not None

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
+from petsc4py import PETSc
+
 import numpy as np
 import pytest
+from solver.told import told_by
 
 from castfem.errors import InputError
 from castfem.laws.base import Response
@@ -66,6 +69,46 @@ def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, fre
         assert ksp.getTolerances()[0] == 1e-10
     size = np.abs(reference.state.displacement).max()
     assert np.abs(scene.state.displacement - reference.state.displacement).max() < 1e-7 * size
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_options_of_one_problem_do_not_reach_the_next(free: bool) -> None:
+    """With both alive at once, each has its own where it factors."""
+    planes = PlainPlanes(("a0",) if free else ())
+    scenes = {
+        share: cooled(
+            options={"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": share},
+            given={"planes": planes},
+        )
+        for share in (77, 33)
+    }
+    for share, scene in scenes.items():
+        scene.step(1.0, uneven)
+        border = scene.problem.border
+        ksp = border.ksp if border is not None else scene.problem.solver.snes.getKSP()
+        assert ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == share
+    assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_options_that_are_refused_leave_nothing_behind(free: bool) -> None:
+    planes = PlainPlanes(("a0",) if free else ())
+    for wrong in ("snes_type", "ksp_type"):
+        with pytest.raises(InputError, match=f'mechanical solver, {wrong} = "bogus"'):
+            cooled(options={"mat_mumps_icntl_14": 77, wrong: "bogus"}, given={"planes": planes})
+        assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
+
+
+@pytest.mark.parametrize("free", [True, False])
+def test_misspelt_options_are_told(free: bool, caplog: pytest.LogCaptureFixture) -> None:
+    options = {"snes_maxit": 1, "pc_typ": "lu", "snes_max_it": 20}
+    scene = cooled(options=options, given={"planes": PlainPlanes(("a0",) if free else ())})
+    with told_by(caplog):
+        scene.step(1.0, uneven)
+        scene.step(2.0, lambda x, y: 2 * uneven(x, y))
+    told = sorted(record.getMessage() for record in caplog.records)
+    assert len(told) == 2
+    assert 'pc_typ = "lu"' in told[0] and 'snes_maxit = "1"' in told[1]
 
 
 def test_line_search_of_the_user() -> None:

@@ -178,3 +178,31 @@ def test_plane_wall_of_any_slope_that_closes():
     assert found.gap[0] == pytest.approx(1.0 / 0.6, rel=1e-14)
     assert wall.reach(points[:1], -slope[None], 0.0).gap[0] == math.inf
     assert wall.temperature(0.3) == 400.0
+
+
+def arc(radius, *angles, centre=(0.0, 0.0)):
+    """An arc of a radius about a centre from one angle to another."""
+    ends = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in angles]
+    return Circular(*ends, centre)
+
+
+@pytest.mark.parametrize(
+    ("segment", "sign"),
+    [
+        (right_wall(), 0),
+        (arc(1.5, -0.5, 0.5), 1),
+        (arc(1.5, math.pi + 0.5, math.pi - 0.5, centre=(2.5, 0.0)), -1),
+        (Parabolic((1.0, -0.5), (1.1, 0.1), (0.9, 0.6)), 1),
+        (Parabolic((1.0, -0.5), (0.9, 0.1), (1.0, 0.6)), -1),
+    ],
+)
+def test_curvature_is_how_fast_the_normal_turns(segment, sign):
+    contour, step = Contour([segment]), 1e-5
+    points = np.column_stack([np.full(6, 0.6), np.linspace(-0.2, 0.3, 6)])
+    right = np.broadcast_to([1.0, 0.0], points.shape)
+    found = [contour.reach(points + np.array([0.0, move]), right) for move in (-step, 0.0, step)]
+    tangent = np.column_stack([-found[1].normal[:, 1], found[1].normal[:, 0]])
+    way = (found[2].gap - found[0].gap)[:, None] * right + np.array([0.0, 2.0 * step])
+    turn = np.einsum("ni,ni->n", found[2].normal - found[0].normal, tangent)
+    assert found[1].bend == pytest.approx(turn / np.einsum("ni,ni->n", way, tangent), abs=1e-8)
+    assert (np.sign(found[1].bend) == sign).all()

@@ -8,6 +8,7 @@ from petsc4py import PETSc
 
 import numpy as np
 import pytest
+from solver.told import told_by
 
 from castfem.errors import InputError
 from castfem.snes import SnesSolver
@@ -76,13 +77,65 @@ def test_every_option_reaches_snes_ksp_and_pc() -> None:
     snes.destroy()
 
 
-def test_late_options_bind_one_solver_and_no_later_one() -> None:
-    first = solver(Square(2.0), mat_mumps_icntl_14=80, ksp_rtol=1e-3)
-    database = PETSc.Options()
-    assert database.hasName("square_mat_mumps_icntl_14")
-    assert not database.hasName("square_ksp_rtol")
-    first.destroy()
-    assert not database.hasName("square_mat_mumps_icntl_14")
+def late(problem: Square, **options: Any) -> tuple[SnesSolver, list[str]]:
+    """A solver, and a list that gets what PETSc's database holds for it while it solves."""
+    made, seen = solver(problem, **options), []
+    jacobian = problem.jacobian
+
+    def noted(x: PETSc.Vec, out: PETSc.Mat) -> None:
+        seen.append(PETSc.Options().getString("square_mat_mumps_icntl_14", ""))
+        jacobian(x, out)
+
+    problem.jacobian = noted  # type: ignore[method-assign]
+    made.x.set(1.0)
+    return made, seen
+
+
+def test_options_bind_one_solver_while_it_solves() -> None:
+    """What is read when a matrix is first factored is there, even if another solver came after."""
+    first, seen = late(Square(2.0), mat_mumps_icntl_14=80, ksp_type="preonly", pc_type="lu")
+    second, others = late(Square(2.0), mat_mumps_icntl_14=33, ksp_type="preonly", pc_type="lu")
+    assert not any(name.startswith("square_") for name in PETSc.Options().getAll())
+    for made in (first, second):
+        assert made.solve().converged
+        assert not any(name.startswith("square_") for name in PETSc.Options().getAll())
+    assert set(seen) == {"80"} and set(others) == {"33"}
+
+
+def test_options_go_when_a_callback_raises(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = Square(2.0)
+    made = solver(problem, mat_mumps_icntl_14=80)
+    monkeypatch.setattr(problem, "jacobian", lambda *_: 1 / 0)
+    made.x.set(1.0)
+    with pytest.raises(ZeroDivisionError):
+        made.solve()
+    assert not PETSc.Options().hasName("square_mat_mumps_icntl_14")
+
+
+def test_option_that_petsc_never_reads_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    made = solver(
+        Square(2.0), ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic", snes_maxit=1
+    )
+    with told_by(caplog):
+        for _ in range(2):
+            made.x.set(1.0)
+            assert made.solve().iterations == 5
+    assert [r.getMessage() for r in caplog.records] == [
+        'square solver: PETSc has not read snes_maxit = "1": a wrong name, or of no use with the '
+        "rest"
+    ]
+
+
+def test_defaults_that_petsc_never_reads_are_not_told(caplog: pytest.LogCaptureFixture) -> None:
+    problem = Square(2.0)
+    options = {"snes_type": "newtontr", "snes_linesearch_type": "basic", "pc_typ": "lu"}
+    made = SnesSolver(
+        problem, problem.vector, problem.matrix, "square_", options, asked=("pc_typ",)
+    )
+    made.x.set(1.0)
+    with told_by(caplog):
+        made.solve()
+    assert len(caplog.records) == 1 and "pc_typ" in caplog.text
 
 
 def test_command_line_has_the_last_word() -> None:
@@ -104,8 +157,14 @@ def test_stranger_among_the_options_is_named() -> None:
 
 def test_value_petsc_refuses_is_an_input_error() -> None:
     with pytest.raises(InputError, match=r'^refused solver, ksp_type = "none_such": .* KSP type'):
-        solver(Square(2.0), prefix="refused_", ksp_rtol=1e-3, ksp_type="none_such")
-    assert not PETSc.Options().hasName("refused_ksp_type")
+        solver(
+            Square(2.0),
+            prefix="refused_",
+            ksp_rtol=1e-3,
+            ksp_type="none_such",
+            mat_mumps_icntl_14=80,
+        )
+    assert not any(name.startswith("refused_") for name in PETSc.Options().getAll())
 
 
 @pytest.mark.parametrize(("start", "a", "reason"), [(0.9, -1.0, "MAX_IT"), (np.nan, 2.0, "NAN")])

@@ -1,0 +1,146 @@
+"""What holds a section in its plane: as few points as it takes, or springs where a wall is to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from castfem import meshes
+from castfem.contact.contact import Contact
+from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.supports import SPRING, Held, Traction
+from castfem.mould import Mould, RoundCavity, Taper, same
+from mechanics.casting import CastScene
+from mechanics.scenes import Array, SliceScene, box, elastic, expansion, mapped
+
+SIDES = ("left", "bottom", "right", "top")
+WIDTH, HEIGHT = 0.1, 0.06
+YOUNG, ALPHA = 200e9, 1e-5
+
+# Sides and what is held on them, with the number of points that are still needed.
+HELD = {
+    "nothing": ((), 3),
+    "x on the left": ((("left", 0),), 1),
+    "y on the top": ((("top", 1),), 1),
+    "y on the left": ((("left", 1),), 2),
+    "x on top and bottom": ((("top", 0), ("bottom", 0)), 1),
+    "x on the left, y on the bottom": ((("left", 0), ("bottom", 1)), 0),
+    "x and y on the left": ((("left", 0), ("left", 1)), 0),
+}
+
+
+def block(*held: tuple[str, int], groups: Any = SIDES, **given: Any) -> SliceScene:
+    """A rectangle about the origin that expands with its temperature."""
+    options, springs = given.pop("options", {}), given.pop("springs", False)
+    shape = box(WIDTH, HEIGHT, -0.5 * WIDTH, -0.5 * HEIGHT)
+    return SliceScene(
+        mapped(4, 4, shape, groups=groups),
+        elastic(YOUNG),
+        expansion(ALPHA),
+        options=options,
+        springs=SPRING if springs else None,
+        given={"held": tuple(Held((side,), i) for side, i in held), **given},
+    )
+
+
+@pytest.mark.parametrize("name", list(HELD))
+def test_as_few_points_as_it_takes(name: str) -> None:
+    held, points = HELD[name]
+    sides, sprung = block(*held), block(*held, springs=True)
+    springs = sprung.problem.constraints.springs
+    assert (0 if springs is None else len(springs.dofs)) == points
+    fixed = sides.problem.constraints.fixed
+    assert len(fixed) == len(sprung.problem.constraints.fixed) + points
+    assert np.array_equal(fixed, sprung.problem.constraints.dofs)
+
+
+@pytest.mark.parametrize("mirrors", [("x",), ("y",), ("x", "y")])
+def test_lines_of_symmetry_count(mirrors: tuple[str, ...]) -> None:
+    named = {"left": "x", "bottom": "y"}
+    groups = [f"symmetry_{named[s]}" if named.get(s) in mirrors else s for s in SIDES]
+    springs = block(groups=tuple(groups), springs=True).problem.constraints.springs
+    assert (0 if springs is None else len(springs.dofs)) == 2 - len(mirrors)
+
+
+@pytest.mark.parametrize("springs", [False, True], ids=["points", "springs"])
+@pytest.mark.parametrize("large", [False, True], ids=["small", "large"])
+@pytest.mark.parametrize("name", ["nothing", "x on the left", "y on the top"])
+def test_held_sections_expand_freely(name: str, large: bool, springs: bool) -> None:
+    """No stress, no force, no turning: evenly about the middle of what is held."""
+    middle = {"x on the left": (-0.5 * WIDTH, 0.0), "y on the top": (0.0, 0.5 * HEIGHT)}
+    scene = block(*HELD[name][0], springs=springs, large_strain=large)
+    result = scene.step(1.0, 100.0)
+    assert result.newton <= 3
+    whole = YOUNG * ALPHA * 100.0
+    assert np.abs(scene.stress).max() < 1e-7 * whole
+    assert result.balance is not None
+    assert np.abs(result.balance.support).max() < 1e-7 * whole * HEIGHT
+    places = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+    expected = (places - middle.get(name, (0.0, 0.0))) * ALPHA * 100.0
+    error = np.abs(scene.state.displacement.reshape(-1, 2) - expected).max()
+    assert error < (1e-3 if large else 1e-6) * np.abs(expected).max()
+
+
+def pushed(force: float) -> SliceScene:
+    """Half a section that nothing holds along y but its spring, with a force on its top."""
+    groups = ("symmetry_x", "bottom", "right", "top")
+    load = Traction(("top",), lambda t: (0.0, force / WIDTH))
+    return block(groups=groups, springs=True, loads=(load,), planes=PlainPlanes(()))
+
+
+def test_springs_are_weak_and_their_force_is_reported() -> None:
+    """A force moves the section as a body, by itself over the stiffness, step by step."""
+    stiffness = SPRING * YOUNG
+    scene = pushed(1.0)
+    for step in (1.0, 2.0):
+        result = scene.step(step)
+        assert result.balance is not None
+        assert result.balance.support == pytest.approx([0.0, -1.0], abs=1e-6)
+        assert result.balance.forces_error < 1e-6
+        moved = scene.state.displacement.reshape(-1, 2)
+        # Each step anew from where the last one has ended.
+        assert moved[:, 1] == pytest.approx(step / stiffness, rel=1e-5)
+
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "petsc": {"pc_type": "lu", "pc_factor_mat_solver_type": "petsc"},
+    "mumps lu": {"pc_type": "lu", "pc_factor_mat_solver_type": "mumps"},
+}
+
+
+@pytest.mark.parametrize("options", list(OPTIONS))
+def test_a_section_that_nothing_touches_stays_where_it_is(options: str) -> None:
+    """Springs take nothing from it: strained unevenly it moves as if points were held."""
+
+    def uneven(x: Array, y: Array) -> Array:
+        return np.asarray(100.0 + 3e3 * x + 5e3 * y + 1e6 * x * y)
+
+    points, springs = (block(springs=s, options=OPTIONS[options]) for s in (False, True))
+    for time in (1.0, 2.0, 3.0):
+        for scene in (points, springs):
+            result = scene.step(time, lambda x, y, t=time: t * uneven(x, y))
+            assert result.newton <= 3
+    size = np.abs(points.state.displacement).max()
+    assert np.abs(springs.state.displacement - points.state.displacement).max() < 1e-5 * size
+    assert np.abs(springs.stress - points.stress).max() < 1e-7 * np.abs(points.stress).max()
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_a_whole_round_does_not_turn_in_its_mould(cell: str) -> None:
+    """Springs, or points held rigidly: the wall's forces balance anyway."""
+    mesh = meshes.build(
+        "round", symmetry="whole", diameter=0.16, surface_size=5e-3, core_size=1.4e-2, cell=cell
+    )
+    wall = Mould(RoundCavity(0.16), 0.6, same(Taper.single(0.01, 0.6)), None, None)
+    contact = Contact(wall, mesh.groups, lambda time: 0.06 * time)
+    pinned, sprung = (
+        CastScene(mesh, springs=springs, contact=contact).march(1.0, 0.25)
+        for springs in (None, SPRING)
+    )
+    assert [r.newton for r in sprung.results] == [r.newton for r in pinned.results]
+    size = np.abs(pinned.moved).max()
+    assert size > 1e-5
+    assert np.abs(sprung.moved - pinned.moved).max() < 1e-5 * size
