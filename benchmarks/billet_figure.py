@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = {
-    "mesh": "#0072b2", "interval": "#d55e00", "passes": "#009e73", "penalty": "#cc79a7",
+    "mesh": "#0072b2", "interval": "#d55e00", "gap settled": "#009e73", "penalty": "#cc79a7",
     "Nitsche": "#777777",
 }  # fmt: skip
 SHOWN = (

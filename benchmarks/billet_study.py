@@ -282,8 +282,9 @@ CONVERGENCE: dict[str, tuple[tuple[Any, ...], Choice, Any]] = {
     "interval [s]": (
         (0.4, 0.2, 0.1, 0.05, 0.025), lambda v: (*mesh(1.2), f"coupling.interval={v} s"), 0.1,
     ),
-    "passes": (
-        (1, 2, 5), lambda v: (*mesh(1.2), "coupling.interval=0.1 s", f"coupling.passes={v}"), 1,
+    "gap settled to [K]": (
+        (1000, 1, 0.1, 0.01),
+        lambda v: (*COARSE, f"coupling.settled={v} K", "coupling.passes=20"), 1,
     ),
     "penalty, factor": ((1, 10, 100, 1000), lambda v: (*COARSE, touch("penalty", v)), 10),
     "Nitsche, factor": ((10, 100, 1000), lambda v: (*COARSE, touch("nitsche", v)), 10),
@@ -329,7 +330,9 @@ def show_convergence(output: Output, mould: str, rows: Sequence[Mapping[str, Any
         start = [r["refined"] for r in tried].index(f"{name} = {shipped}")
         default, *finer = [r for r in tried[start:] if not r["failure"]]
         # The largest of all differences: the finest may agree by luck where a front has moved.
-        error = {k: max((abs(default[k] - r[k]) for r in finer), default=0.0) for k in SHOWN}
+        error = {
+            k: round(max((abs(default[k] - r[k]) for r in finer), default=0.0), 4) for k in SHOWN
+        }
         errors.append({"from": name, **error})
     errors.append({"from": "together", **{k: sum(e[k] for e in errors) for k in SHOWN}})
     head = {"from": "error from", **{k: label for k, (label, _) in SHOWN.items()}}

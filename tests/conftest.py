@@ -43,6 +43,19 @@ def collect_together() -> Iterator[None]:
 
 
 @pytest.fixture
+def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]:
+    """What castfem warns of, whatever a test before has done to its logger."""
+    from castfem.log import logger
+
+    before, logger.propagate = logger.propagate, False
+    logger.addHandler(caplog.handler)
+    with caplog.at_level("WARNING", logger.name):
+        yield caplog
+    logger.propagate = before
+    logger.removeHandler(caplog.handler)
+
+
+@pytest.fixture
 def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A temporary folder that is the same on all ranks."""
     from mpi4py import MPI

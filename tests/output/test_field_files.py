@@ -63,16 +63,16 @@ def test_nothing_of_an_earlier_time_is_written_again(tmp_path):
     assert whole < 100 * (13 * 4 * len(points) + 3000)
 
 
-def test_a_single_time_that_cannot_be_read_is_left_out_and_said(tmp_path, caplog):
+def test_a_single_time_that_cannot_be_read_is_left_out_and_said(tmp_path, told):
     """As a power cut leaves it, on a disk that lies."""
     unfinished(tmp_path, 4)
     (tmp_path / "fields" / "000001.h5").write_bytes(b"")
     with Fields(tmp_path) as fields:
         assert fields.times.tolist() == [0.0, 0.2, 0.1 * 3]
-    caplog.clear()
+    told.clear()
     writer = FieldWriter.resume(tmp_path, 0.2)
     assert writer.times == [0.0, 0.2]
-    assert ["000001.h5: cannot be read" in r.message for r in caplog.records] == [True]
+    assert ["000001.h5: cannot be read" in r.message for r in told.records] == [True]
     points, cells = rectangle(4, 3, 0.06, 0.05, "triangle", 1)
     writer.write(0.3, 0.0, some_fields(points, cells, 3)[0])
     writer.close()
@@ -114,16 +114,14 @@ def test_a_full_disk_is_a_run_failure_and_spares_what_is_written(tmp_path, small
 
 
 @pytest.mark.parametrize("size", [500, 4000, 12_000])
-def test_a_disk_that_is_full_in_the_end_leaves_the_single_files(
-    tmp_path, small_files, caplog, size
-):
+def test_a_disk_that_is_full_in_the_end_leaves_the_single_files(tmp_path, small_files, told, size):
     """However much of the new fields.h5 there was room for."""
     writer, _, _ = unfinished(tmp_path, 12)
     before = (tmp_path / "fields.h5").read_bytes(), (tmp_path / "fields.xdmf").read_bytes()
     small_files(size)
     writer.close()
     small_files(resource.RLIM_INFINITY)
-    (record,) = caplog.records
+    (record,) = told.records
     assert "the fields stay in single files" in record.message
     assert "fields.h5: cannot be written (File too large)" in record.message
     assert (
