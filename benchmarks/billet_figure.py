@@ -39,6 +39,8 @@ def draw(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
                     times = [r["seconds"] for r in coarse]
                     axis.plot(times, errors, "o-", color=colour, label=family, linewidth=1.2)
                 axis.set(xscale="log", yscale="log", xlabel="processor time [s]", ylabel=label)
+                axis.xaxis.set_major_formatter("{x:g}")
+                axis.xaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
                 axis.set_title(mould)
         grid[0][0].legend(loc="best", fontsize=8)
     return figure
