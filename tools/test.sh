@@ -50,7 +50,13 @@ pytest_on_two_ranks() {
 
 step 'ruff check' inside ruff check --quiet --output-format concise .
 step 'ruff format' inside ruff format --check --quiet --output-format concise .
-step 'mypy' inside python -m mypy
+# Later DOLFINx are annotated otherwise: one set of types can satisfy one of them alone.
+dolfinx=$(inside python -c 'import dolfinx; print(dolfinx.__version__)')
+if [[ $dolfinx == 0.9.* ]]; then
+  step 'mypy' inside python -m mypy
+else
+  summary+=("   mypy                   left out: the types are those of DOLFINx 0.9, not $dolfinx")
+fi
 if [[ $what == all ]]; then
   step 'pytest, 2 ranks' pytest_on_two_ranks "$@"
 fi

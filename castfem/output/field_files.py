@@ -268,6 +268,14 @@ class _Patient(io.FileIO):
             self.error = error
         return size
 
+    def truncate(self, size: int | None = None) -> int:
+        """Sets the length, or notes why it cannot be."""
+        try:
+            return super().truncate(size)
+        except OSError as error:
+            self.error = error
+            return size or 0
+
 
 def _write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
     """Writes a small HDF5 file: made in memory, since HDF5 does not survive a full disk."""
