@@ -23,7 +23,7 @@ def test_check(castfem):
     assert "0.4 s at 0.01 1/s" in outcome.out
 
 
-@pytest.mark.parametrize(("name", "test"), zip(NAMES, TESTS, strict=True), ids=NAMES)
+@pytest.mark.parametrize(("name", "test"), list(zip(NAMES, TESTS, strict=True)), ids=NAMES)
 def test_the_five_tests_of_the_thesis(castfem, name, test):
     """All files of a run; the stress that of the law alone, and its analytical answer."""
     outcome = castfem("run", f"tensile/{name}", "-o", "out")
