@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from castfem import reductions
 from castfem.coupling import Leg, StrandState
+from castfem.passage import Passage
 from castfem.probes import Profile
 from castfem.scene import Scene
 from castfem.thermal.stepper import ThermalState
@@ -60,12 +61,14 @@ class Measure:
         worst_balance: Largest relative heat balance error of a step.
         metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
             left.
+        passage: What the slice has met in its mould; None without one.
     """
 
     scene: Scene
     mechanics: MechanicalMeasure | None = None
     worst_balance: float = 0.0
     metallurgical_length: float | None = None
+    passage: Passage | None = None
     _hottest: float = np.inf
     _time: float = 0.0
     _surface: dict[str, int] = field(default_factory=dict)
@@ -78,6 +81,8 @@ class Measure:
             self.mechanics = MechanicalMeasure(
                 self.scene.mechanics, self.scene.probes, self.scene.centred_probes
             )
+        if self.scene.case.mould is not None:
+            self.passage = Passage(self.scene.case.mould.length)
         section = self.scene.section
         space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
         share = self.scene.zones.perimeter_share()
@@ -110,7 +115,7 @@ class Measure:
         self._note_closing(state, state.extremes[1])
         balance = 0.0 if leg is None else leg.balance
         self.worst_balance = max(self.worst_balance, abs(balance))
-        return Reading(
+        reading = Reading(
             time=state.time,
             position=state.time * scene.case.casting.speed,
             step=0.0 if leg is None else leg.step,
@@ -124,6 +129,9 @@ class Measure:
             balance=balance,
             mechanics=self._read_mechanics(strand, mechanical),
         )
+        if self.passage is not None:
+            self.passage.note(reading)
+        return reading
 
     def _read_mechanics(
         self, strand: StrandState, result: MechanicalResult | None
@@ -139,6 +147,7 @@ class Measure:
             "metallurgical_length": self.metallurgical_length,
             "hottest": self._hottest,
             "time": self._time,
+            **({} if self.passage is None else self.passage.memory()),
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
@@ -147,6 +156,8 @@ class Measure:
         self.metallurgical_length = memory["metallurgical_length"]
         self._hottest = memory["hottest"] or np.inf
         self._time = memory["time"] or 0.0
+        if self.passage is not None:
+            self.passage.recall(memory)
 
     def heat_gained(self, state: ThermalState) -> float:
         """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""

@@ -111,6 +111,8 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
     }
     if reading.mechanics is not None:
         found |= _mechanical_quantities(reading.mechanics)
+    if march.measure.passage is not None:
+        found |= march.measure.passage.quantities()
     closed = march.measure.metallurgical_length
     if closed is not None:
         found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")

@@ -97,6 +97,12 @@ def _mesh(case: Case) -> Iterator[Problem]:
                 f"({_mm(fine)}) is larger than {big} ({_mm(coarse)}); cells grow from the surface "
                 "to the core and from the corner to the middle of a face",
             )
+    curved = isinstance(section, Round | BeamBlank) or bool(getattr(section, "corner_radius", 0.0))
+    if case.mould is not None and mesh.cell == "quadrilateral" and mesh.order == 1 and curved:
+        yield Problem(
+            ("mesh", "order"),
+            "(1) makes a polygon of the round surface, which its mould is not; give order = 2",
+        )
     if case.mould is not None and mesh.cell == "triangle" and mesh.order == 1:
         yield Problem(
             ("mesh", "order"),

@@ -121,7 +121,9 @@ class Mechanics(TableModel):
         examples=["elastic_steel"],
     )
     liquid_stiffness: Ratio = Field(
-        1e-5, description="Young's modulus of the liquid over that of the solid"
+        1e-5,
+        description="Young's modulus of the liquid over that of the solid; without [mould] nothing "
+        "else holds a thin shell against the liquid's pressure: take 1e-3 there (docs/billet.md)",
     )
     mush: Literal["geometric", "linear"] = Field(
         "geometric", description="how the modulus goes with the solid fraction in the mush"

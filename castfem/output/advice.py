@@ -29,6 +29,7 @@ OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 _THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
 _MORE = 0.01  # of the surface; if less of it touches again, only the least is named
+_BULGED = 0.01  # of the section
 _REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
 
@@ -94,6 +95,7 @@ def remarks(
         weakest[_THINNEST] = replace(bare, where=f"no shell at all; {bare.where}")
     return [
         *_contact(table, position),
+        *_bulging(table, position),
         *weakest.values(),
         *_reheating(table, position),
         *_stress(table, position),
@@ -150,13 +152,31 @@ def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     """The least part of the surface that touches, unless all of it always does."""
     if not has_values(table, "contact_share"):
         return
-    share = table["contact_share"].to_numpy()
+    walls = [table[column].notna().to_numpy() for _, _, column in curves(table, "gap")]
+    beside = np.any(walls, axis=0) if walls else np.ones(len(table), dtype=bool)
+    share = np.where(beside, table["contact_share"].to_numpy(), np.nan)  # below the mould: nothing
+    if np.isnan(share).all():
+        return
     row = int(np.nanargmin(share))
     if share[row] < 1.0:
         where = f"of the surface, at {_at(float(position[row]), table)}"
         if share[-1] > share[row] + _MORE:
             where += f"; {100.0 * share[-1]:.3g} % at the end of the run"
         yield Remark("least contact", 100.0 * float(share[row]), "%", where)
+
+
+def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """A face that the liquid has pushed out further than any caster would let it."""
+    for label, _, column in curves(table, "displacement"):
+        size = column.replace("displacement", "size", 1)
+        if not has_values(table, size):
+            continue
+        moved, across = table[column].to_numpy(), table[size].to_numpy()
+        row = int(np.nanargmax(moved))
+        if moved[row] > _BULGED * across[0]:
+            where = f"at {_at(float(position[row]), table)}; nothing holds the shell there, see "
+            where += "mechanics.liquid_stiffness in docs/case_files.md"
+            yield Remark(f"bulge, {label}", float(moved[row]), unit_of(table, column), where)
 
 
 def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:

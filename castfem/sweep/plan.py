@@ -203,7 +203,10 @@ def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
     if len(kept) < 2:
         raise ValueError("needs a header, such as 'casting.speed [m/min]', and a row for each run")
     separator = ";" if ";" in kept[0] else ","
-    head, *body = ([cell.strip() for cell in row] for row in csv.reader(kept, delimiter=separator))
+    head, *body = (
+        [cell.strip() for cell in row]
+        for row in csv.reader(kept, delimiter=separator, skipinitialspace=True)
+    )
     columns = [_column(cell, document) for cell in head]
     keys = [key for key, _ in columns]
     if len(set(keys)) < len(keys):

@@ -19,7 +19,8 @@ def moulded(write, sound):
     """Write a case with a mould of 600 mm and a zone of contact as long."""
 
     def _moulded(text: str = FOLLOWS):
-        return write(sound.replace(CONTACT, text) + MOULD)
+        curved = sound.replace("[mesh]\n", "[mesh]\norder = 2\n")
+        return write(curved.replace(CONTACT, text) + MOULD)
 
     return _moulded
 
@@ -94,3 +95,14 @@ def test_fields_of_contact_are_written_with_a_mould(moulded, write, sound):
     assert "stress" in free.output_fields
     both = ("gap", "contact_pressure")
     assert load_case(moulded()).output_fields == free.output_fields + both
+
+
+@pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
+def test_cells_of_first_order_are_not_for_a_mould(moulded, cell):
+    with pytest.raises(InputError, match=r"mesh\.order: \(1\) makes .* give order = 2"):
+        load_case(moulded(), ("mesh.order=1", f"mesh.cell={cell}"))
+
+
+def test_cells_of_first_order_do_for_a_sharp_corner(moulded):
+    case = load_case(moulded(), ("mesh.order=1", "section.corner_radius=0 mm"))
+    assert case.mesh.order == 1

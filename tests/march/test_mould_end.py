@@ -6,7 +6,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from moulded import billet, marched, run
+from march.moulded import billet, marched, run
 
 from castfem.output.history import read_history
 
@@ -52,3 +52,20 @@ def test_below_the_mould_there_is_no_gap(tmp_path: Path) -> None:
     on_surface = np.isnan(gaps[-1])
     assert 0 < on_surface.sum() < on_surface.size
     assert np.isfinite(gaps[2]).all() and (gaps[2][~on_surface] == 0.0).all()
+
+
+def test_the_mould_is_remembered_below_it(tmp_path: Path) -> None:
+    """Its heat, the worst of its contact: also where a run goes on from a checkpoint below it."""
+    longer = ("casting.length=140 mm", "mould.length=100 mm", "cooling.mould.to=100 mm")
+    kept = marched(billet("taper_0", *longer))
+    inside = [r for r in kept.readings if 0.0 < r.position < 0.1 + 1e-12]
+    contact = [r.mechanics.contact for r in inside if r.mechanics and r.mechanics.contact]
+    assert kept.value("mould_heat_removed") == inside[-1].removed < kept.value("heat_removed")
+    assert kept.value("mould_gap_max") == max(c.gap for c in contact) > 5e-6
+    assert kept.value("mould_contact_least") == min(c.share for c in contact) > 0.0
+    assert kept.value("mould_pressure_max") == max(c.pressure for c in contact) > 0.0
+    run(billet("taper_0", *longer, "casting.length=120 mm"), tmp_path)
+    summary = run(billet("taper_0", *longer), tmp_path, resume=True)
+    for name in ("heat_removed", "gap_max", "contact_least", "pressure_max"):
+        found = summary.quantities[f"mould_{name}"].value
+        assert abs(found / kept.value(f"mould_{name}") - 1.0) < 1e-9

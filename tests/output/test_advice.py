@@ -164,3 +164,12 @@ def test_show_prints_what_to_look_at_on_whole_lines(strained_run):
     (line,) = [line for line in text.splitlines() if line.startswith("contact lost, corner")]
     assert "0.5" in line
     assert " mm  lost at 120 mm, t = 2 s, regained at 360 mm" in line
+
+
+def test_a_shell_that_nothing_holds_is_named(table):
+    """More than a hundredth of the section outward is the stiffness of the liquid, not steel."""
+    assert not [r for r in remarks(table, summary()) if r.what.startswith("bulge")]
+    table["displacement_mid_face"] *= 40.0
+    bulge = of(remarks(table, summary()), "bulge, mid-face")
+    assert bulge.value == table["displacement_mid_face"].max() and bulge.unit == "mm"
+    assert bulge.where.startswith("at 600 mm") and "mechanics.liquid_stiffness" in bulge.where

@@ -1,0 +1,65 @@
+"""The slice on its way through the mould: the worst of its contact, and the heat taken there."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+from castfem.output.summary import Quantity
+
+if TYPE_CHECKING:
+    from castfem.measure import Reading
+
+_ROUNDING = 1e-9
+
+
+@dataclass(slots=True)
+class Passage:
+    """What a run that goes on below its mould would otherwise have forgotten.
+
+    Attributes:
+        length: Of the mould, m.
+        gap: Largest so far, m. share: Least part of the surface in contact.
+        pressure: Largest of the contact, Pa. heat: Removed per length of strand, J/m.
+    """
+
+    length: float
+    gap: float = 0.0
+    share: float = 1.0
+    pressure: float = 0.0
+    heat: float = 0.0
+
+    def note(self, reading: Reading) -> None:
+        """Take in one more interval."""
+        if reading.position > self.length * (1.0 + _ROUNDING):
+            return
+        self.heat = reading.removed
+        contact = None if reading.mechanics is None else reading.mechanics.contact
+        if contact is not None and reading.position > 0.0:
+            self.gap = max(self.gap, contact.gap)
+            self.share = min(self.share, contact.share)
+            self.pressure = max(self.pressure, contact.pressure)
+
+    def memory(self) -> dict[str, float | None]:
+        """What a checkpoint must hold of it."""
+        return {f"mould_{name}": value for name, value in asdict(self).items() if name != "length"}
+
+    def recall(self, memory: dict[str, float | None]) -> None:
+        """Take up what `memory` gave."""
+        for name in ("gap", "share", "pressure", "heat"):
+            value = memory[f"mould_{name}"]
+            assert value is not None
+            setattr(self, name, value)
+
+    def quantities(self) -> dict[str, Quantity]:
+        """Results, from the meniscus to the mould's end or to where the slice is."""
+        return {
+            "mould_heat_removed": Quantity(self.heat, "MJ/m", "heat removed in the mould"),
+            "mould_gap_max": Quantity(self.gap, "mm", "largest gap in the mould"),
+            "mould_contact_least": Quantity(
+                self.share, "percent", "least contact in the mould, share of the surface"
+            ),
+            "mould_pressure_max": Quantity(
+                self.pressure, "MPa", "largest contact pressure in the mould"
+            ),
+        }
