@@ -30,6 +30,7 @@ surface_size = "1 mm"                 # at the surface, normal to it
 corner_size = "1 mm"                  # along the surface, at a corner
 face_size = "8 mm"                    # along the surface, at mid-face
 core_size = "10 mm"
+order = 2                             # cells that follow the round corner
 
 # Zones in casting order. Several heat laws on one surface add up.
 [[cooling]]
@@ -40,6 +41,7 @@ to = "800 mm"
 law = "contact"
 coefficient = "1600 W/(m^2 K)"
 wall = "160 degC"
+gap_conductivity = "0.15 W/(m K)"     # of what fills the gap that opens in [mould]
 
 [[cooling]]
 name = "spray"
@@ -70,6 +72,14 @@ temperature = [400, 800, 1200]
 temperature_unit = "degC"
 value = [9, 10, 12]
 unit = "W/(m^2 K)"
+
+# Take the # away to strain the strand as well, in a mould with walls (docs/mould.md).
+# [mechanics]
+# law = "norton_hoff_kozlowski"
+#
+# [mould]
+# length = "800 mm"                     # from the meniscus to its end
+# taper = "1 %/m"
 
 [thermal.time]
 adaptive = {{ tolerance = "0.5 K", largest = "1 s" }}    # or: step = "50 ms"

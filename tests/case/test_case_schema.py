@@ -101,6 +101,20 @@ def test_one_key_makes_the_billet_a_whole_caster():
     ]
 
 
+def test_starter_has_a_mould_in_reserve(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        starter("mine.toml", "mine")
+        .replace("# [m", "[m")
+        .replace("# law", "law")
+        .replace("# length", "length")
+        .replace("# taper", "taper")
+    )
+    case = load_case(path)
+    assert case.mechanics is not None and case.mould is not None
+    assert case.mould.length == pytest.approx(0.8)
+
+
 def test_starter_is_a_sound_case_with_every_key_known(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text(starter("mine.toml", "mine"))
