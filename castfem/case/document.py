@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import os
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -191,8 +191,16 @@ def _forget(document: Document, path: Keys) -> None:
         del document.origins[known]
 
 
-def override(document: Document, assignments: Iterable[str]) -> None:
-    """Apply `a.b.0.c=value` assignments; values are TOML, or else taken as text."""
+def override(
+    document: Document, assignments: Iterable[str], meant: Callable[[str], str] = str
+) -> None:
+    """Apply `a.b.0.c=value` assignments; values are TOML, or else taken as text.
+
+    Args:
+        document: What is changed; what is wrong with an assignment is noted in its `faults`.
+        assignments: As the user wrote them.
+        meant: The dotted key that one without dots stands for; raises ValueError if none does.
+    """
     for assignment in assignments:
         key, equals, text = assignment.partition("=")
         if not equals or not key.strip():
@@ -204,7 +212,12 @@ def override(document: Document, assignments: Iterable[str]) -> None:
             value = tomllib.loads(f"value = {text}")["value"]
         except tomllib.TOMLDecodeError:
             value = text.strip()
-        put(document, key.strip(), value, "--set")
+        try:
+            full = meant(key.strip())
+        except ValueError as error:
+            document.faults.append(f"--set: {key.strip()}: {error}")
+            continue
+        put(document, full, value, "--set")
 
 
 def put(document: Document, key: str, value: Any, label: str) -> None:

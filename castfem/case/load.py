@@ -46,7 +46,8 @@ def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
 
     Args:
         path: The case file.
-        overrides: Assignments `dotted.key=value`; the value is TOML, or else taken as text.
+        overrides: Assignments `dotted.key=value`, or of a bare key that only one table of the case
+            has; the value is TOML, or else taken as text.
 
     Raises:
         InputError: Something is wrong; it holds every problem found, one line each.
@@ -67,7 +68,8 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:
     written = document.read(Path(path))
     if written.faults:
         return Reading(None, tuple(written.faults))
-    document.override(written, overrides)
+    kind = _kind(written)
+    document.override(written, overrides, lambda key: names.full_key(kind, written.data, key))
     return _validate(written)
 
 
@@ -109,7 +111,7 @@ def _or_raise(reading: Reading) -> Case:
 
 def _validate(written: document.Document) -> Reading:
     """Validate a document, check across keys, and collect the problems with their files."""
-    kind: type[AnyCase] = TensileCase if tensile.TABLE in written.data else Case
+    kind = _kind(written)
     case, found = _build(kind, written.data)
     found += list(tensile.check(case) if isinstance(case, TensileCase) else checks.check(case))
     lines = [*written.faults, *(_line(written, problem) for problem in found)]
@@ -117,6 +119,10 @@ def _validate(written: document.Document) -> Reading:
     steel = f"{written.origin((table, key))}: {table}"
     laws = [f"{written.origin(('mechanics', k))}: mechanics.{k}" for k in ("law", "elasticity")]
     return Reading(case, tuple(dict.fromkeys(lines)), steel, *laws)
+
+
+def _kind(written: document.Document) -> type[AnyCase]:
+    return TensileCase if tensile.TABLE in written.data else Case
 
 
 def _build(kind: type[AnyCase], data: dict[str, Any]) -> tuple[AnyCase, list[problems.Problem]]:

@@ -228,3 +228,10 @@ def test_cases_are_loaded_without_heavy_modules(write):
         "'typer', 'rich'} & set(sys.modules); assert not bad, bad"
     )
     subprocess.run([sys.executable, "-c", code, str(write())], check=True)
+
+
+def test_overrides_take_bare_names(write, sound):
+    case = load_case(write(sound), ("speed=3 m/min",))
+    assert case.casting.speed == pytest.approx(0.05)
+    with pytest.raises(InputError, match=r"--set: sped: .* did you mean casting\.speed\?"):
+        load_case(write(sound), ("sped=3 m/min",))
