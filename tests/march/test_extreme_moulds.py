@@ -77,12 +77,12 @@ def test_casting_speed(speed: str, length: str) -> None:
 
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_intervals_twenty_times_longer(name: str) -> None:
-    """Two seconds instead of a tenth: heat within 2 %, stress within 25 % of shorter ones."""
+    """Two seconds instead of a tenth: heat within 1 %, stress within 10 % of shorter ones."""
     length = 'casting.length="360 mm"'
     long = sound(marched(billet(name, length, "coupling.interval=2 s")))
     fine = marched(billet(name, length, "coupling.interval=0.25 s"))
-    assert long.value("heat_removed") == pytest.approx(fine.value("heat_removed"), rel=0.02)
-    assert long.value("von_mises_max") == pytest.approx(fine.value("von_mises_max"), rel=0.25)
+    assert long.value("heat_removed") == pytest.approx(fine.value("heat_removed"), rel=0.01)
+    assert long.value("von_mises_max") == pytest.approx(fine.value("von_mises_max"), rel=0.1)
 
 
 def test_friction_up_to_the_pressure() -> None:
