@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from types import TracebackType
 from typing import Self
 
 
-class Closing:
+class Closing(ABC):
     """Closes itself at the end of a `with`, whatever has happened in it."""
 
+    @abstractmethod
     def close(self) -> None:
         """Let go of what is held; safe to call twice."""
-        raise NotImplementedError
+
+    def leave(self, error: BaseException) -> None:  # noqa: B027 - most have nothing to add
+        """Take note of the error that ends the `with`, before closing."""
 
     def __enter__(self) -> Self:
         return self
@@ -22,4 +26,8 @@ class Closing:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.close()
+        try:
+            if error is not None:
+                self.leave(error)
+        finally:
+            self.close()

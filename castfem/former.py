@@ -7,12 +7,13 @@ that no others are touched, is the business of `castfem.output.folder`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from castfem.case import AnyCase, read_case
 from castfem.errors import InputError
+from castfem.wording import differences
+
+_NOT_PHYSICS = ("title", "output", "reference", "casting.length")
 
 
 def check(folder: Path, case: AnyCase, *, resume: bool, overwrite: bool) -> None:
@@ -40,29 +41,6 @@ def check(folder: Path, case: AnyCase, *, resume: bool, overwrite: bool) -> None
     if former.problems or former.case is None:
         raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
     if former.case.physics_hash() != case.physics_hash():
-        changes = list(differences(former.case.document(), case.document()))
-        told = "; ".join(changes[:5]) or "the steel's file has changed"
-        more = f"; and {len(changes) - 5} more" if len(changes) > 5 else ""
-        raise InputError(f"{folder}: holds a run of another case ({told}{more}); {mend}")
-
-
-def differences(there: Any, here: Any, key: str = "") -> Iterator[str]:
-    """Yield the keys in which two documents of cases differ, those that are physics."""
-    if key in ("title", "output", "reference", "casting.length"):
-        return
-    if isinstance(there, dict) and isinstance(here, dict):
-        for name in there.keys() | here.keys():
-            below = f"{key}.{name}" if key else name
-            yield from differences(there.get(name), here.get(name), below)
-    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
-        for index, (one, other) in enumerate(zip(there, here, strict=True)):
-            yield from differences(one, other, f"{key}.{index}")
-    elif there != here:
-        yield f"{key}: {_brief(there)} there, {_brief(here)} here"
-
-
-def _brief(value: Any) -> str:
-    if value is None:
-        return "nothing"
-    text = str(value)
-    return text if len(text) <= 40 else text[:36] + " ..."
+        told = differences(former.case.document(), case.document(), _NOT_PHYSICS)
+        told = told or "the steel's file has changed"
+        raise InputError(f"{folder}: holds a run of another case ({told}); {mend}")

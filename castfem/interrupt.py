@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import signal
 import threading
-from types import FrameType, TracebackType
-from typing import Any
+from types import FrameType
+from typing import Any, Self
 
 from castfem import log
+from castfem.closing import Closing
 
 
-class Interrupt:
+class Interrupt(Closing):
     """While it is entered, the first Ctrl-C is only noted; a second one raises at once.
 
     It leaves signals alone that somebody else handles, and off the main thread, where Python
@@ -38,18 +39,14 @@ class Interrupt:
         if self.wanted:
             raise KeyboardInterrupt
 
-    def __enter__(self) -> Interrupt:
+    def __enter__(self) -> Self:
         ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
         if self._alone and ours and threading.current_thread() is threading.main_thread():
             self._former = signal.signal(signal.SIGINT, self._note)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Let Ctrl-C do what it did before."""
         if self._former is not None:
             signal.signal(signal.SIGINT, self._former)
             self._former = None

@@ -6,6 +6,7 @@ and bounds, and written back with its unit by `model_dump(mode="json")`.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 
-class Notation:
+class Notation(ABC):
     """How a value is written in a file, as an annotation of the fields of pydantic models.
 
     A model reads it in SI; `model_dump(mode="json")` writes what reads back to the same value.
@@ -24,13 +25,13 @@ class Notation:
 
     __slots__ = ()
 
+    @abstractmethod
     def read(self, given: object) -> Any:
         """Return the value in SI, or raise ValueError."""
-        raise NotImplementedError
 
+    @abstractmethod
     def write(self, value: Any) -> Any:
         """Return what `read` reads back to the same value."""
-        raise NotImplementedError
 
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler

@@ -232,7 +232,7 @@ class SnesSolver:
         with self._called_back():
             sizes = self.problem.norms(snes.getSolution(), snes.getFunction()[0])
         self._history.append(sizes)
-        worst = max(sizes.values())
+        worst = float(np.max(list(sizes.values())))  # of which a NaN comes out, unlike of max()
         if not np.isfinite(worst):
             return int(reasons.DIVERGED_FNORM_NAN)
         if worst <= 1.0:

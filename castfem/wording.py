@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
 
 Path = tuple[str | int, ...]
 
@@ -30,3 +31,51 @@ def shown(value: object) -> str:
 def choices(names: Iterable[object]) -> str:
     """Return names as a list in a sentence."""
     return ", ".join(str(name) for name in names)
+
+
+_NAMED = 5  # differences of two cases in a message
+
+
+def differences(
+    there: Mapping[str, Any], here: Mapping[str, Any], leave_out: Iterable[str] = ()
+) -> str:
+    """Return the keys in which two documents of cases differ, with both values; "" if they do not.
+
+    Args:
+        there: The one, nested tables and arrays of plain values.
+        here: The other.
+        leave_out: Dotted keys that do not count, with all below them.
+    """
+    found = list(_differences(there, here, "", tuple(leave_out)))
+    more = [f"and {len(found) - _NAMED} more"] if len(found) > _NAMED else []
+    return "; ".join([*found[:_NAMED], *more])
+
+
+def _differences(there: Any, here: Any, key: str, leave_out: tuple[str, ...]) -> Iterator[str]:
+    if key in leave_out:
+        return
+    if there == here:
+        return
+    one, other = _parts(there), _parts(here)
+    if one is not None and other is not None:
+        for name in dict.fromkeys([*one, *other]):
+            below = f"{key}.{name}" if key else str(name)
+            yield from _differences(one.get(name), other.get(name), below, leave_out)
+    else:
+        yield f"{key}: {_brief(there)} there, {_brief(here)} here"
+
+
+def _parts(value: Any) -> Mapping[Any, Any] | None:
+    """What stands in a table, an array or nothing by its key; None of a plain value."""
+    if isinstance(value, Mapping):
+        return value
+    if isinstance(value, list | tuple):
+        return dict(enumerate(value))
+    return {} if value is None else None
+
+
+def _brief(value: Any) -> str:
+    if value is None:
+        return "nothing"
+    text = str(value)
+    return text if len(text) <= 40 else text[:36] + " ..."

@@ -45,6 +45,8 @@ class Zones:
         self._steel, self._surface = steel, surface
         self._wall = wall_over_time(case)
         self._coolings = [self._make(i) for i in range(len(self.spans))]
+        tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
+        self._cooled = surface.patch(tags) if tags else None
 
     @property
     def changes(self) -> list[float]:
@@ -102,10 +104,8 @@ class Zones:
     def perimeter_share(self) -> Array:
         """Share of the cooled perimeter that belongs to each owned vertex (owned,), m."""
         share = np.zeros(self._surface.section.owned)
-        tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
-        if tags:
-            patch = self._surface.patch(tags)
-            share[patch.dofs] = patch.weights
+        if self._cooled is not None:
+            share[self._cooled.dofs] = self._cooled.weights
         return share
 
     def _tags(self, names: tuple[str, ...]) -> list[int]:

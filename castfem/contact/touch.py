@@ -241,7 +241,7 @@ class WallContact:
         slides: Flags = closed
         friction: Array = np.zeros((self.facets.count, 2))
         if self.contact.friction is not None:
-            slides, friction = self._rub(seen, n, moved - before, pressure)
+            slides, friction = self._rub(seen, along, moved - before, pressure)
         self._given.fill(seen)
         strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
         self.now = Touch(place, n, gap, pressure, friction, slides, stretch, seen, strain)
@@ -292,14 +292,15 @@ class WallContact:
         stretch = np.hypot(*turned.T)
         return turned / stretch[:, None], stretch
 
-    def _rub(self, seen: Array, n: Array, slip: Array, pressure: Array) -> tuple[Flags, Array]:
+    def _rub(self, seen: Array, along: Array, slip: Array, pressure: Array) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction."""
         assert self.contact.friction is not None
-        along = np.column_stack([-n[:, 1], n[:, 0]])
-        moved = np.column_stack([np.einsum("ni,ni->n", along, slip), np.full(len(n), self._slip)])
+        moved = np.column_stack(
+            [np.einsum("ni,ni->n", along, slip), np.full(len(along), self._slip)]
+        )
         trial = self._old.friction - self.stiffness[:, None] * moved
         answer = return_friction(self.contact.friction, trial, pressure, self.stiffness, self._dt)
-        frame = np.zeros((len(n), 3, 2))
+        frame = np.zeros((len(along), 3, 2))
         frame[:, :2, 0], frame[:, 2, 1] = along, 1.0
         seen[:, TRACTION] += np.einsum("nij,nj->ni", frame, answer.traction)
         seen[:, BY_PRESSURE] += np.einsum("nij,nj->ni", frame, answer.by_pressure)

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from castfem.errors import InputError
 from castfem.output.files import replacing
+from castfem.wording import differences
 
 if TYPE_CHECKING:
     import h5py
@@ -141,36 +142,11 @@ def _check_head(path: Path, file: h5py.File, physics: str | None, case: Mapping[
         )
     written = file.attrs.get("physics")
     if physics is not None and written != physics:
-        told = _difference(_flat(_words(file, "case")), _flat(case))
+        told = differences(_words(file, "case"), case)
         told = told or f"physics {str(written)[:12]} there, {physics[:12]} here"
         raise InputError(
             f"{path}: belongs to another case ({told}); undo the change of the case, or {_ANEW}"
         )
-
-
-def _difference(there: dict[str, Any], here: dict[str, Any]) -> str:
-    """The keys in which two cases differ, with both values."""
-    keys = [*there, *(key for key in here if key not in there)]
-    changed = [key for key in keys if there.get(key) != here.get(key)]
-    told = [f"{key}: {_brief(there, key)} there, {_brief(here, key)} here" for key in changed[:5]]
-    more = [f"and {len(changed) - 5} more"] if len(changed) > 5 else []
-    return "; ".join(told + more)
-
-
-def _brief(case: dict[str, Any], key: str) -> str:
-    text = str(case.get(key, "nothing"))
-    return text if len(text) <= 40 else text[:36] + " ..."
-
-
-def _flat(value: Any, key: str = "") -> dict[str, Any]:
-    """Nested tables and arrays as one, by dotted key."""
-    if isinstance(value, Mapping | list | tuple):
-        parts = value.items() if isinstance(value, Mapping) else enumerate(value)
-        found: dict[str, Any] = {}
-        for name, part in parts:
-            found |= _flat(part, f"{key}.{name}" if key else str(name))
-        return found
-    return {key: value}
 
 
 def _json_value(value: Any) -> Any:

@@ -28,10 +28,10 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import castfem
+from castfem.closing import Closing
 from castfem.errors import CastfemError, InputError
 from castfem.output.checkpoint import CHECKPOINT_NAME
 from castfem.output.field_files import HDF5_NAME, remove_singles, singles
@@ -112,7 +112,7 @@ class RunRecord:
         return cls(**record)
 
 
-class OutputFolder:
+class OutputFolder(Closing):
     """The folder of one run; on rank 0 only.
 
     Used as a context manager it notes in run.json how the block ended and gives the lock back.
@@ -206,24 +206,16 @@ class OutputFolder:
             self._lock.release()
             self._lock = None
 
-    def __enter__(self) -> OutputFolder:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def leave(self, error: BaseException) -> None:
+        """Note why the run ends, or take back that it has begun."""
         if self._before is not None and isinstance(error, InputError):
             with suppress(CastfemError):
                 self._begin_no_more(*self._before)
-        elif error is not None and self._lock is not None and self.record.status == "running":
+        elif self._lock is not None and self.record.status == "running":
             stopped = isinstance(error, KeyboardInterrupt)
             reason = "stopped by the user" if stopped else str(error) or type(error).__name__
             with suppress(CastfemError):  # a full disk must not hide what went wrong
                 self.fail(reason)
-        self.close()
 
     def is_running(self) -> bool:
         """Whether a run is at work in the folder at this moment."""
@@ -240,6 +232,8 @@ class OutputFolder:
         except Timeout:
             return True
         except (OSError, NotImplementedError):
+            # No right to the file, or a file system that has no locks, of which filelock says
+            # NotImplementedError: no run can be told to be at work.
             return False
         probe.release()
         return False
@@ -255,7 +249,8 @@ class OutputFolder:
             raise InputError(
                 f"{self.path}: another run is writing here; wait for it, or choose another folder"
             ) from error
-        except NotImplementedError:  # a file system without locks: run.json alone has to do
+        except NotImplementedError:
+            # What filelock says of a file system without locks: run.json alone has to do.
             return
         self._lock = lock
 
