@@ -22,6 +22,7 @@ BENCHMARKS = {
     "mechanical_cost": "benchmarks.mechanical_cost",
     "billet": "benchmarks.billet_study",
     "turns": "benchmarks.turns",
+    "wall": "benchmarks.wall_study",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -29,6 +30,7 @@ PAGES = {
     "mechanical_cost": "benchmarks_mechanics.md",
     "billet": "billet.md",
     "turns": "coupling.md",
+    "wall": "contact.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

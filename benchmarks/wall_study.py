@@ -1,0 +1,215 @@
+"""What holds a strand in its mould: the penalty's factor, the cells at the wall, springs beside it.
+
+Writes tables of docs/contact.md and docs/mechanics.md. All runs are shipped billets, in memory.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from time import process_time
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.billet_study import CASES, COARSE, QUIET, touch
+from benchmarks.report import Output, table
+from castfem import mechanical_scene
+from castfem.case import load_case
+from castfem.march import March
+from castfem.measure import Reading
+from castfem.mechanical_measure import MechanicalReading
+from castfem.report import summarise
+from castfem.scene import build_scene
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass
+class Marched:
+    """Sits where a recorder does, and keeps what the mechanics read at every interval.
+
+    Attributes:
+        mechanics: One reading an interval. seconds: Of processor time.
+        newton: Mechanical iterations. cut: Intervals that were cut back.
+        values: Of the summary's quantities at the end.
+    """
+
+    mechanics: list[MechanicalReading] = field(default_factory=list)
+    seconds: float = 0.0
+    newton: int = 0
+    cut: int = 0
+    values: dict[str, float] = field(default_factory=dict)
+
+    def step(self, march: March, reading: Reading) -> None:
+        """Note an interval."""
+        if reading.mechanics is not None and reading.position > 0.0:
+            self.mechanics.append(reading.mechanics)
+
+    def contact(self, name: str) -> Array:
+        """A number of the contact, or a pair, at every interval."""
+        return np.array([getattr(m.contact, name) for m in self.mechanics])
+
+
+def march(mould: str, changes: Iterable[str]) -> Marched:
+    """March one billet with some keys changed."""
+    scene = build_scene(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF)
+    found = Marched()
+    one = March(scene, found)  # type: ignore[arg-type]
+    start = process_time()
+    one.run()
+    found.seconds = process_time() - start
+    found.newton, found.cut = one.counts.newton_mechanics, one.counts.cut_back
+    found.values = {n: q.value for n, q in summarise(one, "finished").quantities.items()}
+    scene.destroy()
+    keys = textwrap.shorten(" ".join(changes), 120, placeholder=" ...")
+    print(f"  {mould} {keys}: {found.seconds:.1f} s", flush=True)
+    return found
+
+
+# The factor of the penalty.
+
+FACTORS = (10, 30, 100, 300, 1000)
+RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
+SCENES: tuple[tuple[str, tuple[str, ...]], ...] = (
+    *((m, ()) for m in ("taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")),
+    ("taper_1", (RUBBED,)),
+    ("taper_0", (RUBBED,)),
+    ("taper_1", ("mechanics.strain=large",)),
+    ("taper_0", ("mechanics.liquid_stiffness=1e-5",)),
+    ("taper_1", ("mesh.cell=triangle",)),
+)
+PLAIN = 5  # of the scenes: the moulds as shipped
+
+
+def factors(output: Output, quick: bool) -> None:
+    """Iterations, cuts and time by the factor, and how far the results are from the last."""
+    scenes = SCENES[:2] if quick else SCENES
+    found = {f: [march(m, (*COARSE, *c, touch("penalty", f))) for m, c in scenes] for f in FACTORS}
+    last, rows = found[FACTORS[-1]], []
+    for factor, runs in found.items():
+        pairs = list(zip(runs, last, strict=True))[:PLAIN]
+        rows.append(
+            {
+                "factor": factor,
+                "newton": sum(r.newton for r in runs) / sum(len(r.mechanics) for r in runs),
+                "cut": sum(r.cut for r in runs),
+                "seconds": sum(r.seconds for r in runs) / sum(r.seconds for r in found[FACTORS[0]]),
+                **{
+                    name: max(abs(r.values[name] / b.values[name] - 1.0) for r, b in pairs)
+                    for name in ("heat_removed", "von_mises_max")
+                },
+                "penetration": max(1e6 * r.contact("penetration").max() for r in runs),
+            }
+        )
+    output.csv("contact_factor", rows)
+    head = {
+        "factor": "factor", "newton": "Newton an interval", "cut": "cut back", "seconds": "time",
+        "heat_removed": "heat off by", "von_mises_max": "peak stress off by",
+        "penetration": "penetration, µm",
+    }  # fmt: skip
+    forms = dict.fromkeys(("heat_removed", "von_mises_max", "penetration"), ".1e")
+    output.insert("contact factor", table(rows, head, {"newton": ".2f", "seconds": ".2f", **forms}))
+
+
+# Quadrilaterals and triangles.
+
+SIZES = (1.2, 0.8, 0.5, 0.35, 0.2)
+EARLY = ("casting.length=150 mm", "coupling.interval=0.1 s", "mechanics.liquid_stiffness=1e-5")
+
+
+def cells(output: Output, quick: bool) -> None:
+    """Force on a face from 1 to 2.5 s against the finest quadrilaterals, and what touches."""
+    sizes = SIZES[:2] if quick else SIZES
+    found: dict[tuple[str, float], Marched] = {}
+    for cell in ("quadrilateral", "triangle"):
+        for size in sizes:
+            keys = [f"mesh.{k}_size={size} mm" for k in ("surface", "corner")]
+            found[cell, size] = march("taper_1", (*EARLY, *keys, f"mesh.cell={cell}"))
+    exact = found["quadrilateral", sizes[-1]].contact("force")[9:, 0]
+    rows = []
+    for size in sizes:
+        row: dict[str, Any] = {"size": size}
+        for cell in ("quadrilateral", "triangle"):
+            off = found[cell, size].contact("force")[9:, 0] / exact - 1.0
+            row[f"force_{cell}"] = 100.0 * float(np.sqrt(np.mean(off**2)))
+            row[f"share_{cell}"] = float(found[cell, size].contact("share")[-1])
+        rows.append(row)
+    output.csv("contact_cells", rows)
+    head = {
+        "size": "surface cells, mm",
+        "force_quadrilateral": "force off by, %: quadrilaterals", "force_triangle": "triangles",
+        "share_quadrilateral": "share that touches: quadrilaterals", "share_triangle": "triangles",
+    }  # fmt: skip
+    forms = {k: ".1f" if k.startswith("force") else ".2f" for k in head if k != "size"}
+    output.insert("contact cells", table(rows, head, forms))
+
+
+# Springs beside the wall.
+
+LAW = '{{law="contact", on={}, coefficient="{} W/(m^2 K)", gap_conductivity="0.15 W/(m K)"{}}}'
+WALL = ', wall="160 degC"'
+WARM = '["wide_face_intrados","corner_intrados","narrow_face","corner_extrados"]'
+COLD = '["wide_face_extrados"]'
+HALF = (
+    "section.symmetry=half", "mesh.surface_size=3 mm", "mesh.corner_size=3 mm",
+    "mesh.face_size=10 mm", "mesh.core_size=14 mm", "coupling.interval=0.25 s",
+    f"cooling.mould.surface=[{LAW.format(WARM, 1600, WALL)},{LAW.format(COLD, 1000, WALL)}]",
+)  # fmt: skip
+SPRINGS: tuple[float | None, ...] = (None, 1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
+
+
+@contextmanager
+def sprung(stiffness: float | None) -> Any:
+    """Let scenes have springs of another stiffness, or points held rigidly."""
+    shipped = mechanical_scene.SPRING
+    mechanical_scene.SPRING = stiffness  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        mechanical_scene.SPRING = shipped
+
+
+def springs(output: Output, quick: bool) -> None:
+    """Half a billet cooled unequally in a mould, and one that touches nothing."""
+    output = replace(output, name="mechanics.md")
+    rows: list[dict[str, Any]] = []
+    still: dict[str, float] = {}
+    for stiffness in SPRINGS[:2] if quick else SPRINGS:
+        with sprung(stiffness):
+            held = march("taper_1", ("casting.length=180 mm", *HALF))
+            free = march("taper_minus_3", ("casting.length=90 mm", *HALF))
+        still = still or free.mechanics[-1].moved
+        moved = free.mechanics[-1].moved
+        rows.append(
+            {
+                "points": "held" if stiffness is None else f"{stiffness:g} E",
+                "carried": max(abs(float(f)) for f in held.contact("force")[:, 1]),
+                "wall": max(abs(float(f)) for f in held.contact("force")[:, 0]),
+                "peak": held.mechanics[-1].peak / 1e6,
+                "newton": held.newton,
+                "drift": 1e6 * max(abs(moved[name] - still[name]) for name in still),
+            }
+        )
+    output.csv("springs", rows)
+    head = {
+        "points": "points", "carried": "force they carry, N/m",
+        "wall": "force of the wall across, N/m", "peak": "largest stress, MPa",
+        "newton": "Newton iterations", "drift": "drift of the untouched strand, µm",
+    }  # fmt: skip
+    forms = {"carried": ".2g", "wall": ".2f", "peak": ".4f", "drift": ".1g"}
+    output.insert("springs", table(rows, head, forms))
+
+
+PARTS: Sequence[Any] = (springs, factors, cells)
+
+
+def main(output: Output, quick: bool) -> None:
+    """All three."""
+    for part in PARTS:
+        part(output, quick)
