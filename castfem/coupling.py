@@ -20,7 +20,7 @@ from castfem.thermal.stepper import ThermalState, ThermalStepper
 from castfem.timestep import StepControl, same_instant
 
 if TYPE_CHECKING:
-    from castfem.contact.outcome import SurfaceGap
+    from castfem.mechanics.gap import SurfaceGap
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.mechanics.stepper import MechanicalStepper
     from castfem.zones import Zones

@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem import reductions
-from castfem.contact.outcome import SurfaceGap, summary
+from castfem.contact.outcome import summary
 from castfem.contact.state import ContactSummary
 from castfem.laws.base import equivalent_stress
+from castfem.mechanics.gap import SurfaceGap
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.probes import LineProbes
@@ -93,7 +94,7 @@ class MechanicalMeasure:
         touching, contact = self.problem.contact, None
         gap, pressure = self._at_wall(state)
         if touching is not None and state.contact is not None:
-            contact = summary(touching, state.contact)
+            contact = summary(touching, state.contact, state.modes)
         return MechanicalReading(
             newton=0 if result is None else result.newton,
             flowing=0.0 if result is None else result.flowing,

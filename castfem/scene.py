@@ -133,7 +133,7 @@ def _coupler(
         return None
     gap, given = None, case.coupling
     if mechanics.problem.contact is not None:
-        from castfem.contact.outcome import SurfaceGap
+        from castfem.mechanics.gap import SurfaceGap
 
         gap = SurfaceGap(mechanics.problem.contact, mechanics.problem.points)
     return Coupler(

@@ -66,16 +66,22 @@ class WallAction:
 
 
 class Surface(Protocol):
-    """Geometry of the strand's surface, to which area and place belong."""
+    """Geometry of the strand's surface: what an area of the wall acts on, and where."""
 
     def place(self) -> Expr:
         """Where a point is, (2,)."""
 
-    def size(self) -> Expr:
-        """Area now over undeformed area."""
+    def length(self) -> Expr:
+        """Length in the plane now, over the undeformed one."""
 
-    def size_change(self, by: Direction) -> Expr:
-        """Its derivative along a motion."""
+    def thickness(self) -> Expr:
+        """Of the slice there, over the undeformed one."""
+
+    def length_change(self, by: Direction) -> Expr:
+        """Derivative of the length along a motion."""
+
+    def thickness_change(self, by: Direction) -> Expr:
+        """Derivative of the thickness along a motion."""
 
     def place_change(self, by: Direction) -> Expr:
         """Motion of the place: 0 where geometry is that of the undeformed slice."""
@@ -94,11 +100,19 @@ class Undeformed:
         """See `Surface`."""
         return ufl.SpatialCoordinate(self.mesh)
 
-    def size(self) -> Expr:
+    def length(self) -> Expr:
         """See `Surface`."""
         return 1.0
 
-    def size_change(self, by: Direction) -> Expr:
+    def thickness(self) -> Expr:
+        """See `Surface`."""
+        return 1.0
+
+    def length_change(self, by: Direction) -> Expr:
+        """See `Surface`."""
+        return 0.0
+
+    def thickness_change(self, by: Direction) -> Expr:
         """See `Surface`."""
         return 0.0
 
@@ -130,18 +144,25 @@ class Deformed:
     def _normal(self) -> Expr:
         return ufl.inv(self.now.gradient).T * ufl.FacetNormal(self.mesh)
 
-    def size(self) -> Expr:
-        """See `Surface`: e det F |F^-T N| (Nanson)."""
+    def length(self) -> Expr:
+        """See `Surface`: det F |F^-T N| (Nanson)."""
         normal = self._normal()
-        return ufl.det(self.now.gradient) * self.now.thickness * ufl.sqrt(ufl.dot(normal, normal))
+        return ufl.det(self.now.gradient) * ufl.sqrt(ufl.dot(normal, normal))
 
-    def size_change(self, by: Direction) -> Expr:
+    def thickness(self) -> Expr:
+        """See `Surface`."""
+        return self.now.thickness
+
+    def length_change(self, by: Direction) -> Expr:
         """See `Surface`."""
         normal = self._normal()
         moving = by.gradient * ufl.inv(self.now.gradient)
-        growth = ufl.tr(moving) + finite_strain.thickening(self.now, by) / self.now.thickness
         across = ufl.dot(normal, moving * normal) / ufl.dot(normal, normal)
-        return self.size() * (growth - across)
+        return self.length() * (ufl.tr(moving) - across)
+
+    def thickness_change(self, by: Direction) -> Expr:
+        """See `Surface`."""
+        return finite_strain.thickening(self.now, by)
 
     def place_change(self, by: Direction) -> Expr:
         """See `Surface`."""
@@ -152,37 +173,38 @@ class Deformed:
         return finite_strain.law_change(self.now, self.old, by)
 
 
-def displacement(surface: Surface, virtual: Direction, travel: Expr) -> Expr:
-    """Displacement (3,) on which the wall's traction works in a virtual motion.
+def thickening(place: Expr, virtual: Direction) -> Expr:
+    """What a virtual motion adds to the thickness at a place, (37)."""
+    m = virtual.modes
+    return m[0] + m[1] * place[0] + m[2] * place[1]
 
-    In the plane it is the motion's own.  Along the strand: friction of the wall over the travel L
-    of a step is handed down the strand as a pull (38), N(z) = N(z - L) - L int tau_s ds, and a
-    virtual thickening of the slice draws the strand above it back by L times that.
 
-    Args:
-        surface: Geometry.
-        virtual: Motion.
-        travel: L, m.
-    """
-    x, m = surface.place(), virtual.modes
-    thickening = m[0] + m[1] * x[0] + m[2] * x[1]
-    return ufl.as_vector([virtual.shift[0], virtual.shift[1], -travel * thickening])
+def in_plane(vector: Expr) -> Expr:
+    """Its components x and y."""
+    return ufl.as_vector([vector[0], vector[1]])
 
 
 def virtual_work(
     action: WallAction, surface: Surface, virtual: Direction, travel: Expr, ds: ufl.Measure
 ) -> ufl.Form:
-    """-Int t . v da, to be added to the work of the stress (274).
+    """-Int t . v da, to be added to the work of the stress (274), with a pull along the strand.
+
+    In the plane v is the motion's own, and the area that of the slice.  Along the strand, friction
+    of the wall over the travel L of a step is handed down the strand as a pull (38),
+    N(z) = N(z - L) - L int tau_s ds, and a virtual thickening of the slice draws the strand above
+    it back by L times that; s is length of surface, whatever the slice's own thickness.
 
     Args:
         action: Of the wall.
         surface: Geometry.
         virtual: Motion v.
-        travel: Of the step, m.
+        travel: L of the step, m.
         ds: Undeformed surface.
     """
-    work = ufl.inner(action.traction, displacement(surface, virtual, travel))
-    return -surface.size() * work * ds
+    traction = action.traction
+    work = surface.thickness() * ufl.dot(in_plane(traction), virtual.shift)
+    work -= travel * traction[2] * thickening(surface.place(), virtual)
+    return -surface.length() * work * ds
 
 
 def pressure_change(action: WallAction, surface: Surface, by: Direction) -> Expr:
@@ -211,10 +233,14 @@ def stiffness(
     ds: ufl.Measure,
 ) -> ufl.Form:
     """Derivative of `virtual_work` along a motion, consistent with it (282)-(296)."""
-    moved = displacement(surface, virtual, travel)
-    work = surface.size() * ufl.inner(traction_change(action, surface, by), moved)
-    work += surface.size_change(by) * ufl.inner(action.traction, moved)
-    lever = surface.place_change(by)
-    gradient = virtual.modes[1] * lever[0] + virtual.modes[2] * lever[1]
-    work -= surface.size() * action.traction[2] * travel * gradient
-    return -work * ds
+    traction, change = action.traction, traction_change(action, surface, by)
+    length, longer = surface.length(), surface.length_change(by)
+    shift, moved = virtual.shift, surface.place_change(by)
+    area = length * surface.thickness()
+    larger = longer * surface.thickness() + length * surface.thickness_change(by)
+    work = area * ufl.dot(in_plane(change), shift) + larger * ufl.dot(in_plane(traction), shift)
+
+    thicker = thickening(surface.place(), virtual)
+    tilting = virtual.modes[1] * moved[0] + virtual.modes[2] * moved[1]
+    pull = (length * change[2] + longer * traction[2]) * thicker + length * traction[2] * tilting
+    return -(work - travel * pull) * ds

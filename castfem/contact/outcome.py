@@ -1,34 +1,34 @@
-"""What contact has come to: one summary, tables of points, and the gap the heat has to cross."""
+"""What contact has come to: one summary."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem, la
 
 from castfem import reductions
 from castfem.contact.state import OPEN, SLIP, STICK, ContactState, ContactSummary
 from castfem.contact.touch import WallContact
 
-if TYPE_CHECKING:
-    from castfem.mechanics.points import Points
-    from castfem.mechanics.state import MechanicalState
-
 Array = npt.NDArray[np.float64]
 
 
-def summary(contact: WallContact, state: ContactState) -> ContactSummary:
-    """Contact of the whole section (collective)."""
+def summary(contact: WallContact, state: ContactState, modes: Array) -> ContactSummary:
+    """Contact of the whole section (collective).
+
+    Args:
+        contact: Whose state it is.
+        state: Contact at the facets' points.
+        modes: Generalized strains (4,), of which the slice's thickness comes.
+    """
     comm, touches = contact.section.comm, state.status != OPEN
     weight, force = state.weight, -state.pressure[:, None] * state.normal
     along = np.column_stack([-state.normal[:, 1], state.normal[:, 0]])
     force = force + state.friction[:, :1] * along
+    area = weight * contact.thickness(state, modes)
     counts = [float((state.status == s).sum()) for s in (OPEN, STICK, SLIP)]
     sums = reductions.totals(
         comm,
-        [*(weight @ force), weight @ state.friction[:, 1], weight @ touches, weight.sum(), *counts],
+        [*(area @ force), weight @ state.friction[:, 1], weight @ touches, weight.sum(), *counts],
     )
     met = np.where(np.isfinite(state.gap), state.gap, -np.inf)
     pressure, *highest = reductions.peak(comm, state.pressure, state.place)
@@ -46,58 +46,3 @@ def summary(contact: WallContact, state: ContactState) -> ContactSummary:
         highest=np.array(highest),
         widest=np.array(widest),
     )
-
-
-class SurfaceGap:
-    """Gap between wall and strand at the vertices of the surface: what heat transfer asks for.
-
-    Args:
-        contact: Of the mechanical problem.
-        points: Its quadrature points.
-
-    Attributes:
-        dofs: Owned vertices on the groups in contact (n,).
-    """
-
-    def __init__(self, contact: WallContact, points: Points) -> None:
-        self._contact, self._points = contact, points
-        section = contact.section
-        self._sum = fem.Function(section.vertex_space)
-        length = self._gathered(contact.facets.weight)
-        # What a vertex off the surface gets of the facets around it is rounding.
-        self.dofs = np.flatnonzero(length > 1e-9 * reductions.largest(section.comm, length))
-        self._places = section.vertex_space.tabulate_dof_coordinates()[self.dofs, :2]
-
-    def _gathered(self, density: Array) -> Array:
-        """Sum of values at facet points by the vertices' hat functions (owned,)."""
-        values = self._sum.x
-        values.array[:] = self._contact.at_vertices.T @ density
-        values.scatter_reverse(la.InsertMode.add)
-        return np.array(values.array[: self._contact.section.owned])
-
-    def mean(self, values: Array) -> Array:
-        """Mean of values at the facets' points (points,) around each of the vertices `dofs`."""
-        weights = self._contact.facets.weight
-        return self._gathered(weights * values)[self.dofs] / self._gathered(weights)[self.dofs]
-
-    def at(self, state: MechanicalState, position: float | None = None) -> Array:
-        """Distance to the wall along its normal at the vertices `dofs` (n,), m (collective).
-
-        Negative where the strand has penetrated, infinite where there is no wall.
-
-        Args:
-            state: Has the displacement.
-            position: Below the meniscus, m; that of the slice at the time of `state` if None.
-        """
-        contact = self._contact
-        if position is None:
-            position = contact.contact.position(state.time)
-        normal = contact.facing(state.displacement, state.modes)[0]
-        weights = contact.facets.weight
-        mean = np.column_stack([self._gathered(weights * c) for c in normal.T])[self.dofs]
-        mean /= np.maximum(np.hypot(*mean.T), 1e-300)[:, None]
-        moved = self._points.nodal(state.displacement)[self.dofs]
-        place = self._places + moved
-        place[:, 1] += state.modes[3] * self._places[:, 1]
-        reach = contact.contact.wall.reach(place, mean, position)
-        return np.asarray(reach.gap) * np.einsum("ni,ni->n", reach.normal, mean)

@@ -69,8 +69,9 @@ class ContactSummary:
     Attributes:
         pressure: Largest contact pressure, Pa. penetration: Largest, m; 0 if nothing touches.
         gap: Largest gap to a wall that is met, m; 0 if none is open.
-        force: Of the wall on the strand, x and y, N/m, friction included.
-        axial: Friction along the strand, N/m, negative as it holds the strand back.
+        force: Of the wall on the strand, x and y, friction included, N per m of undeformed strand,
+            as those of the supports.
+        axial: Friction along the strand, N per m of it as it is, negative as it holds it back.
         length: Of surface that touches, m. share: Of the surface that could.
         points: Numbers of points that are open, stick and slip.
         highest: Where the pressure is largest (2,), m. widest: Where the gap is (2,), m.

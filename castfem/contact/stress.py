@@ -5,21 +5,16 @@ The constitutive law has a further rule of points there, with a state of its own
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
 from castfem.contact.facets import Facets
 from castfem.contact.state import ContactState
+from castfem.contact.strand import Motion, Solid
 from castfem.forms import finite_strain
 from castfem.forms.mechanics import SQRT2
 from castfem.laws.base import Law, MaterialStep, Response, turned
-
-if TYPE_CHECKING:
-    from castfem.mechanics.kinematics import Fields
-    from castfem.mechanics.slice import Slice
 
 Array = npt.NDArray[np.float64]
 Deformations = tuple[finite_strain.Deformation, finite_strain.Deformation]
@@ -32,7 +27,7 @@ class SurfaceStress:
         facets: The points.
         law: Constitutive law.
         gradients: Operator from displacement to its gradient at the points.
-        fields: Displacement and generalized strains.
+        motion: Displacement and generalized strains.
         step: Deformation at the end and at the start of a step at large strain; None at small.
 
     Attributes:
@@ -44,10 +39,10 @@ class SurfaceStress:
         facets: Facets,
         law: Law,
         gradients: sparse.csr_matrix,
-        fields: Fields,
+        motion: Motion,
         step: Deformations | None,
     ) -> None:
-        self._law, self._gradients, self._fields = law, gradients, fields
+        self._law, self._gradients, self._motion = law, gradients, motion
         self._step = None
         if step is not None:
             self._step = facets.tabulate(finite_strain.increment(*step))
@@ -60,7 +55,7 @@ class SurfaceStress:
         old: ContactState,
         temperatures: tuple[Array, Array],
         dt: float,
-        slice_: Slice,
+        solid: Solid,
         liquid: Array,
     ) -> None:
         """Prepare a step.
@@ -69,11 +64,11 @@ class SurfaceStress:
             old: Committed state.
             temperatures: At the points, at start and end of the step, K.
             dt: Its length, s.
-            slice_: Has the thermal strain.
+            solid: Has the thermal strain.
             liquid: Ferrostatic pressure at the points at its end, Pa.
         """
         before, after = temperatures
-        strain = slice_.thermal_strain
+        strain = solid.thermal_strain
         self._thermal = np.asarray(strain(after)) - np.asarray(strain(before))
         self._old, self._temperatures, self._dt = old, temperatures, dt
         self._coefficients = self._law.coefficients(before, after)
@@ -85,10 +80,10 @@ class SurfaceStress:
             found = self._step().reshape(-1, 5)
             angle = 2.0 * np.arctan(0.5 * found[:, 4])
             return np.ascontiguousarray(found[:, :4]), turned(self._old.stress, angle)
-        fields = self._fields
-        change = fields.u.x.array - fields.u_old.x.array
+        motion = self._motion
+        change = motion.u.x.array - motion.u_old.x.array
         g = (self._gradients @ change).reshape(-1, 4)
-        modes = fields.modes.value - fields.modes_old.value
+        modes = motion.modes.value - motion.modes_old.value
         strain = np.column_stack(
             [
                 g[:, 0],

@@ -6,8 +6,6 @@ Everything is evaluated at the facets' quadrature points with numpy; the forms o
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 import ufl
@@ -18,16 +16,13 @@ from castfem.contact.contact import Contact
 from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
 from castfem.contact.state import OPEN, SLIP, STICK, ContactState, Flags, Touch
+from castfem.contact.strand import Motion, Solid
 from castfem.contact.stress import SurfaceStress
 from castfem.errors import InputError
 from castfem.forms import contact as forms
 from castfem.forms import finite_strain
 from castfem.forms.mechanics import Direction, of_modes
 from castfem.section import Section
-
-if TYPE_CHECKING:
-    from castfem.mechanics.kinematics import Fields
-    from castfem.mechanics.slice import Slice
 
 Array = npt.NDArray[np.float64]
 
@@ -43,8 +38,9 @@ class WallContact:
 
     Args:
         section: The distributed section.
-        slice_: Material, and the contact wanted.
-        fields: Displacement and generalized strains of the mechanical problem.
+        contact: The contact wanted.
+        solid: What the slice is made of.
+        motion: Displacement and generalized strains of the mechanical problem.
 
     Attributes:
         facets: Points. symmetric: Whether contact leaves a symmetric tangent symmetric.
@@ -56,24 +52,24 @@ class WallContact:
         InputError: If a group does not exist.
     """
 
-    def __init__(self, section: Section, contact: Contact, slice_: Slice, fields: Fields) -> None:
+    def __init__(self, section: Section, contact: Contact, solid: Solid, motion: Motion) -> None:
         tags = section.matching(contact.on)
         if not tags:
             raise InputError(
                 f"contact: {', '.join(contact.on)}: no such boundary group; "
                 f"there are {', '.join(section.groups)}"
             )
-        self.section, self.contact, self._fields = section, contact, fields
-        self._slice = slice_
+        self.section, self.contact = section, contact
+        self._solid, self._motion = solid, motion
         self.symmetric = contact.symmetric
         self.facets = facets = Facets(section, tags, contact.points)
-        space, mesh = fields.u.function_space, section.mesh
+        space, mesh = motion.u.function_space, section.mesh
         trial = ufl.TrialFunction(space)
         self._moves = facets.operator(trial, space)
         self._gradients = facets.operator(ufl.grad(trial), space)
         vertex = section.vertex_space
         self.at_vertices = facets.operator(ufl.TrialFunction(vertex), vertex)
-        self._large = slice_.large_strain
+        self._large = solid.large_strain
         self._surface, self._stress = self._geometry(mesh)
         self._given = FacetFields(facets, WIDTH)
         self._action = self._seen()
@@ -89,17 +85,17 @@ class WallContact:
 
     def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
         """Geometry the forms see, and Nitsche's stress."""
-        fields, law = self._fields, self._slice.law
+        motion, law = self._motion, self._solid.law
         surface: forms.Surface = forms.Undeformed(mesh)
         step = None
         if self._large:
-            now = finite_strain.deformation(fields.u, fields.modes, mesh)
-            old = finite_strain.deformation(fields.u_old, fields.modes_old, mesh)
+            now = finite_strain.deformation(motion.u, motion.modes, mesh)
+            old = finite_strain.deformation(motion.u_old, motion.modes_old, mesh)
             surface = forms.Deformed(now, old, mesh)
             step = (now, old)
         if self.contact.method != "nitsche":
             return surface, None
-        return surface, SurfaceStress(self.facets, law, self._gradients, fields, step)
+        return surface, SurfaceStress(self.facets, law, self._gradients, motion, step)
 
     # What the mechanical problem compiles.
 
@@ -133,11 +129,11 @@ class WallContact:
         if not directions.shape[1]:
             return np.zeros(0)
         if self._mode_work is None:
-            form = self.virtual_work(of_modes(self._fields.one, self.section.mesh))
+            form = self.virtual_work(of_modes(self._motion.one, self.section.mesh))
             self._mode_work = self.section.compile("contact.mode_work", form)
         work = np.zeros(directions.shape[1])
         for i, direction in enumerate(directions.T):
-            self._fields.one.value[:] = direction
+            self._motion.one.value[:] = direction
             work[i] = fem.assemble_scalar(self._mode_work)
         handed = directions[:3].T @ self._old.pull
         return reductions.totals(self.section.comm, work) - handed
@@ -146,7 +142,7 @@ class WallContact:
 
     def initial(self) -> ContactState:
         """Of a strand that has never touched anything."""
-        n, law = self.facets.count, self._slice.law
+        n, law = self.facets.count, self._solid.law
         rows = 0 if self._stress is None else n
         return ContactState(
             friction=np.zeros((n, 2)),
@@ -173,7 +169,7 @@ class WallContact:
             before: Temperatures of the owned vertices at its start, K.
             after: At its end, K.
         """
-        contact, slice_ = self.contact, self._slice
+        contact, solid = self.contact, self._solid
         self._old, self._dt = old, end - start
         self._held: Flags = np.zeros(self.facets.count, dtype=bool)
         self._position = contact.position(end)
@@ -182,16 +178,16 @@ class WallContact:
         self._slip = travelled - (contact.stroke(end) - contact.stroke(start))
         temperatures = self._at_points_from(before), self._at_points_from(after)
         # Not the tangent's, which of a point that freezes within the step has a share alone.
-        bulk = slice_.law.elasticity.moduli(temperatures[1])[1]
+        bulk = solid.law.elasticity.moduli(temperatures[1])[1]
         self.stiffness = contact.strength * bulk / self._height
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
         if self._stress is not None:
-            self._stress.begin(old, temperatures, self._dt, slice_, self._liquid(after, end))
+            self._stress.begin(old, temperatures, self._dt, solid, self._liquid(after, end))
 
     def _liquid(self, temperature: Array, end: float) -> Array:
         """Ferrostatic pressure at the points that nothing holds but the wall (n,), Pa."""
-        liquid = self._slice.ferrostatic
+        liquid = self._solid.ferrostatic
         if liquid is None:
             return np.zeros(self.facets.count)
         pressure = liquid.pressure(self._at_points_from(temperature), end)
@@ -212,10 +208,10 @@ class WallContact:
         Returns:
             Stress that rounding of positions makes at the stiffest point, Pa.
         """
-        fields = self._fields
-        place, moved = self._where(fields.u.x.array, fields.modes.value)
-        before = self._where(fields.u_old.x.array, fields.modes_old.value)[1]
-        strand, stretch = self.facing(fields.u.x.array, fields.modes.value)
+        motion = self._motion
+        place, moved = self._where(motion.u.x.array, motion.modes.value)
+        before = self._where(motion.u_old.x.array, motion.modes_old.value)[1]
+        strand, stretch = self.facing(motion.u.x.array, motion.modes.value)
         n, gap, bend = self._meet(moved, strand)
         near = np.minimum(gap, self._size)
         stress: Array | float = 0.0
@@ -318,7 +314,7 @@ class WallContact:
         """
         self._held = np.zeros(self.facets.count, dtype=bool)
         if on:
-            u, modes = self._fields.u_old.x.array, self._fields.modes_old.value
+            u, modes = self._motion.u_old.x.array, self._motion.modes_old.value
             _, gap, _ = self._meet(self._where(u, modes)[1], self.facing(u, modes)[0])
             self._held = (self._old.pressure > 0.0) & (gap < REACH * self._height)
         return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
@@ -343,6 +339,12 @@ class WallContact:
         work = np.einsum("ni,ni->n", (foreseen - now.seen[:, TRACTION])[:, :2], moved)
         weights = self.facets.weight * now.stretch
         return reductions.total(self.section.comm, float(weights @ work))
+
+    def thickness(self, state: ContactState, modes: Array) -> Array:
+        """Thickness of the slice at the points over the undeformed one (n,); 1 at small strain."""
+        if not self._large:
+            return np.ones(self.facets.count)
+        return np.asarray(1.0 + self._lever(state.place) @ modes[:3])
 
     def state(self) -> ContactState:
         """The state that was evaluated last (collective)."""
@@ -369,19 +371,13 @@ class WallContact:
         if self.contact.friction is None:
             return np.zeros(3)
         lever = self._lever(now.place)
-        force = now.friction[:, 1] * self.facets.weight * now.stretch * self._thickness(now.place)
+        force = now.friction[:, 1] * self.facets.weight * now.stretch
         total = reductions.totals(self.section.comm, lever.T @ force)
         return total * float(self._travel.value)
 
     def _lever(self, place: Array) -> Array:
         x = place if self._large else self.facets.position
         return np.column_stack([np.ones(len(x)), x])
-
-    def _thickness(self, place: Array) -> Array:
-        """Thickness over the undeformed one, where surface counts as it is now."""
-        if not self._large:
-            return np.ones(len(place))
-        return np.asarray(1.0 + self._lever(place) @ self._fields.modes.value[:3])
 
 
 def _part(function: fem.Function, columns: slice) -> ufl.core.expr.Expr:

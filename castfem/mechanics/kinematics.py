@@ -6,7 +6,7 @@ Both kinds offer the same: `increments` for the law, and compiled forms for what
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +14,12 @@ import ufl
 from dolfinx import fem
 
 from castfem.compat import Tabulation
+from castfem.contact.touch import WallContact
 from castfem.forms import finite_strain, mechanics
 from castfem.laws.base import Response, turned
 from castfem.mechanics.points import Points
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.section import Section
-
-if TYPE_CHECKING:
-    from castfem.contact.touch import WallContact
 
 Array = npt.NDArray[np.float64]
 

@@ -13,8 +13,9 @@ from mechanics.casting import STEEL, CastScene, billet_mesh
 from castfem.contact.archive import ContactArchive
 from castfem.contact.contact import Contact
 from castfem.contact.friction import Coulomb
-from castfem.contact.outcome import SurfaceGap, summary
+from castfem.contact.outcome import summary
 from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mechanics.gap import SurfaceGap
 from castfem.mould import Mould, RectangleCavity, Taper, same
 
 SPEED, HALF = 0.06, 0.0625
@@ -49,7 +50,9 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
     for scene in (alone, together):
         contact, state = scene.problem.contact, scene.state.contact
         assert contact is not None and state is not None
-        states.append((ContactArchive(contact).arrays(state), summary(contact, state)))
+        states.append(
+            (ContactArchive(contact).arrays(state), summary(contact, state, scene.state.modes))
+        )
     (one, first), (many, second) = states
     for name in ("force", "axial", "length", "pressure"):
         assert getattr(second, name) == pytest.approx(getattr(first, name), rel=1e-6)
@@ -91,7 +94,7 @@ def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
     hot = np.full(len(scene.vertices), STEEL.liquidus + 10.0)
     result = scene.stepper.step(scene.state, 0.5, hot)
     assert result.converged
-    found = summary(scene.problem.contact, result.state.contact)
+    found = summary(scene.problem.contact, result.state.contact, result.state.modes)
     head = 7000.0 * 9.81 * SPEED * 0.5
     carried = head if outside == "free" else 0.0
     assert found.pressure == pytest.approx(carried, rel=0.03, abs=1e-6 * head)
@@ -105,7 +108,7 @@ def test_contact_lost_first_at_the_corner() -> None:
     scene = cast(MPI.COMM_SELF, 0.0)
     gaps = SurfaceGap(scene.problem.contact, scene.problem.points)
     scene.march(2.0, 0.25)
-    found = summary(scene.problem.contact, scene.state.contact)
+    found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
     assert 0.0 < found.share < 1.0 and found.penetration < 1e-6
     assert found.widest[0] > 0.055 and found.widest[1] > 0.055
     assert found.force[0] == pytest.approx(found.force[1], rel=1e-4)

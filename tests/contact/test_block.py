@@ -25,7 +25,7 @@ def test_resultant(method: str, cell: str) -> None:
     for time in STEPS:
         result = scene.step(time)
         assert result.newton <= 5
-    found = summary(scene.problem.contact, scene.state.contact)
+    found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
     assert -found.force[1] == pytest.approx(FORCE, rel=5e-4)
     assert found.share == 1.0
     assert found.penetration < 2e-8
@@ -51,7 +51,7 @@ def test_three_decades_of_stiffness(method: str, factor: float) -> None:
     scene = tapered_block(method, factor=factor / 100 if method == "nitsche" else factor)
     for time in STEPS:
         assert scene.step(time).newton <= 5
-    found = summary(scene.problem.contact, scene.state.contact)
+    found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
     assert -found.force[1] == pytest.approx(FORCE, rel=5e-4)
 
 

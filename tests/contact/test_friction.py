@@ -102,7 +102,9 @@ def test_stick_slip_and_back(cell: str, method: str, law: str) -> None:
     assert seen.count(True) > 4 and seen.count(False) > 4
 
 
-def pulled_block(method: str, cell: str, free: tuple[str, ...], speed: float) -> SliceScene:
+def pulled_block(
+    method: str, cell: str, free: tuple[str, ...], speed: float, large: bool = False
+) -> SliceScene:
     """A block pressed on the wall it is drawn along."""
     contact = Contact(FOOT, ("foot",), lambda t: speed * t, friction=Coulomb(MU), method=method)  # type: ignore
     return SliceScene(
@@ -114,6 +116,7 @@ def pulled_block(method: str, cell: str, free: tuple[str, ...], speed: float) ->
             "loads": (SurfacePressure(("top",), lambda t: PRESSURE),),
             "pin": False,
             "contact": contact,
+            "large_strain": large,
         },
         tolerance=1e-10,
     )
@@ -133,7 +136,7 @@ def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> 
         assert result.balance.axial[0] == pytest.approx(force, rel=1e-7)
         assert scene.state.contact.pull == pytest.approx([force, 0.5 * WIDTH * force, 0.0])
         assert result.balance.axial_error < 1e-9
-        found = summary(scene.problem.contact, scene.state.contact)
+        found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
         assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=1e-7)
         # With a2 free the pull acts where it comes from, at the foot.
         y = scene.places[:, 1]
@@ -141,6 +144,34 @@ def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> 
         if "a2" in free:
             strain *= 1.0 - 12.0 * 0.5 * (y - 0.5 * HEIGHT) / HEIGHT
         assert scene.stress[:, 2] == pytest.approx(YOUNG * strain, rel=1e-6, abs=1e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_strand_drawn_thick_by_its_friction(method: str) -> None:
+    """At large strain: the pull is that of the length cast, however thick the slice has become.
+
+    Without lateral contraction N = E ln(e) W H.  What the wall and the load above press on is the
+    deformed slice, e times as thick.
+    """
+    steps, thickness = 20, 1.1
+    force = YOUNG * np.log(thickness) * WIDTH * HEIGHT
+    scene = pulled_block(method, "quadrilateral", ("a0",), force / (MU * PRESSURE * WIDTH), True)
+    for time in np.arange(1, steps + 1) / steps:
+        balance = scene.step(time).balance
+    # Not exact, for the foot and the pressed height of the block are those of the deformed slice.
+    pressed = 3.0 * PRESSURE / YOUNG
+    assert scene.state.contact.pull[0] == pytest.approx(force, rel=pressed)
+    assert balance.axial[0] == pytest.approx(scene.state.contact.pull[0], rel=1e-8)
+    # The midpoint rule's logarithm: off by (step of strain)^2 / 12.
+    strain = np.log(thickness)
+    assert scene.state.modes[0] == pytest.approx(
+        thickness - 1.0, rel=(strain / steps) ** 2 + pressed
+    )
+    found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+    assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=pressed)
+    assert found.force[1] == pytest.approx(
+        PRESSURE * WIDTH * (1.0 + scene.state.modes[0]), rel=pressed
+    )
 
 
 def test_slip_along_the_strand_takes_the_friction_with_it() -> None:

@@ -10,10 +10,11 @@ from mechanics.scenes import SliceScene, box, elastic, expansion, mapped, skewed
 from scipy.optimize import brentq
 
 from castfem.contact.contact import Contact
-from castfem.contact.outcome import SurfaceGap, summary
+from castfem.contact.outcome import summary
 from castfem.contact.state import OPEN
 from castfem.laws.elasticity import Elasticity, Solidity
 from castfem.laws.flow import ThermoElastic
+from castfem.mechanics.gap import SurfaceGap
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SurfacePressure
 from castfem.mould import Mould, RectangleCavity, Taper, same
@@ -76,7 +77,7 @@ def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -
     for time in (2.0, 5.0, 9.0, lost * (1 - 1e-4), lost * (1 + 1e-4), 12.0, 15.0):
         scene.step(time, 1000.0 - 4.0 * time**2)
         state = scene.state.contact
-        found = summary(scene.problem.contact, state)
+        found = summary(scene.problem.contact, state, scene.state.modes)
         if time < lost:
             stiffness = scene.problem.contact.stiffness[0] if method == "penalty" else np.inf
             near = 1e-6 * YOUNG * ALPHA if large else 0.0
@@ -160,11 +161,11 @@ def test_no_wall_below_the_mould() -> None:
         mesh, elastic(40e9), given={"contact": Contact(**contact, position=lambda t: 0.1 * t)}
     )
     scene.step(5.0)
-    inside = summary(scene.problem.contact, scene.state.contact)
+    inside = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
     assert inside.pressure > 0.0 and inside.share > 0.9
     assert inside.force[0] == pytest.approx(inside.force[1], rel=1e-8)
     scene.step(7.0)
-    outside = summary(scene.problem.contact, scene.state.contact)
+    outside = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
     assert outside.pressure == 0.0 and outside.gap == 0.0 and outside.length == 0.0
     assert np.all(np.isinf(scene.state.contact.gap))
     assert np.abs(scene.state.displacement).max() < 1e-12

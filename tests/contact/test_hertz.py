@@ -64,7 +64,7 @@ def mean_errors(cells: int, method: str, cell: str) -> Array:
     scene, found = cylinder(cells, method, cell, 16e-6), []
     for time in np.linspace(0.4, 1.0, 5):
         scene.step(time)
-        force = 2 * summary(scene.problem.contact, scene.state.contact).force[1]
+        force = 2 * summary(scene.problem.contact, scene.state.contact, scene.state.modes).force[1]
         found.append(against_hertz(scene.state.contact, force))
     return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
 
