@@ -1,4 +1,7 @@
-"""Ctrl-C during a march: heeded between two steps, for within PETSc an exception would be lost."""
+"""A wish to stop a march: heeded between two steps, for within PETSc an exception would be lost.
+
+Ctrl-C is one (SIGINT); the other is SIGTERM, which mpirun and batch systems send before they kill.
+"""
 
 from __future__ import annotations
 
@@ -7,52 +10,61 @@ import threading
 from types import FrameType
 from typing import Any, Self
 
-from castfem import log
+from mpi4py import MPI
+
+from castfem import log, reductions
 from castfem.closing import Closing
+
+_DEFAULTS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+
+
+class Stopped(KeyboardInterrupt):
+    """A march was stopped after a step, the same one on all ranks."""
 
 
 class Interrupt(Closing):
-    """While it is entered, the first Ctrl-C is only noted; a second one raises at once.
+    """While it is entered, the first signal to stop is only noted; a second one acts at once.
 
     It leaves signals alone that somebody else handles, and off the main thread, where Python
     delivers none.
 
     Args:
-        alone: Whether this process marches alone; of several ranks each must end at once, for
-            they would heed it after different steps.
+        comm: Ranks that march together: a signal to any of them stops all.
 
     Attributes:
-        wanted: Whether there was a Ctrl-C.
+        wanted: Whether this rank was asked to stop.
     """
 
-    def __init__(self, alone: bool) -> None:
+    def __init__(self, comm: MPI.Comm) -> None:
         self.wanted = False
-        self._alone = alone
-        self._former: Any = None
+        self._comm = comm
+        self._former: dict[signal.Signals, Any] = {}
 
     def heed(self) -> None:
-        """Stop here if that is wanted.
+        """Stop here if that is wanted (collective).
 
         Raises:
-            KeyboardInterrupt: It is.
+            Stopped: It is.
         """
-        if self.wanted:
-            raise KeyboardInterrupt
+        if reductions.any_of(self._comm, self.wanted):
+            raise Stopped
 
     def __enter__(self) -> Self:
-        ours = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-        if self._alone and ours and threading.current_thread() is threading.main_thread():
-            self._former = signal.signal(signal.SIGINT, self._note)
+        if threading.current_thread() is threading.main_thread():
+            for number, default in _DEFAULTS.items():
+                if signal.getsignal(number) is default:
+                    self._former[number] = signal.signal(number, self._note)
         return self
 
     def close(self) -> None:
-        """Let Ctrl-C do what it did before."""
-        if self._former is not None:
-            signal.signal(signal.SIGINT, self._former)
-            self._former = None
+        """Let the signals do what they did before."""
+        while self._former:
+            signal.signal(*self._former.popitem())
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.wanted:
-            signal.default_int_handler(number, frame)
+            self.close()
+            signal.raise_signal(number)
+            return
         self.wanted = True
-        log.logger.warning("stopping after this step; Ctrl-C once more stops at once")
+        log.logger.warning("stopping after this step; a second signal stops at once")

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from castfem import log, reductions
 from castfem.coupling import Interval, Leg, StrandState, take_interval
 from castfem.errors import CastfemError, RunFailure
-from castfem.interrupt import Interrupt
+from castfem.interrupt import Interrupt, Stopped
 from castfem.marched import Counts, Recorded
 from castfem.measure import Measure, Reading
 from castfem.output.folder import OutputFolder
@@ -330,7 +330,7 @@ def _march(
     """March a built scene with its files open."""
     comm, watch = scene.section.comm, scene.watch
     recorder = Recorder(scene, output, resume)
-    interrupt = Interrupt(alone=comm.size == 1)
+    interrupt = Interrupt(comm)
     march = March(scene, recorder, progress, interrupt)
     if recorder.checkpoint is not None:
         march.restore(*recorder.checkpoint)
@@ -340,9 +340,9 @@ def _march(
         with interrupt, watch.section("march"):
             march.run()
     except BaseException as error:
-        # Saving takes all ranks.  A RunFailure they raise together; of anything else one rank
-        # does not know whether the others have it: then the checkpoint before must do.
-        if isinstance(error, RunFailure) or comm.size == 1:
+        # Saving takes all ranks.  Failures and stops they raise together; of anything else one
+        # rank does not know whether the others have it: then the checkpoint before must do.
+        if isinstance(error, RunFailure | Stopped) or comm.size == 1:
             _leave(march, recorder, output, error)
         raise
     finally:

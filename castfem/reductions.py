@@ -23,6 +23,11 @@ def totals(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     return receive
 
 
+def any_of(comm: MPI.Comm, flag: bool) -> bool:
+    """Whether a flag is up on any rank."""
+    return flag if comm.size == 1 else bool(comm.allreduce(flag, op=MPI.LOR))
+
+
 def smallest(comm: MPI.Comm, array: npt.NDArray[np.float64]) -> float:
     """Smallest entry over all ranks, NaN if there is one; a rank may hold none."""
     return -float(largest_of(comm, [-array.min() if array.size else -np.inf])[0])

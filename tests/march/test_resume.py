@@ -9,6 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from moulded import billet, run
@@ -17,7 +19,7 @@ from ranks import needs_mpirun, python_on
 from castfem.case import Case, load_case
 from castfem.coupling import ThermalSteps
 from castfem.errors import InputError, RunFailure
-from castfem.interrupt import Interrupt
+from castfem.interrupt import Interrupt, Stopped
 from castfem.output.checkpoint import load_checkpoint
 from castfem.output.history import History, read_history
 from castfem.output.summary import Summary
@@ -209,16 +211,59 @@ def test_ctrl_c_within_petsc_is_heeded_after_the_step(
     same_run(tmp_path / "cut", tmp_path / "whole")
 
 
-def test_a_second_ctrl_c_stops_at_once_as_the_first_does_among_ranks() -> None:
-    with Interrupt(alone=True) as interrupt:
+def test_a_second_signal_stops_at_once() -> None:
+    with Interrupt(MPI.COMM_SELF) as interrupt:
         interrupt.heed()
         signal.raise_signal(signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(Stopped):
             interrupt.heed()
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-    with Interrupt(alone=False), pytest.raises(KeyboardInterrupt):
-        signal.raise_signal(signal.SIGINT)
+        assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_signals_that_others_handle_are_left_alone() -> None:
+    seen: list[int] = []
+    before = signal.signal(signal.SIGTERM, lambda number, _: seen.append(number))
+    try:
+        with Interrupt(MPI.COMM_SELF) as interrupt:
+            signal.raise_signal(signal.SIGTERM)
+            interrupt.heed()
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert seen == [signal.SIGTERM]
+
+
+TOLD = """
+import os, signal, sys
+from castfem.cli import main
+from castfem.cli.parallel import communicator
+from castfem.coupling import ThermalSteps
+take, comm = ThermalSteps.one, communicator()
+def one(self, state, stop=None):
+    if comm.rank == 1 and state.time > 0.45 and "--resume" not in sys.argv:
+        os.kill(os.getpid(), signal.SIGTERM)
+    return take(self, state, stop)
+ThermalSteps.one = one
+main(sys.argv[1:])
+"""
+
+
+@needs_mpirun
+def test_a_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
+    """As of a batch system whose time is up: saved, and what goes on ends with the same numbers."""
+    options = (*COARSE, "casting.length=60 mm", "thermal.time.step=0.1 s")
+    words = ["run", str(THERMAL), "-q", *(w for o in options for w in ("--set", o))]
+    folder = tmp_path / "cut"
+    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), timeout=60.0)
+    assert done.returncode == 130, done.stderr
+    assert done.stderr.count("castfem: interrupted; `castfem run ... --resume` goes on") == 1
+    assert record(folder)["reason"] == "stopped by the user"
+    assert load_checkpoint(folder / "checkpoint.h5")[0]["time"] == pytest.approx(0.6)
+    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), "--resume", timeout=60.0)
+    assert done.returncode == 0, done.stderr
+    run(load_case(THERMAL, options), tmp_path / "whole")
+    same_run(folder, tmp_path / "whole")
 
 
 def test_other_fields_than_before_are_refused_with_their_names(tmp_path: Path) -> None:
