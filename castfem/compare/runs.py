@@ -11,6 +11,7 @@ from castfem.errors import InputError
 from castfem.output.folder import RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
+from castfem.sweep.plan import brief
 from castfem.sweep.record import SWEEP_NAME, Record
 
 if TYPE_CHECKING:
@@ -89,12 +90,14 @@ def _sweep(folder: Path) -> list[Run]:
     """
     found = []
     for name, entry in Record(folder).entries.items():
-        given = [f"{k.rpartition('.')[2]} {v.strip(chr(34))}" for k, v in entry.given.items() if v]
         if entry.physics:
-            found.append(_run(folder / name, ", ".join(given) or name))
+            found.append(_run(folder / name, entry.label or ", ".join(brief(entry.given)) or name))
     if not found:
         raise InputError(f"{folder}: none of the runs of this sweep has finished")
-    return found
+    labels = [run.label for run in found]
+    return [
+        replace(run, label=run.folder.name) if labels.count(run.label) > 1 else run for run in found
+    ]
 
 
 def _told_apart(runs: Sequence[Run]) -> list[Run]:

@@ -19,6 +19,7 @@ from castfem.case.names import full_key
 from castfem.errors import InputError
 
 _LONGEST = 100  # characters of a folder's name
+_WIDEST = 24  # characters of a value in tables and legends
 _NAME = "name"  # of the column that names the runs
 _LABEL = "sweep"  # where a value was written, in messages
 
@@ -31,11 +32,14 @@ class Variant:
         name: Of its folder, made of what is varied: it stays the same when values are added.
         given: Key to value as the user wrote it, of what is varied; empty for what is left out.
         case: The case.
+        label: What tables and figures call it: its row's name, and what else is varied; empty if
+            its row has none.
     """
 
     name: str
     given: Mapping[str, str]
     case: Case
+    label: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +104,7 @@ def _variants(
         settings = {**row.values, **dict(zip(keys, values, strict=True))}
         given = {key: settings.get(key, "") for key in varied}
         named = {key: given[key] for key in (several if row.name else varied)}
-        name = "__".join(part for part in (row.name, run_name(named)) if part)
+        name = "__".join(part for part in (_safe(row.name), run_name(named)) if part)
         if name in found:
             problems.append(f"two runs would be the same: {name}")
             continue
@@ -109,7 +113,8 @@ def _variants(
         except InputError as error:
             problems += error.problems
             continue
-        found[name] = Variant(name, given, case)
+        label = ", ".join([row.name, *brief(named)]) if row.name else ""
+        found[name] = Variant(name, given, case, label)
     problems += _steel_problems(found.values())
     if problems:
         raise InputError(dict.fromkeys(problems))
@@ -220,7 +225,7 @@ def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
             for (key, unit), cell in zip(columns, cells, strict=True)
             if cell
         }
-        rows.append(Row(_safe(values.pop(_NAME, "")), values))
+        rows.append(Row(values.pop(_NAME, ""), values))
     return rows
 
 
@@ -243,6 +248,17 @@ def _with_unit(cell: str, unit: str) -> str:
     except ValueError:
         return cell
     return f"{cell} {unit}".strip()
+
+
+def brief(given: Mapping[str, str]) -> list[str]:
+    """Return values with the last part of their keys, shortened: `taper 1 %/m`."""
+    return [f"{key.rpartition('.')[2]} {shortened(value)}" for key, value in given.items() if value]
+
+
+def shortened(value: str) -> str:
+    """Return a value without its quotes, cut where it would fill a table: tables within it, say."""
+    text = value.strip("\"'")
+    return text if len(text) <= _WIDEST else f"{text[: _WIDEST - 4]} ..."
 
 
 def run_name(given: Mapping[str, str]) -> str:

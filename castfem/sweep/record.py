@@ -24,12 +24,14 @@ class Entry:
 
     Attributes:
         given: Key to value of what is varied.
+        label: What tables and figures call it, if not what is varied.
         physics: Hash of all its fields depend on, property files too.
         message: Why it failed.
         seconds: How long it took.
     """
 
     given: dict[str, str] = field(default_factory=dict)
+    label: str = ""
     physics: str = ""
     message: str = ""
     seconds: float = 0.0
@@ -70,7 +72,8 @@ class Record:
             job = Job(variant.name, self.folder / variant.name, variant.case)
             if not self.is_finished(job):
                 self.entries[variant.name] = Entry()
-            self.entries[variant.name].given = dict(variant.given)
+            entry = self.entries[variant.name]
+            entry.given, entry.label = dict(variant.given), variant.label
 
     def is_finished(self, job: Job) -> bool:
         """Return whether the very same run has ended well: case, output and property files."""

@@ -16,7 +16,7 @@ from castfem.compare.chief import chief, plain_label
 from castfem.errors import CastfemError
 from castfem.output.files import write_text
 from castfem.output.summary import Quantity, Summary
-from castfem.sweep.plan import Variant
+from castfem.sweep.plan import Variant, shortened
 from castfem.sweep.record import Record
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ class Row:
         quantities: Its results, empty if it has none.
         seconds: How long it took.
         message: Why it failed.
+        label: What it is called, if not by what is varied.
     """
 
     name: str
@@ -44,6 +45,7 @@ class Row:
     quantities: Mapping[str, Quantity]
     seconds: float
     message: str
+    label: str = ""
 
 
 def rows(variants: Sequence[Variant], record: Record) -> list[Row]:
@@ -60,7 +62,17 @@ def rows(variants: Sequence[Variant], record: Record) -> list[Row]:
                 quantities = summary.quantities if summary else {}
             except CastfemError as error:
                 message = str(error)
-        found.append(Row(variant.name, variant.given, status, quantities, entry.seconds, message))
+        found.append(
+            Row(
+                variant.name,
+                variant.given,
+                status,
+                quantities,
+                entry.seconds,
+                message,
+                variant.label,
+            )
+        )
     return found
 
 
@@ -95,11 +107,7 @@ def printed(table: Sequence[Row], width: int) -> Table:
     from rich.table import Table
 
     found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    keys, cells = _varied(table)
-    columns = [
-        (_header(key.partition(" ")[0].rpartition(".")[2], key.partition(" ")[2]), list(column))
-        for key, column in zip(keys, zip(*cells, strict=True), strict=True)
-    ]
+    columns = _leading_columns(table)
     told = [_told(row) for row in table]
     room = width - sum(_width(*column) for column in columns) - min(30, max(map(len, told)))
     for column in _chief_columns(table):
@@ -114,6 +122,24 @@ def printed(table: Sequence[Row], width: int) -> Table:
         style = "red" if row.status == "failed" else ""
         found.add_row(*(column[number] for _, column in columns), told[number], style=style)
     return found
+
+
+def _leading_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
+    """Header and cells of what tells the runs apart.
+
+    Runs that have names need no values that would be cut.
+    """
+    columns = []
+    named = any(row.label for row in table)
+    if named:
+        columns.append(("run", [row.label or row.name for row in table]))
+    keys, cells = _varied(table)
+    for key, values in zip(keys, zip(*cells, strict=True), strict=True):
+        short = [shortened(value) for value in values]
+        if not named or short == list(values):
+            leaf, _, unit = key.partition(" ")
+            columns.append((_header(leaf.rpartition(".")[2], unit), short))
+    return columns
 
 
 def _chief_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:

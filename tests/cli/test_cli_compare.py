@@ -83,6 +83,17 @@ def test_sweep_stands_for_its_runs(castfem, tmp_path):
     assert "speed 4 m/min" in head
 
 
+def test_runs_of_a_sweep_go_by_the_names_of_their_rows(castfem, tmp_path):
+    write_small(tmp_path)
+    (tmp_path / "runs.csv").write_text("name,speed [m/min]\nslow & steady,3\nfast,4\n")
+    words = ("--table", "runs.csv", "--set", "length=20 mm", "-j", 1, "-o", "out")
+    outcome = castfem("sweep", "small", *words)
+    assert outcome.status == 0, outcome.err
+    assert "slow & steady" in outcome.out
+    outcome = castfem("compare", "out", "--no-figures")
+    assert "base: slow & steady" in outcome.out
+
+
 def test_parts_of_a_column():
     columns = ["surface_temperature_left_edge", "gap_left_edge", "von_mises_max"]
     assert parts("gap_left_edge", columns) == ("gap", "left_edge")

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from small_case import write_small
 
 import castfem
-from castfem.sweep.plan import plan, run_name, split_values
+from castfem.sweep.plan import brief, plan, run_name, split_values
+from castfem.sweep.results import Row, printed
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +79,33 @@ def test_table_times_values(base, tmp_path):
         "slow__superheat_20_K", "slow__superheat_30_K",
         "fast__superheat_20_K", "fast__superheat_30_K",
     ]  # fmt: skip
+
+
+def test_labels_are_the_names_as_written(base, tmp_path):
+    table = tmp_path / "runs.csv"
+    table.write_text("name,speed [m/min]\nslow & cold,3\n,4\n")
+    first, second, third, _ = plan(base, ["superheat=20 K,30 K"], table)
+    assert first.label == "slow & cold, superheat 20 K"
+    assert second.label == "slow & cold, superheat 30 K"
+    assert third.label == ""
+    assert brief({"mould.taper": '{top="2 %/m", exit="0.4 %/m"}', "speed": ""}) == [
+        'taper {top="2 %/m", exit=" ...'
+    ]
+
+
+def test_named_runs_need_no_long_values(base):
+    steep = "[{to='0.3 m', taper='2 %/m'}, {taper='1 %/m'}]"
+    rows = [
+        Row(name, {"mould.taper": taper, "speed": "3 m/min"}, "finished", {}, 1.0, "", label)
+        for name, taper, label in (("a", "1 %/m", "single"), ("b", steep, "double"))
+    ]
+
+    def cells(table):
+        return [list(column.cells) for column in printed(table, 80).columns]
+
+    assert cells(rows) == [["single", "double"], ["3", "3"], ["", ""]]
+    unnamed = [replace(row, label="") for row in rows]
+    assert cells(unnamed)[0] == ["1 %/m", "[{to='0.3 m', taper= ..."]
 
 
 def test_rows_that_are_the_same(base, tmp_path):
