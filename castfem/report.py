@@ -29,7 +29,7 @@ def summarise(march: March, status: str) -> Summary:
         balances={"heat": _heat_balance(march), **forces},
         steps=_steps(march),
         wall_time=dict(scene.watch.seconds),
-        zones=tuple(Zone(s.name, s.start, s.end) for s in scene.zones.spans),
+        zones=tuple(Zone(s.name, s.start, s.end, s.whole) for s in scene.zones.spans),
     )
 
 

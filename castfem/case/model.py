@@ -50,12 +50,14 @@ class Span:
         start: Where it begins, from the meniscus, m.
         end: Where it ends, m; not beyond the followed length.
         laws: Pairs of the boundary groups (or beginnings of their names) and the law on them.
+        whole: Whether that end is its own.
     """
 
     name: str
     start: float
     end: float
     laws: tuple[tuple[tuple[str, ...], HeatLaw], ...]
+    whole: bool
 
 
 class Case(TableModel):
@@ -85,7 +87,7 @@ class Case(TableModel):
         for zone in self.cooling:
             end = self.casting.length if zone.to is None else min(zone.to, self.casting.length)
             laws = tuple((law.on or default, law) for law in zone.surface)
-            spans.append(Span(zone.name, start, end, laws))
+            spans.append(Span(zone.name, start, end, laws, whole=zone.to == end))
             start = end
             if end >= self.casting.length:
                 break

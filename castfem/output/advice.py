@@ -256,7 +256,8 @@ def _instead(probe: Remark, value: float, spot: Spot, where: str) -> Remark:
 def _exit(position: Array, summary: Summary | None) -> tuple[float, str]:
     """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
     for zone in summary.zones if summary is not None else ():
-        if "mould" in zone.name.lower() and zone.end <= position[-1] * (1 + 1e-9):
+        reached = zone.whole and zone.end <= position[-1] * (1 + 1e-9)
+        if "mould" in zone.name.lower() and reached:
             return zone.end, "mould exit"
     return float(position[-1]), "end of the run"
 

@@ -6,7 +6,7 @@
                      "ours": 4.9, "difference": 0.15, "relative": 0.032, "note": ""}, ...],
      "balances": {NAME: {NAME: {"value", "unit", "label"}, ...}, ...},
      "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
-     "zones": [{"name": "mould", "start": 0.0, "end": 0.6}, ...]}
+     "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...]}
 
 In the file each value is in the unit beside it, in Python in SI; zones and `at` (null: the end of
 the run) are in metres below the meniscus. A value that does not exist is null there, NaN here. The
@@ -101,11 +101,19 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """A cooling zone between two positions below the meniscus [m]."""
+    """A cooling zone between two positions below the meniscus [m].
+
+    Attributes:
+        name: Of the zone.
+        start: Where it begins.
+        end: Where it ends, or the run within it.
+        whole: Whether it is the zone that ends there.
+    """
 
     name: str
     start: float
     end: float
+    whole: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,9 @@ def test_zones_are_cut_at_the_followed_length(write, sound):
     spans = load_case(write(), ["casting.length=20 m"]).zones()
     assert [(s.name, s.start, s.end) for s in spans] == [("mould", 0.0, 0.6), ("air", 0.6, 20.0)]
     assert spans[1].laws[0][0] == ("wide_face", "narrow_face", "corner")
+    assert [span.whole for span in spans] == [True, False]  # the air goes on below
+    (within,) = load_case(write(), ["casting.length=0.4 m"]).zones()
+    assert (within.end, within.whole) == (0.4, False)
 
 
 def test_sharp_corners_have_no_corner_group(write, sound):

@@ -68,6 +68,8 @@ def test_the_mould_ends_where_its_zone_does_and_reheating_is_named(table):
     table.attrs["units"] = units
     found = remarks(table, Summary("x", "finished", zones=zones))
     assert of(found, "thinnest shell").where.endswith("mould exit at 300 mm")
+    within = Summary("x", "finished", zones=(Zone("mould", 0.0, 0.6, whole=False),))
+    assert of(remarks(table, within), "thinnest shell").where.endswith("end of the run at 600 mm")
     z, shell = table["position"], table["shell_mid_face"]
     assert of(found, "thinnest shell").value == pytest.approx(np.interp(0.3, z, shell))
     reheated = of(found, "largest reheating of the surface")

@@ -25,7 +25,7 @@ def test_values_are_in_the_unit_beside_them():
     }
     assert content["quantities"]["heat_removed_slice"]["value"] == 139.2
     assert content["balances"]["energy"]["removed"]["value"] == 2.38
-    assert content["zones"] == [{"name": "mould", "start": 0.0, "end": 0.6}]
+    assert content["zones"] == [{"name": "mould", "start": 0.0, "end": 0.6, "whole": True}]
 
 
 def test_references_stand_beside_ours_with_the_difference():
