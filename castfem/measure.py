@@ -85,8 +85,7 @@ class Measure:
             self.passage = Passage(self.scene.case.mould.length)
         section = self.scene.section
         space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
-        share = self.scene.zones.perimeter_share()
-        on_surface = np.flatnonzero(share > 0)
+        on_surface = self.scene.zones.surface_vertices()
         for name, (start, _) in self.scene.probes.lines.items():
             distance = np.linalg.norm(space_points[on_surface] - np.asarray(start), axis=1)
             nearest = float(distance.min()) if distance.size else np.inf
@@ -170,12 +169,13 @@ class Measure:
         """Heat flux at the surface point of each probe, W/m2."""
         problem = self.scene.problem
         flow = problem.surface_flow(state.point, state.rate, state.time)
-        share = self.scene.zones.perimeter_share()
+        share = self.scene.zones.perimeter_share()  # of the surface as it is now
         names = list(self.scene.probes.lines)
         local = np.zeros(len(names))
         for i, name in enumerate(names):
-            if name in self._surface:
-                dof = self._surface[name]
+            # Through a face that no law cools nothing flows.
+            dof = self._surface.get(name)
+            if dof is not None and share[dof] > 0.0:
                 local[i] = flow[dof] / share[dof]
         flux = reductions.totals(self.scene.section.comm, local)
         return {name: float(flux[i]) for i, name in enumerate(names)}

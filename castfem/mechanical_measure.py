@@ -126,8 +126,8 @@ class MechanicalMeasure:
 
     def _moved(self, state: MechanicalState) -> dict[str, float]:
         """Outward displacement of the start of each probe, m."""
-        nodal = self.problem.points.nodal(state.displacement)
-        parts = [self.probes.along(np.ascontiguousarray(u)) for u in nodal.T]
+        moved = self.problem.points.moved(state.displacement, state.modes)
+        parts = [self.probes.along(np.ascontiguousarray(u)) for u in moved.T]
         return {
             name: float(sum(n[i] * parts[i][name][0] for i in range(2)))
             for name, n in self._outward.items()
@@ -143,7 +143,7 @@ class MechanicalMeasure:
         points = self.problem.points
         found: dict[str, Array] = {}
         if "displacement" in names:
-            found["displacement"] = points.nodal(state.displacement)
+            found["displacement"] = points.moved(state.displacement, state.modes)
         if {"stress", "von_mises"} & set(names):
             recovered = points.recovered(state.stress)
             if "stress" in names:

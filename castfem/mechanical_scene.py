@@ -60,7 +60,7 @@ def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Sectio
     return Slice(
         law=build_law(table, steel),
         thermal_strain=steel.thermal_strain,
-        planes=_planes(table.planes, free),
+        planes=_planes(table.planes, free, section.multiplicity),
         held=tuple(_held(one) for one in table.held),
         ferrostatic=_ferrostatic(case, table, steel),
         contact=_contact(case, section),
@@ -88,7 +88,13 @@ def _course(value: float | Table) -> Course:
     return value if isinstance(value, Table) else lambda time: value
 
 
-def _planes(motions: given.Motions, free: tuple[str, ...]) -> PlainPlanes:
+def _shared(value: float | Table, parts: int) -> Course:
+    """What each of the equal parts of the section bears of a load on the whole."""
+    course = _course(value)
+    return lambda time: course(time) / parts
+
+
+def _planes(motions: given.Motions, free: tuple[str, ...], parts: int) -> PlainPlanes:
     imposed = {
         name: _course(value)
         for name in ("a0", "a1", "a2", "across")
@@ -97,9 +103,9 @@ def _planes(motions: given.Motions, free: tuple[str, ...]) -> PlainPlanes:
     return PlainPlanes(
         free=free,
         imposed=imposed,
-        force=_course(motions.force),
-        moment_x=_course(motions.moment_x),
-        moment_y=_course(motions.moment_y),
+        force=_shared(motions.force, parts),
+        moment_x=_shared(motions.moment_x, parts),
+        moment_y=_shared(motions.moment_y, parts),
     )
 
 

@@ -204,7 +204,7 @@ def _force_balances(reading: Reading | None) -> dict[str, dict[str, Quantity]]:
     return {
         "axial force": {
             "force": Quantity(along, "kN", "axial force of the stress, modelled part"),
-            "external": Quantity(mechanics.load, "kN", "external axial force"),
+            "external": Quantity(mechanics.load, "kN", "external axial force, its share"),
             "friction": Quantity(mechanics.pull, "kN", "pull of the friction on the way here"),
             "reaction": Quantity(
                 along - mechanics.load - mechanics.pull,

@@ -13,6 +13,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from castfem import compat
+from castfem.errors import InputError
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
@@ -35,7 +36,8 @@ class Section:
         vertex_space: First-order Lagrange space, one value per vertex.
         groups: Names of the boundary groups. probes: Lines inward from the surface.
         multiplicity: How many times the modelled part makes up the whole section.
-        owned: Number of this rank's own vertices. compiled: Names of the forms compiled on it.
+        owned: Number of this rank's own vertices. cells: Of its own cells.
+        compiled: Names of the forms compiled on it.
     """
 
     def __init__(self, comm: MPI.Comm, source: SectionMesh | None) -> None:
@@ -59,6 +61,7 @@ class Section:
             points, cells = np.zeros((0, 2)), np.zeros((0, per_cell), np.int64)
         self.mesh = compat.create_mesh(comm, cells, points, cell, order)
         self.vertex_space = fem.functionspace(self.mesh, ("Lagrange", 1))
+        self.cells = int(self.mesh.topology.index_map(2).size_local)
         self._number_nodes()
         self.facet_tags = self._tag(facets, facet_group)
         self.compiled: list[str] = []
@@ -109,6 +112,21 @@ class Section:
     def matching(self, names: list[str] | tuple[str, ...]) -> list[int]:
         """Tags of the groups that `names` stand for: a name covers all that begin with it."""
         return [i for i, g in enumerate(self.groups) if any(g.startswith(n) for n in names)]
+
+    def required(self, names: list[str] | tuple[str, ...]) -> list[int]:
+        """The same, for names each of which has to stand for some.
+
+        Raises:
+            InputError: Naming each that does not.
+        """
+        problems = [
+            f'"{name}": no such boundary group; there are {", ".join(self.groups)}'
+            for name in names
+            if not self.matching([name])
+        ]
+        if problems or not names:
+            raise InputError(problems or "no boundary group is named")
+        return self.matching(names)
 
     @property
     def outer_groups(self) -> tuple[str, ...]:

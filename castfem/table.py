@@ -159,6 +159,38 @@ class Curve(Notation):
         return {"anyOf": [single, columns, file], "description": text}
 
 
+@dataclass(frozen=True, slots=True)
+class CurveOr(Curve):
+    """Annotation of a field that takes a certain word, too.
+
+    Attributes:
+        word: The word.
+    """
+
+    word: str
+
+    def read(self, given: object) -> Any:
+        """Return the word, the value in SI, or a table; raise ValueError if it is none of them."""
+        if given == self.word:
+            return self.word
+        try:
+            return Curve.read(self, given)
+        except ValueError as error:
+            raise ValueError(f'{error}; or "{self.word}"') from None
+
+    def write(self, value: Any) -> Any:
+        """Return what reads back to the same value."""
+        return value if value == self.word else Curve.write(self, value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the schema: that of a `Curve`, or the word."""
+        known = Curve.__get_pydantic_json_schema__(self, schema, handler)
+        known["anyOf"] = [{"const": self.word}, *known["anyOf"]]
+        return known
+
+
 def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | None]:
     """Return a column that `_column` reads back to the same floats, and its unit."""
     if kind.unit == "1":

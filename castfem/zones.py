@@ -108,6 +108,11 @@ class Zones:
             share[self._cooled.dofs] = self._cooled.weights
         return share
 
+    def surface_vertices(self) -> npt.NDArray[np.int64]:
+        """Owned vertices on the strand's surface, cooled or not."""
+        section = self._surface.section
+        return self._surface.patch(section.matching(section.outer_groups)).dofs
+
     def _tags(self, names: tuple[str, ...]) -> list[int]:
         """Tags of the surface groups that `names` stand for."""
         section = self._surface.section
@@ -166,8 +171,8 @@ def surface_law(
     if isinstance(law, given.Contact):
         # Without a gap its conductivity is of no account.
         conductivity = law.gap_conductivity if law.gap_conductivity is not None else 1.0
-        facing = law.wall if law.wall is not None else wall
-        assert facing is not None
+        facing = wall if law.wall in (None, given.MOULD) else law.wall
+        assert facing is not None and not isinstance(facing, str)
         follows = law.gap is None
         return laws.Contact(law.coefficient, facing, conductivity, law.gap or 0.0, follows)
     if isinstance(law, given.Convection):

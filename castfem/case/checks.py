@@ -10,10 +10,19 @@ from collections.abc import Iterator
 from typing import Any
 
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS
-from castfem.case.cooling import Contact, Flux, PrescribedTemperature, Zone
+from castfem.case.cooling import MOULD, Contact, Flux, PrescribedTemperature, Zone
+from castfem.case.mechanics import Motions
 from castfem.case.model import Case
 from castfem.case.problems import Problem
-from castfem.case.section import BeamBlank, Rectangle, Round, Strip, cooled_groups, outer_groups
+from castfem.case.section import (
+    BeamBlank,
+    Rectangle,
+    Round,
+    Strip,
+    barred,
+    cooled_groups,
+    outer_groups,
+)
 from castfem.case.wall import check_mould
 from castfem.units import format, nearest
 from castfem.wording import choices
@@ -169,8 +178,15 @@ def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[
     gapless = law.gap == 0.0 or (law.gap is None and case.mould is None)
     if not gapless and "gap_conductivity" not in law.model_fields_set:
         yield Problem(path, 'a gap needs its gap_conductivity, such as "0.15 W/(m K)"')
-    walled = case.mould is not None and case.mould.wall_temperature is not None
-    if "wall" not in law.model_fields_set and not walled:
+    mould = case.mould
+    of_mould = None if mould is None else mould.wall_temperature
+    own = "wall" in law.model_fields_set and law.wall != MOULD
+    if own and None not in (law.wall, of_mould) and law.wall != of_mould:
+        yield Problem(
+            (*path, "wall"), "mould.wall_temperature says something else; leave one of the two "
+            'out, or write wall = "mould"'
+        )  # fmt: skip
+    if not own and (mould is None or "wall_temperature" not in mould.model_fields_set):
         yield Problem(
             path, 'wall is missing; the temperature of the wall, such as "160 degC", here or as '
             "mould.wall_temperature"
@@ -306,3 +322,21 @@ def _mechanics(case: Case) -> Iterator[Problem]:
     for index, held in enumerate(table.held or ()):
         if held is not None and held.on is not None:
             yield from _names(held.on, known, ("mechanics", "held", index, "on"))
+    if table.planes is not None:
+        yield from _planes(table.planes, case.section)
+
+
+def _planes(planes: Motions, section: Any) -> Iterator[Problem]:
+    """Yield motions of the planes, and moments, that the section does not have."""
+    path = ("mechanics", "planes")
+    if planes.across is not None and not isinstance(section, Strip):
+        yield Problem(
+            (*path, "across"), "is for a strip; other sections widen by their displacements"
+        )
+    for motion, moment in (("a1", "moment_x"), ("a2", "moment_y")):
+        if motion not in barred(section):
+            continue
+        mend = "leave it out, or model more of the section with section.symmetry"
+        for name in (motion, moment):
+            if getattr(planes, name) not in (None, 0.0):
+                yield Problem((*path, name), f"symmetry keeps {motion} at zero; {mend}")

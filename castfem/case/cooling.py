@@ -18,7 +18,7 @@ from castfem.quantities import (
     Temperature,
     WaterFlow,
 )
-from castfem.table import Curve, Table
+from castfem.table import Curve, CurveOr, Table
 
 CoefficientOfTemperature = Annotated[
     float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), over="temperature")
@@ -32,6 +32,9 @@ EmissivityOfTemperature = Annotated[
 ]
 FluxOfTime = Annotated[float | Table, Curve(Kind("W/m^2", "MW/m^2"), over="time")]
 TemperatureOfTime = Annotated[float | Table, Curve(Kind("K", "degC"), over="time")]
+
+MOULD = "mould"
+WallTemperature = Annotated[str | float | Table, CurveOr(Kind("K", "degC"), "time", MOULD)]
 
 _GAP = "distance between strand and wall"
 
@@ -52,9 +55,9 @@ class Contact(Law):
 
     law: Literal["contact"]
     coefficient: HeatTransferCoefficient = Field(description="coefficient without a gap")
-    wall: TemperatureOfTime | None = Field(
+    wall: WallTemperature | None = Field(
         None,
-        description="temperature of the wall; by default mould.wall_temperature",
+        description='temperature of the wall; "mould", as by default: mould.wall_temperature',
         examples=["160 degC"],
     )
     gap: Distance | None = Field(

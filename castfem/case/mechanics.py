@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.thermal import PetscOption
 from castfem.quantities import Kind, PositiveDifference, Time
-from castfem.table import Curve, Table
-
-if TYPE_CHECKING:
-    from pydantic import GetJsonSchemaHandler
-    from pydantic_core import CoreSchema
+from castfem.table import Curve, CurveOr, Table
 
 FREE = "free"
 
@@ -33,37 +28,12 @@ DisplacementOfTime = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class Motion(Curve):
-    """Annotation of a field that is "free", a value, or a table over time."""
-
-    over: str = "time"
-
-    def read(self, given: object) -> Any:
-        """Return "free", the value in SI, or a table; raise ValueError if it is none of them."""
-        if given == FREE:
-            return FREE
-        try:
-            return Curve.read(self, given)
-        except ValueError as error:
-            raise ValueError(f'{error}; or "free"') from None
-
-    def write(self, value: Any) -> Any:
-        """Return what reads back to the same value."""
-        return value if value == FREE else Curve.write(self, value)
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        """Return the schema: that of a `Curve`, or the word."""
-        known = Curve.__get_pydantic_json_schema__(self, schema, handler)
-        known["anyOf"] = [{"const": FREE}, *known["anyOf"]]
-        return known
-
-
-AxialStrain = Annotated[str | float | Table, Motion(Kind("1", label="strain", sample="0.001"))]
+AxialStrain = Annotated[
+    str | float | Table, CurveOr(Kind("1", label="strain", sample="0.001"), "time", FREE)
+]
 Gradient = Annotated[
-    str | float | Table, Motion(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"))
+    str | float | Table,
+    CurveOr(Kind("1/m", "1/m", label="gradient", sample="0.1 1/m"), "time", FREE),
 ]
 
 
@@ -86,12 +56,15 @@ class Motions(TableModel):
     across: AxialStrain | None = Field(
         None, description="uniform strain along y, for a strip cut out of something wide"
     )
-    force: ForceOfTime = Field(written("0 kN"), description="external axial force on the slice")
+    force: ForceOfTime = Field(
+        written("0 kN"), description="external axial force on the whole strand"
+    )
     moment_x: MomentOfTime = Field(
-        written("0 kN m"), description="external moment of the axial stress with x"
+        written("0 kN m"),
+        description="external moment with x, on the whole strand",
     )
     moment_y: MomentOfTime = Field(
-        written("0 kN m"), description="external moment of the axial stress with y"
+        written("0 kN m"), description="external moment with y, on the whole strand"
     )
 
 

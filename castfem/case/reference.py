@@ -21,7 +21,7 @@ from castfem.case.cooling import (
     Spray,
     Zone,
 )
-from castfem.case.mechanics import Coupling, Held, Mechanics, Motion, Motions
+from castfem.case.mechanics import Coupling, Held, Mechanics, Motions
 from castfem.case.mould import (
     Copper,
     Coulomb,
@@ -38,7 +38,7 @@ from castfem.case.taper import TaperMark
 from castfem.case.tensile import Segment, Tensile, TensileOutput
 from castfem.case.thermal import Adaptive, Stepping, Thermal
 from castfem.quantities import Kind
-from castfem.table import Curve
+from castfem.table import Curve, CurveOr
 
 _HEAD = """\
 # Case files
@@ -183,9 +183,10 @@ def _takes(field: FieldInfo) -> str:
 
 def _mark(mark: Kind | Curve, example: object) -> str:
     """Return the kind of quantity and how it may be written."""
-    if isinstance(mark, Motion):
+    if isinstance(mark, CurveOr):
         plain = Curve(mark.kind, mark.over)
-        return f'`"free"`; {_mark(plain, mark.kind.example)}'
+        value = mark.kind.example if example == mark.word else example
+        return f'`"{mark.word}"`; {_mark(plain, value)}'
     if isinstance(mark, Curve):
         return f"{_mark(mark.kind, example)}, or a table over {mark.over}"
     text = str(example or mark.example)

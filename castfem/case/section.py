@@ -144,6 +144,12 @@ def outer_groups(section: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
+def barred(section: Any) -> tuple[str, ...]:
+    """Return the tilts of the slice, of a1 and a2, that the section's symmetry keeps at zero."""
+    symmetry = getattr(section, "symmetry", "whole")
+    return {"quarter": ("a1", "a2"), "half": ("a1",)}.get(symmetry, ())
+
+
 def cooled_groups(section: Any) -> tuple[str, ...]:
     """Return the groups a heat law without `on` holds on: the outer ones, a strip's surface."""
     return ("surface",) if isinstance(section, Strip) else outer_groups(section)

@@ -21,6 +21,7 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from scipy import sparse
 
+from castfem import nodal
 from castfem.compat import Tabulation
 from castfem.section import Section
 
@@ -136,18 +137,10 @@ class Facets:
         Rows are the components of the first point, then of the second...; columns this rank's
         degrees of freedom.
         """
-        index_map, size = space.dofmap.index_map, space.dofmap.bs
-        columns = (index_map.size_local + index_map.num_ghosts) * size
-        if not self.count:
-            self.tabulate(expression)()  # compiles, which is collective
-            return sparse.csr_matrix((0, columns))
-        nodes = np.asarray(space.dofmap.list)[self.cells].astype(np.int64)
-        dofs = (nodes[:, :, None] * size + np.arange(size)).reshape(len(nodes), -1)
-        table = self.tabulate(expression)().reshape(self.count, -1, dofs.shape[1])
-        where = np.broadcast_to(np.repeat(dofs, self.per_facet, axis=0)[:, None, :], table.shape)
-        starts = np.arange(0, table.size + 1, dofs.shape[1])
-        shape = (len(starts) - 1, columns)
-        return sparse.csr_matrix((table.ravel(), where.ravel(), starts), shape=shape)
+        values = self.tabulate(expression)()  # also without facets: compiling is collective
+        dofs = nodal.per_cell(space)
+        table = values.reshape(self.count, values.shape[1] // dofs, dofs)
+        return nodal.operator(space, np.repeat(self.cells, self.per_facet), table)
 
 
 class FacetFields:

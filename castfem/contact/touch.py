@@ -11,14 +11,13 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from castfem import reductions
+from castfem import nodal, reductions
 from castfem.contact.contact import Contact
 from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
 from castfem.contact.state import OPEN, SLIP, STICK, ContactState, Flags, Touch
 from castfem.contact.strand import Motion, Solid
 from castfem.contact.stress import SurfaceStress
-from castfem.errors import InputError
 from castfem.forms import contact as forms
 from castfem.forms import finite_strain
 from castfem.forms.mechanics import Direction, of_modes
@@ -53,12 +52,7 @@ class WallContact:
     """
 
     def __init__(self, section: Section, contact: Contact, solid: Solid, motion: Motion) -> None:
-        tags = section.matching(contact.on)
-        if not tags:
-            raise InputError(
-                f"contact: {', '.join(contact.on)}: no such boundary group; "
-                f"there are {', '.join(section.groups)}"
-            )
+        tags = section.required(contact.on)
         self.section, self.contact = section, contact
         self._solid, self._motion = solid, motion
         self.symmetric = contact.symmetric
@@ -197,10 +191,8 @@ class WallContact:
 
     def _at_points_from(self, owned: Array) -> Array:
         """Values at the points from those of the owned vertices."""
-        field = fem.Function(self.section.vertex_space)
-        field.x.array[: self.section.owned] = owned
-        field.x.scatter_forward()
-        return np.asarray(self.at_vertices @ field.x.array)
+        local = nodal.with_ghosts(self.section.vertex_space, owned)
+        return np.asarray(self.at_vertices @ local)
 
     def evaluate(self) -> float:
         """Meet the wall with the displacement and the generalized strains the fields hold.

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from castfem import reductions
+from castfem import nodal, reductions
 from castfem.contact.archive import ContactArchive
 from castfem.contact.state import ContactState
 from castfem.mechanics.points import Cellwise
@@ -61,10 +61,7 @@ class Archive:
 
     def _with_ghosts(self, owned: Array) -> Array:
         """Values of the owned displacement unknowns, with those of other ranks' nodes."""
-        field = fem.Function(self.problem.space)
-        field.x.array[: self.problem.owned] = owned
-        field.x.scatter_forward()
-        return np.array(field.x.array)
+        return nodal.with_ghosts(self.problem.space, owned)
 
     @staticmethod
     def description(state: MechanicalState) -> dict[str, Any]:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem, la
 
-from castfem import reductions
+from castfem import nodal, reductions
 from castfem.contact.touch import WallContact
 from castfem.mechanics.points import Points
 from castfem.mechanics.state import MechanicalState
@@ -28,7 +27,7 @@ class SurfaceGap:
     def __init__(self, contact: WallContact, points: Points) -> None:
         self._contact, self._points = contact, points
         section = contact.section
-        self._sum = fem.Function(section.vertex_space)
+        self._space = section.vertex_space
         length = self._gathered(contact.facets.weight)
         # What a vertex off the surface gets of the facets around it is rounding.
         self.dofs = np.flatnonzero(length > 1e-9 * reductions.largest(section.comm, length))
@@ -36,34 +35,27 @@ class SurfaceGap:
 
     def _gathered(self, density: Array) -> Array:
         """Sum of values at facet points by the vertices' hat functions (owned,)."""
-        values = self._sum.x
-        values.array[:] = self._contact.at_vertices.T @ density
-        values.scatter_reverse(la.InsertMode.add)
-        return np.array(values.array[: self._contact.section.owned])
+        return nodal.summed(self._space, self._contact.at_vertices.T @ density)
 
     def mean(self, values: Array) -> Array:
         """Mean of values at the facets' points (points,) around each of the vertices `dofs`."""
         weights = self._contact.facets.weight
         return self._gathered(weights * values)[self.dofs] / self._gathered(weights)[self.dofs]
 
-    def at(self, state: MechanicalState, position: float | None = None) -> Array:
+    def at(self, state: MechanicalState) -> Array:
         """Distance to the wall along its normal at the vertices `dofs` (n,), m (collective).
 
         Negative where the strand has penetrated, infinite where there is no wall.
 
         Args:
-            state: Has the displacement.
-            position: Below the meniscus, m; that of the slice at the time of `state` if None.
+            state: Has the displacement and the time.
         """
         contact = self._contact
-        if position is None:
-            position = contact.contact.position(state.time)
+        position = contact.contact.position(state.time)
         normal = contact.facing(state.displacement, state.modes)[0]
         weights = contact.facets.weight
         mean = np.column_stack([self._gathered(weights * c) for c in normal.T])[self.dofs]
         mean /= np.maximum(np.hypot(*mean.T), 1e-300)[:, None]
-        moved = self._points.nodal(state.displacement)[self.dofs]
-        place = self._places + moved
-        place[:, 1] += state.modes[3] * self._places[:, 1]
+        place = self._places + self._points.moved(state.displacement, state.modes)[self.dofs]
         reach = contact.contact.wall.reach(place, mean, position)
         return np.asarray(reach.gap) * np.einsum("ni,ni->n", reach.normal, mean)

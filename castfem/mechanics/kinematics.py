@@ -218,7 +218,7 @@ class SurfaceLoads:
         held = fem.Function(section.vertex_space) if liquid else None
         found = cls([], [], measure, held)
         for load in loads:
-            tags = tuple(section.matching(load.on))
+            tags = tuple(section.required(load.on))
             if isinstance(load, Traction):
                 found.tractions.append((tags, fem.Constant(mesh, np.zeros(2)), load))
             else:

@@ -17,6 +17,7 @@ import ufl
 from dolfinx import fem
 from scipy import sparse
 
+from castfem import nodal
 from castfem.compat import Tabulation
 from castfem.forms import mechanics as forms
 from castfem.section import Section
@@ -166,26 +167,12 @@ class Points:
 
     def _operator(self, expression: object, space: fem.FunctionSpace) -> sparse.csr_matrix:
         """Sparse matrix of a linear expression of a space's functions, rows by point."""
-        index_map, size = space.dofmap.index_map, space.dofmap.bs
-        columns = (index_map.size_local + index_map.num_ghosts) * size
-        cells = self.section.mesh.topology.index_map(2).size_local
-        nodes = np.asarray(space.dofmap.list)[:cells].astype(np.int64)
-        dofs = (nodes[:, :, None] * size + np.arange(size)).reshape(cells, nodes.shape[1] * size)
+        cells, dofs = np.arange(self.section.cells), nodal.per_cell(space)
         blocks = []
         for rule in (self.deviator, self.mean):
             values = Tabulation(self.section.mesh, expression, rule.points).values()
-            if not values.size:
-                continue
-            table = values.reshape(cells, len(rule.points), -1, dofs.shape[1])
-            where = np.broadcast_to(dofs[:, None, None, :], table.shape)
-            starts = np.arange(0, table.size + 1, dofs.shape[1])
-            blocks.append(
-                sparse.csr_matrix(
-                    (table.ravel(), where.ravel(), starts), shape=(len(starts) - 1, columns)
-                )
-            )
-        if not blocks:
-            return sparse.csr_matrix((0, columns))
+            table = values.reshape(len(cells), values[:1].size // dofs, dofs)
+            blocks.append(nodal.operator(space, cells, table))
         matrix = sparse.vstack(blocks, format="csr")
         matrix.eliminate_zeros()
         matrix.sort_indices()
@@ -244,6 +231,17 @@ class Points:
         """Displacement of the owned vertices (owned, 2), from that of all nodes of this rank."""
         return np.asarray(displacement.reshape(-1, 2)[self._vertex_nodes])
 
+    def moved(self, displacement: Array, modes: Array) -> Array:
+        """How far the owned vertices have moved (owned, 2), m, by the strain `across` too.
+
+        Args:
+            displacement: Of all nodes of this rank, m.
+            modes: Generalized strains (4,).
+        """
+        found = self.nodal(displacement)
+        places = self.section.vertex_space.tabulate_dof_coordinates()[: len(found)]
+        return found + np.outer(modes[3] * places[:, 1], [0.0, 1.0])
+
     def to_vertices(self, density: Array) -> Array:
         """Integral of a density at the deviator's points times each vertex' hat function, (owned,).
 
@@ -253,12 +251,7 @@ class Points:
 
     def _summed(self, local: Array) -> Array:
         """Contributions of all ranks to this rank's own vertices."""
-        from dolfinx import la
-
-        function = fem.Function(self.section.vertex_space)
-        function.x.array[:] = local
-        function.x.scatter_reverse(la.InsertMode.add)
-        return np.array(function.x.array[: self.section.owned])
+        return nodal.summed(self.section.vertex_space, local)
 
 
 class Cellwise:

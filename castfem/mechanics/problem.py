@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
-from castfem import reductions
+from castfem import nodal, reductions
 from castfem.compat import assemble_into, create_matrix
 from castfem.contact.touch import WallContact
 from castfem.mechanics.border import Border
@@ -76,7 +76,7 @@ class MechanicalProblem:
         check_modes(slice_.planes.free, section.groups)
         self.free = len(slice_.planes.free)
         self.space = fem.functionspace(section.mesh, displacement_element(section.cell))
-        self.owned = self.space.dofmap.index_map.size_local * self.space.dofmap.bs
+        self.owned = nodal.owned_of(self.space)
         rules = slice_.integration or Integration.of(section.cell, section.order)
         self.points = Points(section, self.space, rules)
         self.scales = Scales(self.points, self.space)
@@ -134,10 +134,8 @@ class MechanicalProblem:
 
     def at_points(self, temperature: Array) -> Array:
         """Temperatures at the points from those of the owned vertices."""
-        field = fem.Function(self.section.vertex_space)
-        field.x.array[: self.section.owned] = temperature
-        field.x.scatter_forward()
-        return np.asarray(self.points.vertex @ field.x.array)
+        local = nodal.with_ghosts(self.section.vertex_space, temperature)
+        return np.asarray(self.points.vertex @ local)
 
     def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
         """Prepare a step from the committed state `old` to `time` and new temperatures."""
@@ -179,7 +177,7 @@ class MechanicalProblem:
         starts = [self._start(*guess) for guess in guesses]
         if len(starts) > 1:
             sizes = [self._imbalance(start) for start in starts]
-            starts = [starts[int(np.argmin(sizes))]]
+            starts = [starts[int(np.argmin(np.nan_to_num(sizes, nan=np.inf)))]]
         self.solver.x.setArray(starts[0])
         first = self._approach(starts[0])
         outcome = self.solver.solve()

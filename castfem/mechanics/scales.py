@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import fem, la
+from dolfinx import fem
 
-from castfem import reductions
+from castfem import nodal, reductions
 from castfem.laws.base import Response
 from castfem.mechanics.points import Points
 
@@ -60,12 +60,8 @@ class Scales:
             for v in points.position.T
         ]
         self.length = max(high - low for low, high in ends)
-        owned = space.dofmap.index_map.size_local * space.dofmap.bs
         weights = np.repeat(points.deviator.volume, 4)
-        spread = fem.Function(space)
-        spread.x.array[:] = abs(points.strain[: len(weights)]).T @ weights
-        spread.x.scatter_reverse(la.InsertMode.add)
-        self.reach = spread.x.array[:owned].copy()
+        self.reach = nodal.summed(space, abs(points.strain[: len(weights)]).T @ weights)
         self.area = reductions.total(self._comm, float(points.deviator.volume.sum()))
         self._finest = np.sqrt(reductions.smallest(self._comm, points.deviator.volume))
 

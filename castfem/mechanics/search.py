@@ -9,6 +9,7 @@ searches go by, says nothing here.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 OVERSHOOT = 0.05  # of the work at the start: less is Newton's own business
@@ -23,9 +24,15 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
 
     Args:
         first: Work along the correction at the start.
-        work: The same after a share of the correction.
+        work: The same after a share of the correction; not finite where it cannot be told, which
+            counts as an overshoot.
     """
-    full = work(1.0)
+
+    def told(share: float) -> float:
+        found = work(share)
+        return found if math.isfinite(found) else -first
+
+    full = told(1.0)
     if not first > 0.0 or full >= -OVERSHOOT * first:
         return 1.0
     low, high, share = 0.0, 1.0, 1.0
@@ -33,7 +40,7 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
     for _ in range(TRIALS):
         crossing = (at_low * high - at_high * low) / (at_low - at_high)
         share = 0.1 * high if low == 0.0 else crossing
-        found = work(share)
+        found = told(share)
         if abs(found) <= CLOSE * first:
             break
         if found > 0.0:

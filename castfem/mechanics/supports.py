@@ -14,7 +14,6 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 
 from castfem import reductions
-from castfem.errors import InputError
 from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
@@ -207,12 +206,7 @@ class Constraints:
 
 def _facets(section: Section, names: tuple[str, ...]) -> npt.NDArray[np.int32]:
     """Local facets of groups."""
-    tags = section.matching(names)
-    if not tags:
-        raise InputError(
-            f"{', '.join(names)}: no such boundary group; there are {', '.join(section.groups)}"
-        )
-    found = [section.facet_tags.find(tag) for tag in tags]
+    found = [section.facet_tags.find(tag) for tag in section.required(names)]
     return np.unique(np.concatenate(found)).astype(np.int32)
 
 

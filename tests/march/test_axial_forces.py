@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moulded import billet, run
+from moulded import billet, marched, run
 
 from castfem.output.history import read_history
 
@@ -17,10 +17,10 @@ RUBBING = ("casting.length=60 mm", "mould.friction.law=coulomb", "mould.friction
 def test_pull_of_friction_and_external_force_are_that_of_the_stress(
     tmp_path: Path, method: str
 ) -> None:
-    external = 'mechanics.planes.force="2 N"'
+    external = 'mechanics.planes.force="8 N"'
     summary = run(billet("taper_1", *RUBBING, external, f"mould.contact={method}"), tmp_path)
     terms = {name: q.value for name, q in summary.balances["axial force"].items()}
-    assert terms["external"] == 2.0
+    assert terms["external"] == 2.0  # of the quarter
     assert terms["friction"] > 1.0
     assert terms["force"] == pytest.approx(terms["external"] + terms["friction"], rel=1e-6)
     assert abs(terms["reaction"]) < 1e-6 * terms["force"]
@@ -31,6 +31,17 @@ def test_pull_of_friction_and_external_force_are_that_of_the_stress(
     assert np.allclose(table["friction_pull"].to_numpy()[1:], pull, rtol=1e-6)
     header = (tmp_path / "history.csv").read_text().splitlines()[0]
     assert "friction_force [kN/m]" in header and "friction_pull [kN]" in header
+
+
+def test_a_force_on_the_strand_strains_all_its_parts_alike() -> None:
+    force = ("casting.length=30 mm", 'mechanics.planes.force="1 kN"')
+    quarter, half = (
+        marched(billet("coupled", *force, f"section.symmetry={s}")).readings[-1].mechanics
+        for s in ("quarter", "half")
+    )
+    assert quarter is not None and half is not None
+    assert quarter.strain > 1e-3
+    assert half.strain == pytest.approx(quarter.strain, rel=1e-5)
 
 
 def test_what_planes_that_are_held_bear(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from castfem.errors import InputError
 from castfem.mechanics.planes import BentPlanes, PlainPlanes, allowed_modes, between, check_modes
+from castfem.mechanics.supports import Held
 from mechanics.scenes import SliceScene, box, elastic, mapped
 
 FREE = ("left", "bottom", "right", "top")
@@ -91,6 +92,22 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     assert balance is not None
     assert balance.axial[0] == pytest.approx(1e6, rel=1e-9)
     assert pulled.state.modes[0] == pytest.approx(1e6 / (E * 0.1 * 2 * half), rel=1e-9)
+
+
+def test_what_a_strain_across_moves() -> None:
+    """However it is split between nodes and motion, points go where they go."""
+    found = []
+    for imposed, ends in (({"across": lambda t: 1e-3 * t}, 0.0), ({}, 1e-3)):
+        side = Held(("top",), 1, lambda p, t, ends=ends: ends * t * p[:, 1])
+        scene = SliceScene(
+            mapped(2, 2, box(0.1, 0.1)),
+            elastic(E),
+            given={"planes": PlainPlanes(("a0",), imposed), "held": (side,)},
+        )
+        scene.step(1.0)
+        found.append(scene.problem.points.moved(scene.state.displacement, scene.state.modes))
+    assert np.ptp(found[0][:, 1]) == pytest.approx(1e-4)
+    assert np.allclose(*found, rtol=1e-9, atol=1e-14)
 
 
 def test_symmetry_leaves_what_it_must() -> None:

@@ -10,6 +10,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
+from castfem.contact.contact import Contact
 from castfem.errors import InputError
 from castfem.laws.base import Response
 from castfem.laws.elasticity import Elasticity
@@ -18,6 +19,7 @@ from castfem.laws.tables import Constant
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.search import step_share
 from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mould.wall import PlaneWall
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, expansion, mapped, ring
 
 CREEP = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-3, 1e7, 5.0)
@@ -274,6 +276,37 @@ def test_line_search_finds_the_turn(root: float) -> None:
     assert len(asked) < 25
 
 
-def test_wrong_groups_are_named() -> None:
-    with pytest.raises(InputError, match="lid: no such boundary group; there are symmetry_x"):
-        cooled(given={"held": (Held(("lid",), 0),)})
+@pytest.mark.parametrize("reach", [0.9, 0.09, 1e-3])
+@pytest.mark.parametrize("beyond", [np.nan, np.inf, -np.inf])
+def test_line_search_comes_back_from_where_nothing_can_be_told(reach: float, beyond: float) -> None:
+    """Work falls to zero at half of what can be evaluated: a step that overflows is too long."""
+    root = 0.5 * reach
+
+    def work(share: float) -> float:
+        return beyond if share > reach else 1.0 - share / root
+
+    share = step_share(1.0, work)
+    assert 0.0 < share <= reach
+    assert abs(work(share)) <= 0.06
+
+
+def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = cooled()
+    sizes = iter([1.0, np.nan])
+    monkeypatch.setattr(scene.problem, "_imbalance", lambda local: next(sizes))
+    scene.problem.begin(scene.state, 1.0, scene.field(uneven))
+    still = np.zeros(scene.problem.owned)
+    assert scene.problem.solve([(still, np.zeros(1)), (still + np.nan, np.zeros(1))]).converged
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"held": (Held(("lid",), 0),)},
+        {"loads": (SurfacePressure(("right", "lid"), lambda t: 1.0),)},
+        {"contact": Contact(PlaneWall((0.0, 0.0), (1.0, 0.0)), ("right", "lid"), lambda t: t)},
+    ],
+)
+def test_wrong_groups_are_named(given: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match='"lid": no such boundary group; there are symmetry_x'):
+        cooled(given=given)

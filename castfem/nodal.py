@@ -1,0 +1,73 @@
+"""Values at a rank's degrees of freedom: to and from other ranks, and to points.
+
+A rank's own degrees of freedom come first, those of other ranks that its cells touch (ghosts)
+after.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem, la
+from scipy import sparse
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[Any]
+
+
+def owned_of(space: fem.FunctionSpace) -> int:
+    """Number of this rank's own degrees of freedom."""
+    return int(space.dofmap.index_map.size_local * space.dofmap.bs)
+
+
+def with_ghosts(space: fem.FunctionSpace, owned: Array) -> Array:
+    """Values of all local degrees of freedom from the owned ones of every rank (collective)."""
+    vector = fem.Function(space).x
+    vector.array[: owned_of(space)] = owned
+    vector.scatter_forward()
+    return np.array(vector.array)
+
+
+def summed(space: fem.FunctionSpace, local: Array) -> Array:
+    """Contributions of all ranks, ghosts included, at the owned degrees of freedom (collective)."""
+    vector = fem.Function(space).x
+    vector.array[:] = local
+    vector.scatter_reverse(la.InsertMode.add)
+    return np.array(vector.array[: owned_of(space)])
+
+
+def per_cell(space: fem.FunctionSpace) -> int:
+    """Number of degrees of freedom of a cell."""
+    return int(np.asarray(space.dofmap.list).shape[1] * space.dofmap.bs)
+
+
+def dofs_of(space: fem.FunctionSpace, cells: Indices) -> npt.NDArray[np.int64]:
+    """Local degrees of freedom of cells (cells, dofs), components of a node one after another."""
+    size = space.dofmap.bs
+    nodes = np.asarray(space.dofmap.list)[cells].astype(np.int64)
+    return (nodes[:, :, None] * size + np.arange(size)).reshape(len(nodes), per_cell(space))
+
+
+def operator(space: fem.FunctionSpace, cells: Indices, table: Array) -> sparse.csr_matrix:
+    """Sparse matrix of values that depend linearly on a space's functions.
+
+    Args:
+        space: Of the functions; the columns are this rank's degrees of freedom.
+        cells: On which they are (n,); one may stand there several times.
+        table: Derivatives of each value by the degrees of freedom of its cell (n, values, dofs).
+
+    Returns:
+        Rows are the values of the first cell, then of the second...
+    """
+    index_map = space.dofmap.index_map
+    columns = (index_map.size_local + index_map.num_ghosts) * space.dofmap.bs
+    dofs = dofs_of(space, cells)
+    if not table.size:
+        return sparse.csr_matrix((0, columns))
+    where = np.broadcast_to(dofs[:, None, :], table.shape)
+    starts = np.arange(0, table.size + 1, dofs.shape[1])
+    return sparse.csr_matrix(
+        (table.ravel(), where.ravel(), starts), shape=(len(starts) - 1, columns)
+    )
