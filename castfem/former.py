@@ -20,17 +20,12 @@ def check(folder: Path, case: AnyCase, *, resume: bool, overwrite: bool) -> None
     """Refuse a folder whose run is of other physics than the case.
 
     Raises:
-        InputError: It is, or it cannot be told; or the folder is a file; or there is nothing to
-            resume.
+        InputError: It is, or it cannot be told; or the folder is a file.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
     file = folder / "case.toml"
-    if not file.is_file():
-        if resume:
-            raise InputError(f"{folder}: holds no run to resume; run without --resume")
-        return
-    if overwrite:
+    if overwrite or not file.is_file():
         return
     mend = (
         "run without --resume into another folder (-o)"

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
 import numpy as np
 import numpy.typing as npt
 
-from castfem import log, reductions
+from castfem import log, reductions, restart
 from castfem.coupling import Interval, Leg, StrandState, take_interval
 from castfem.errors import CastfemError, RunFailure
 from castfem.interrupt import Interrupt, Stopped
@@ -21,23 +21,19 @@ from castfem.output.folder import OutputFolder
 from castfem.output.summary import Quantity
 from castfem.parallel import on_root
 from castfem.recorder import Recorder
-from castfem.report import last_results, quantities, summarise
+from castfem.report import quantities, summarise
 from castfem.scene import Scene, build_scene
 from castfem.stopwatch import peak_memory, profile_table
 from castfem.timestep import same_instant
 
 if TYPE_CHECKING:
     from castfem.case import Case
-    from castfem.mechanics.archive import Archive
     from castfem.mechanics.state import MechanicalResult
     from castfem.output.summary import Summary
     from castfem.progress import Progress
 
 Array = npt.NDArray[np.float64]
 Named = dict[str, Quantity]
-
-# Arrays of the thermal state that a checkpoint holds, by their name in it.
-STATE = ("enthalpy", "rate")
 
 
 class March:
@@ -60,7 +56,7 @@ class March:
         self.scene, self.recorder, self.progress = scene, recorder, progress
         self.interrupt = interrupt
         self.measure = Measure(scene)
-        self.archive = make_archive(scene)
+        self.archive = restart.make_archive(scene)
         thermal = scene.stepper.initial(scene.start_temperature)
         self.state: StrandState = (
             StrandState(thermal, None, np.zeros(0))
@@ -74,7 +70,7 @@ class March:
         # Results and balances of forces as the checkpoint tells them, until the next step: what a
         # step finds out, and the heat flux through its gap, are no part of the state.
         self.told: tuple[Named, dict[str, Named]] | None = None
-        self._zone = -1
+        self.zone = -1
         self._recorded: Recorded | None = None
 
     def run(self) -> Reading:
@@ -96,11 +92,11 @@ class March:
     def _enter_zone(self) -> None:
         """Change the cooling if the slice has come to the next zone."""
         zone = self.scene.zones.index(self.state.time)
-        if zone != self._zone:
+        if zone != self.zone:
             self.scene.problem.set_cooling(self.scene.zones.cooling(zone))
-            if self._zone >= 0:
+            if self.zone >= 0:
                 self.scene.steps.control.restart()
-            self._zone = zone
+            self.zone = zone
 
     def advance(self) -> None:
         """Take one step, or with mechanics one interval: try, cut back if need be, commit.
@@ -157,7 +153,7 @@ class March:
         if self.recorder is not None:
             with self.scene.watch.section("output"):
                 self.recorder.step(self, self.reading)
-        self._remember(self.reading)
+        self.remember(self.reading)
         if self.progress is not None:
             reading = self.reading
             newton = reading.newton + (reading.mechanics.newton if reading.mechanics else 0)
@@ -165,7 +161,7 @@ class March:
         if self.interrupt is not None:
             self.interrupt.heed()
 
-    def _remember(self, reading: Reading) -> None:
+    def remember(self, reading: Reading) -> None:
         """Keep what has been recorded: states are never written into, the rest is copied."""
         scene = self.scene
         self._recorded = Recorded(
@@ -174,7 +170,7 @@ class March:
             replace(self.counts),
             scene.control.step,
             scene.steps.control.step,
-            self._zone,
+            self.zone,
             self.measure.memory(),
             dict(self.snapshots),
         )
@@ -186,7 +182,7 @@ class March:
             return False
         self.state, self.reading, self.counts = good.state, good.reading, good.counts
         self.scene.control.step, self.scene.steps.control.step = good.step, good.substep
-        self._zone, self.snapshots = good.zone, good.snapshots
+        self.zone, self.snapshots = good.zone, good.snapshots
         self.measure.recall(good.memory)
         return True
 
@@ -198,87 +194,7 @@ class March:
                 self.snapshots[position] = quantities(self, reading)
 
     def _note(self) -> str:
-        return self.scene.zones.spans[max(self._zone, 0)].name
-
-    def arrays(self) -> dict[str, Array | None]:
-        """The arrays of the committed state, whole on rank 0 (collective)."""
-        gather, state = self.scene.section.gather, self.state
-        found = {name: gather(getattr(state.thermal, name)) for name in STATE}
-        if self.archive is not None and state.mechanical is not None:
-            found |= self.archive.arrays(state.mechanical)
-            if self.scene.case.coupling.dissipation:
-                found["heating"] = gather(state.heating)
-            if self.scene.case.coupling.order == "mechanics_first":
-                found["trend"] = gather(state.trend)
-        return found
-
-    def description(self) -> dict[str, Any]:
-        """All of the committed state that is not an array; what a checkpoint holds beside them."""
-        thermal, mechanical = self.state.thermal, self.state.mechanical
-        results, forces = last_results(self)
-        found: dict[str, Any] = {
-            "time": thermal.time,
-            "removed": thermal.removed,
-            "generated": thermal.generated,
-            "counts": asdict(self.counts),
-            "step": self.scene.control.step,
-            "substep": self.scene.steps.control.step,
-            "zone": self._zone,
-            "measure": self.measure.memory(),
-            "snapshots": [[position, _plain(found)] for position, found in self.snapshots.items()],
-            "results": _plain(results),
-            "forces": {name: _plain(terms) for name, terms in forces.items()},
-        }
-        if self.archive is not None and mechanical is not None:
-            found["mechanical"] = self.archive.description(mechanical)
-        return found
-
-    def restore(self, meta: dict[str, Any], arrays: dict[str, Array]) -> None:
-        """Go on from a checkpoint: `description` and the arrays by node (on every rank)."""
-        nodes = self.scene.section.node_of_owned
-        enthalpy, rate = (np.asarray(arrays[name])[nodes] for name in STATE)
-        thermal = self.scene.stepper.state_from(
-            meta["time"], enthalpy, rate, meta["removed"], meta["generated"]
-        )
-        mechanical = None
-        if self.archive is not None:
-            mechanical = self.archive.state(meta["mechanical"], arrays)
-        heating, trend = (
-            np.asarray(arrays[name])[nodes] if name in arrays else np.zeros(0)
-            for name in ("heating", "trend")
-        )
-        self.state = StrandState(thermal, mechanical, heating, trend)
-        self.counts = Counts(**meta["counts"])
-        self.scene.control.step = meta["step"]
-        self.scene.steps.control.step = meta["substep"]
-        self._zone = meta["zone"]
-        if self._zone >= 0:
-            self.scene.problem.set_cooling(self.scene.zones.cooling(self._zone))
-        self.measure.recall(meta["measure"])
-        self.snapshots = {position: _named(found) for position, found in meta["snapshots"]}
-        self.reading = self.measure.read(self.state, None)
-        forces = {name: _named(terms) for name, terms in meta["forces"].items()}
-        self.told = _named(meta["results"]), forces
-        self._remember(self.reading)
-
-
-def _plain(found: Named) -> dict[str, list[Any]]:
-    """Quantities as a checkpoint holds them."""
-    return {name: [q.value, q.unit, q.label] for name, q in found.items()}
-
-
-def _named(found: dict[str, list[Any]]) -> Named:
-    """The inverse of `_plain`."""
-    return {name: Quantity(*parts) for name, parts in found.items()}
-
-
-def make_archive(scene: Scene) -> Archive | None:
-    """What takes the mechanical state apart for checkpoints; None in a scene without mechanics."""
-    if scene.mechanics is None:
-        return None
-    from castfem.mechanics.archive import Archive
-
-    return Archive(scene.mechanics.problem)
+        return self.scene.zones.spans[max(self.zone, 0)].name
 
 
 def run(
@@ -296,7 +212,7 @@ def run(
         case: What to run.
         folder: Where the results go; see docs/output.md.
         comm: Communicator; all ranks when None.
-        resume: Go on from the checkpoint in `folder`.
+        resume: Go on from the checkpoint in `folder`; where there is none yet, begin.
         profile: Log where the time went.
         progress: Told after each step; on rank 0.
 
@@ -311,11 +227,14 @@ def run(
     comm = MPI.COMM_WORLD if comm is None else comm
     output = OutputFolder(folder)
 
-    def begin() -> None:
-        output.begin(case.resolved_toml(), ranks=comm.size, resume=resume)
-        log.to_file(output / "run.log", append=resume)
+    def begin() -> bool:
+        goes_on = output.begin(case.resolved_toml(), ranks=comm.size, resume=resume)
+        log.to_file(output / "run.log", append=goes_on)
+        if resume and not goes_on:
+            log.logger.warning("%s: no checkpoint to go on from; the run begins anew", folder)
+        return goes_on
 
-    on_root(comm, begin)
+    resume = bool(comm.bcast(on_root(comm, begin)))
     with output:
         scene = build_scene(case, comm)
         try:
@@ -333,7 +252,7 @@ def _march(
     interrupt = Interrupt(comm)
     march = March(scene, recorder, progress, interrupt)
     if recorder.checkpoint is not None:
-        march.restore(*recorder.checkpoint)
+        restart.restore(march, *recorder.checkpoint)
     if progress is not None:
         progress.start(scene.case.casting.length, march.state.time * scene.case.casting.speed)
     try:

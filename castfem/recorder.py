@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from castfem import restart
 from castfem.columns import columns, row
 from castfem.measure import Reading
 from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
@@ -82,9 +83,9 @@ class Recorder:
         fields = self._due_fields(march, reading)
         state: dict[str, Array | None] = {}
         taken = march.counts.taken
-        checkpoint = self._every > 0 and taken > 0 and taken % self._every == 0
+        checkpoint = self._every > 0 and taken % self._every == 0  # at the meniscus, too
         if checkpoint:
-            state = march.arrays()
+            state = restart.arrays(march)
 
         def write() -> None:
             assert self._history is not None
@@ -123,7 +124,7 @@ class Recorder:
         case = self.scene.case
         save_checkpoint(
             self.folder / CHECKPOINT_NAME,
-            march.description(),
+            restart.description(march),
             arrays,
             physics=case.physics_hash(),
             case=case.physics(),
@@ -138,7 +139,7 @@ class Recorder:
 
     def save(self, march: March) -> None:
         """Save a checkpoint of the committed state now (collective)."""
-        state = march.arrays()
+        state = restart.arrays(march)
         on_root(self.comm, lambda: self._save(march, state))
 
     def close(self) -> None:

@@ -130,17 +130,21 @@ class OutputFolder(Closing):
         """The path of a file in the folder."""
         return self.path / name
 
-    def begin(self, case: str, *, ranks: int = 1, resume: bool = False) -> None:
+    def begin(self, case: str, *, ranks: int = 1, resume: bool = False) -> bool:
         """Takes the folder for a run: lock, removal of the run before, case.toml, run.json.
 
         Args:
             case: The resolved case as TOML.
             ranks: Number of MPI processes.
-            resume: Go on with the run in the folder; nothing is removed.
+            resume: Go on with the run in the folder; nothing of it is removed, unless it was cut
+                short before its first checkpoint.
+
+        Returns:
+            Whether there is a checkpoint to go on from: false of a new run, or one begun anew.
 
         Raises:
-            InputError: Another run is at work there, files there are not castfem's, there is
-                nothing to resume, or the folder cannot be written.
+            InputError: Another run is at work there, files there are not castfem's, a finished run
+                has no checkpoint to resume from, or the folder cannot be written.
         """
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -148,7 +152,7 @@ class OutputFolder(Closing):
         except OSError as error:
             raise self._unusable(error) from error
         try:
-            self._take_over(case, ranks, resume)
+            return self._take_over(case, ranks, resume)
         except CastfemError as error:
             self.close()
             cause = error.__cause__
@@ -254,25 +258,27 @@ class OutputFolder(Closing):
             return
         self._lock = lock
 
-    def _take_over(self, case: str, ranks: int, resume: bool) -> None:
-        """Makes the folder ready under the lock."""
+    def _take_over(self, case: str, ranks: int, resume: bool) -> bool:
+        """Makes the folder ready under the lock; returns whether there is something to resume."""
         present = [name for name in ARTEFACTS if (self / name).exists()]
         present += [str(path.relative_to(self.path)) for path in singles(self.path)]
         if (self / RUN_NAME).exists():
             earlier = RunRecord.load(self.path)
-        elif resume:
-            raise InputError(f"{self.path}: no run to resume; run again without --resume")
         elif present:
             raise InputError(
                 f"{self.path}: holds {', '.join(present)}, not of a run of castfem; "
                 "choose another folder or move them away"
             )
-        if resume:
-            if CHECKPOINT_NAME not in present:
+        else:
+            earlier = RunRecord()
+        if resume and CHECKPOINT_NAME not in present:
+            if earlier.status == "finished":
                 raise InputError(
                     f"{self / CHECKPOINT_NAME}: no such file, nothing to resume from; "
                     "run again without --resume"
                 )
+            resume = False
+        if resume:
             self._earlier = dict(earlier.wall_time)
             self._before = earlier, (self / CASE_NAME).read_text(encoding="utf-8")
             began, count = earlier.started, earlier.resumed + 1
@@ -286,6 +292,7 @@ class OutputFolder(Closing):
             self._remove_artefacts()
         # replaced, never removed first: the case may have been read from this very file
         write_text(self / CASE_NAME, case)
+        return resume
 
     def _remove_artefacts(self) -> None:
         """Removes what the run before has written, except what is replaced at once."""

@@ -81,7 +81,6 @@ def work(job: Job, stop: Stop | None = None) -> Outcome:
     from mpi4py import MPI
 
     from castfem import log, march
-    from castfem.output.checkpoint import CHECKPOINT_NAME
 
     log.close()
     log.logger.addHandler(logging.NullHandler())  # not even warnings between the bars: see run.log
@@ -89,8 +88,7 @@ def work(job: Job, stop: Stop | None = None) -> Outcome:
     log.logger.setLevel(logging.INFO)
     begun, progress = time.perf_counter(), stop or Stop()
     try:
-        resume = job.resume and (job.folder / CHECKPOINT_NAME).is_file()
-        march.run(job.case, job.folder, comm=MPI.COMM_SELF, resume=resume, progress=progress)
+        march.run(job.case, job.folder, comm=MPI.COMM_SELF, resume=job.resume, progress=progress)
         if job.figures:
             from castfem.output.figures import draw_figures
 

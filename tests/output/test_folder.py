@@ -189,13 +189,29 @@ def test_nothing_is_resumed_of_a_run_that_is_half_removed(tmp_path, monkeypatch)
     assert removed[0] == "checkpoint.h5" and "history.csv" in removed
 
 
-def test_nothing_to_resume_is_an_input_error(tmp_path):
-    with pytest.raises(InputError, match="no run to resume; run again without --resume"):
-        begun(tmp_path / "new", resume=True)
-    begun(tmp_path / "old").close()
+def test_a_run_without_checkpoint_begins_anew(tmp_path):
+    """Killed before the first one, or before it had made its folder: nothing is to be kept."""
+    for _ in range(2):
+        with OutputFolder(tmp_path / "new") as folder:
+            assert folder.begin(CASE, resume=True) is False
+            assert folder.record.resumed == 0
+            (folder / "history.csv").write_text("time [s]\n")
+    assert folder.begin(CASE, resume=True) is False
+    assert not (folder / "history.csv").exists()
+    save_checkpoint(folder / "checkpoint.h5", {}, {})
+    folder.close()
+    assert folder.begin(CASE, resume=True) is True
+    folder.close()
+
+
+def test_a_finished_run_without_checkpoint_is_not_lost_to_a_resume(tmp_path):
+    finished(tmp_path)
+    (tmp_path / "checkpoint.h5").unlink()
+    (tmp_path / "history.csv").write_text("time [s]\n")
     with pytest.raises(InputError, match=r"checkpoint\.h5: no such file, nothing to resume"):
-        begun(tmp_path / "old", resume=True)
-    begun(tmp_path / "old").close()  # the lock has been given back
+        begun(tmp_path, resume=True)
+    assert (tmp_path / "history.csv").exists()
+    begun(tmp_path).close()  # the lock has been given back
 
 
 @pytest.mark.parametrize(
