@@ -47,7 +47,15 @@ def _mechanical_columns(scene: Scene) -> list[tuple[str, str]]:
             found += [(f"gap_{name}", "mm"), (f"contact_pressure_{name}", "MPa")]
         found += [("gap_max", "mm"), ("contact_pressure_max", "MPa"), ("penetration", "um")]
         found += [("contact_share", "-"), ("friction_force", "kN/m"), ("friction_pull", "kN")]
+        if _rubs(scene):
+            found.append(("contact_sticking", "-"))
     return found
+
+
+def _rubs(scene: Scene) -> bool:
+    """Whether the mould has friction: without it nothing sticks."""
+    contact = None if scene.mechanics is None else scene.mechanics.problem.slice.contact
+    return contact is not None and contact.friction is not None
 
 
 def row(march: March, reading: Reading) -> dict[str, float]:
@@ -104,4 +112,6 @@ def _mechanical_cells(reading: MechanicalReading) -> dict[str, float]:
             "friction_force": 1e-3 * contact.axial,
             "friction_pull": 1e-3 * reading.pull,
         }
+        if contact.sticking is not None:
+            cells["contact_sticking"] = contact.sticking if balance is not None else np.nan
     return cells

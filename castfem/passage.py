@@ -20,13 +20,15 @@ class Passage:
     Attributes:
         length: Of the mould, m.
         gap: Largest so far, m. share: Least part of the surface in contact.
-        pressure: Largest of the contact, Pa. heat: Removed per length of strand, J/m.
+        pressure: Largest of the contact, Pa. penetration: Deepest of the surface into the wall, m.
+        heat: Removed per length of strand, J/m.
     """
 
     length: float
     gap: float = 0.0
     share: float = 1.0
     pressure: float = 0.0
+    penetration: float = 0.0
     heat: float = 0.0
 
     def note(self, reading: Reading) -> None:
@@ -39,6 +41,7 @@ class Passage:
             self.gap = max(self.gap, contact.gap)
             self.share = min(self.share, contact.share)
             self.pressure = max(self.pressure, contact.pressure)
+            self.penetration = max(self.penetration, contact.penetration)
 
     def memory(self) -> dict[str, float | None]:
         """What a checkpoint must hold of it."""
@@ -46,7 +49,7 @@ class Passage:
 
     def recall(self, memory: dict[str, float | None]) -> None:
         """Take up what `memory` gave."""
-        for name in ("gap", "share", "pressure", "heat"):
+        for name in ("gap", "share", "pressure", "penetration", "heat"):
             value = memory[f"mould_{name}"]
             assert value is not None
             setattr(self, name, value)
@@ -61,5 +64,8 @@ class Passage:
             ),
             "mould_pressure_max": Quantity(
                 self.pressure, "MPa", "largest contact pressure in the mould"
+            ),
+            "mould_penetration_max": Quantity(
+                self.penetration, "um", "largest penetration of the mould, on the way"
             ),
         }

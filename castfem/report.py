@@ -187,10 +187,15 @@ def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> 
     x, y = (1e3 * c for c in contact.highest)
     highest = "largest contact pressure"
     highest += f", at x = {x:.1f}, y = {y:.1f} mm" if contact.pressure else ""
+    if contact.sticking is not None:
+        label = "share of the surface that sticks to the mould"
+        found["contact_sticking"] = Quantity(contact.sticking, "percent", label)
     return found | {
         "gap_max": Quantity(contact.gap, "mm", widest),
         "contact_pressure_max": Quantity(contact.pressure, "MPa", highest),
-        "penetration": Quantity(contact.penetration, "um", "largest penetration of the mould"),
+        "penetration": Quantity(
+            contact.penetration, "um", "penetration of the mould here, at most"
+        ),
         "contact_share": Quantity(contact.share, "percent", "share of the surface in contact"),
     }
 

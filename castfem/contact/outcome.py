@@ -28,7 +28,14 @@ def summary(contact: WallContact, state: ContactState, modes: Array) -> ContactS
     counts = [float((state.status == s).sum()) for s in (OPEN, STICK, SLIP)]
     sums = reductions.totals(
         comm,
-        [*(area @ force), weight @ state.friction[:, 1], weight @ touches, weight.sum(), *counts],
+        [
+            *(area @ force),
+            weight @ state.friction[:, 1],
+            weight @ touches,
+            weight.sum(),
+            *counts,
+            weight @ (state.status == STICK),
+        ],
     )
     met = np.where(np.isfinite(state.gap), state.gap, -np.inf)
     pressure, *highest = reductions.peak(comm, state.pressure, state.place)
@@ -42,6 +49,7 @@ def summary(contact: WallContact, state: ContactState, modes: Array) -> ContactS
         axial=float(sums[2]),
         length=float(sums[3]),
         share=float(sums[3] / sums[4]),
+        sticking=None if contact.contact.friction is None else float(sums[8] / sums[4]),
         points=(int(sums[5]), int(sums[6]), int(sums[7])),
         highest=np.array(highest),
         widest=np.array(widest),

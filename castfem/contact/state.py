@@ -73,6 +73,7 @@ class ContactSummary:
             as those of the supports.
         axial: Friction along the strand, N per m of it as it is, negative as it holds it back.
         length: Of surface that touches, m. share: Of the surface that could.
+        sticking: Part of the surface that could touch that does and sticks; None without friction.
         points: Numbers of points that are open, stick and slip.
         highest: Where the pressure is largest (2,), m. widest: Where the gap is (2,), m.
     """
@@ -84,6 +85,7 @@ class ContactSummary:
     axial: float
     length: float
     share: float
+    sticking: float | None
     points: tuple[int, int, int]
     highest: Array
     widest: Array

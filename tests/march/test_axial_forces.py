@@ -24,6 +24,9 @@ def test_pull_of_friction_and_external_force_are_that_of_the_stress(
     assert terms["friction"] > 1.0
     assert terms["force"] == pytest.approx(terms["external"] + terms["friction"], rel=1e-6)
     assert abs(terms["reaction"]) < 1e-6 * terms["force"]
+    # Sticks or slides: the strand is drawn past a wall that stands, so most of it slides.
+    touching, sticking = (summary.quantities[f"contact_{n}"].value for n in ("share", "sticking"))
+    assert 0.0 <= sticking < 0.5 * touching
     # The pull is the friction of all steps, over the length that each has travelled.
     table = read_history(tmp_path / "history.csv")
     travelled = np.diff(table["position"])

@@ -64,8 +64,10 @@ def test_the_mould_is_remembered_below_it(tmp_path: Path) -> None:
     assert kept.value("mould_gap_max") == max(c.gap for c in contact) > 5e-6
     assert kept.value("mould_contact_least") == min(c.share for c in contact) > 0.0
     assert kept.value("mould_pressure_max") == max(c.pressure for c in contact) > 0.0
+    deepest = max(c.penetration for c in contact)
+    assert kept.value("mould_penetration_max") == deepest > kept.value("penetration") == 0.0
     run(billet("taper_0", *longer, "casting.length=120 mm"), tmp_path)
     summary = run(billet("taper_0", *longer), tmp_path, resume=True)
-    for name in ("heat_removed", "gap_max", "contact_least", "pressure_max"):
+    for name in ("heat_removed", "gap_max", "contact_least", "pressure_max", "penetration_max"):
         found = summary.quantities[f"mould_{name}"].value
         assert abs(found / kept.value(f"mould_{name}") - 1.0) < 1e-9
