@@ -1,4 +1,4 @@
-"""Thermal substeps, and the intervals in which temperature and mechanics take turns.
+"""The intervals in which temperature and mechanics take turns.
 
 Nothing here keeps a state of its own: each step goes from a committed state to a new one, or leaves
 the old one as it was.
@@ -16,13 +16,13 @@ import numpy.typing as npt
 
 from castfem import log, reductions
 from castfem.errors import RunFailure
-from castfem.thermal.stepper import ThermalState, ThermalStepper
-from castfem.timestep import StepControl, same_instant
+from castfem.substeps import Leg, MechanicalSteps, ThermalSteps
+from castfem.thermal.stepper import ThermalState
+from castfem.timestep import StepControl
 
 if TYPE_CHECKING:
     from castfem.mechanics.gap import SurfaceGap
     from castfem.mechanics.state import MechanicalResult, MechanicalState
-    from castfem.mechanics.stepper import MechanicalStepper
     from castfem.zones import Zones
 
 Array = npt.NDArray[np.float64]
@@ -57,85 +57,12 @@ class StrandState:
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
-    """Thermal steps that were taken one after another.
-
-    Attributes:
-        state: At their end. step: Length of the last, s. newton: Newton iterations of all.
-        balance: Largest relative error of their heat balances. steps: Their number.
-        rejected: Steps that were tried and not kept. limited: Steps taken by backward Euler
-            because the second-order scheme left the physical bounds.
-    """
-
-    state: ThermalState
-    step: float
-    newton: int
-    balance: float
-    steps: int
-    rejected: int
-    limited: int
-
-    def __add__(self, after: Leg) -> Leg:
-        """Both, `after` being the later."""
-        worse = max(self.balance, after.balance, key=abs)
-        return Leg(
-            after.state, after.step, self.newton + after.newton, worse, self.steps + after.steps,
-            self.rejected + after.rejected, self.limited + after.limited,
-        )  # fmt: skip
-
-
-class ThermalSteps:
-    """Thermal steps with error control and cut-back.
-
-    Args:
-        stepper: Takes one step. control: Chooses its length and learns.
-    """
-
-    def __init__(self, stepper: ThermalStepper, control: StepControl) -> None:
-        self.stepper, self.control = stepper, control
-
-    def one(self, state: ThermalState, stop: float | None = None) -> Leg:
-        """One step, not past `stop` (s).
-
-        Raises:
-            RunFailure: At the smallest step.
-        """
-        rejected = 0
-        while True:
-            end = self.control.propose(state.time, stop)
-            dt = end - state.time
-            result = self.stepper.step(state, end)
-            if not result.converged:
-                log.logger.debug("t = %.6g s: step %.3g s: %s", state.time, dt, result.reason)
-                self.control.failed(dt, result.reason)
-            else:
-                self.control.learn(dt, result.error)
-                if self.control.accepts(result.error):
-                    break
-            rejected += 1
-        return Leg(
-            result.state, dt, result.newton, result.balance, 1, rejected, int(result.limited)
-        )
-
-    def to(self, state: ThermalState, end: float) -> Leg:
-        """As many steps as it takes to `end` (s).
-
-        Raises:
-            RunFailure: At the smallest step.
-        """
-        leg = self.one(state, end)
-        while not same_instant(leg.state.time, end, self.control.end):
-            leg += self.one(leg.state, end)
-        return leg
-
-
-@dataclass(frozen=True, slots=True)
 class Interval:
     """One attempted interval.
 
     Attributes:
         converged: Whether both sides succeeded. state: The new state, or the old one.
-        leg: The thermal steps. mechanical: The mechanical step. passes: Through the interval.
+        leg: The thermal steps. mechanical: The mechanical steps. passes: Through the interval.
         settled: Whether the gap has settled, if it was to.
     """
 
@@ -200,7 +127,7 @@ class Coupler:
     shorter interval leaves the gap less to say.
 
     Args:
-        thermal: Thermal steps. mechanics: The mechanical step.
+        thermal: Thermal steps. mechanics: Mechanical steps.
         dissipation: Share of the viscoplastic work that heats the next interval.
         zones: Told the gaps. gap: Finds them; None without a mould.
         interval: Length of an interval that is not cut back, s.
@@ -213,7 +140,7 @@ class Coupler:
     def __init__(
         self,
         thermal: ThermalSteps,
-        mechanics: MechanicalStepper,
+        mechanics: MechanicalSteps,
         dissipation: float,
         zones: Zones,
         gap: SurfaceGap | None,
@@ -260,15 +187,16 @@ class Coupler:
     def _pass(self, old: StrandState, end: float, gap: Array | None) -> Interval:
         """Once through an interval, with one gap at each vertex."""
         assert old.mechanical is not None
-        first = None
+        first, instants = None, self.mechanics.instants(old.time, end)
         if self.order == "mechanics_first":
-            first = self.mechanics.step(old.mechanical, end, self._expected(old, end))
+            expected = [(time, self._expected(old, time)) for time in instants]
+            first = self.mechanics.through(old.mechanical, expected)
             if first.converged and gap is not None:
                 gap = self.gap_of(first.state)
         if gap is not None:
             self.zones.set_gap(gap)
-        leg = self.thermal.to(old.thermal, end)
-        result = first or self.mechanics.step(old.mechanical, end, leg.state.point.temperature)
+        leg, course = self.thermal.through(old.thermal, instants)
+        result = first or self.mechanics.through(old.mechanical, course)
         if not result.converged:
             return Interval(False, old, leg, result, 1)
         duration = end - old.time
@@ -318,16 +246,16 @@ class Coupler:
         return reductions.largest(self.mechanics.comm, cooled)
 
     def _heating(self, result: MechanicalResult) -> Array:
-        """Heat of the viscoplastic work of a step (owned,), J/m3."""
+        """Heat of the viscoplastic work of an interval (owned,), J/m3."""
         if not self.dissipation:
             return np.zeros(0)
         problem = self.thermal.stepper.problem
-        work = self.mechanics.problem.points.to_vertices(result.dissipation)
+        work = self.mechanics.stepper.problem.points.to_vertices(result.dissipation)
         return np.asarray(self.dissipation * work / problem.area)
 
     def start(self, thermal: ThermalState) -> StrandState:
         """The slice at the meniscus: undeformed and free of stress."""
-        mechanical = self.mechanics.initial(thermal.time, thermal.point.temperature)
+        mechanical = self.mechanics.stepper.initial(thermal.time, thermal.point.temperature)
         owned = len(thermal.enthalpy) if self.dissipation else 0
         trend = np.zeros(len(thermal.enthalpy) if self.order == "mechanics_first" else 0)
         return StrandState(thermal, mechanical, np.zeros(owned), trend)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem import log, reductions, restart
-from castfem.coupling import Interval, Leg, StrandState, take_interval
+from castfem.coupling import Interval, StrandState, take_interval
 from castfem.errors import CastfemError, RunFailure
 from castfem.interrupt import Interrupt, Stopped
 from castfem.marched import Counts, Recorded
@@ -24,6 +24,7 @@ from castfem.recorder import Recorder
 from castfem.report import quantities, summarise
 from castfem.scene import Scene, build_scene
 from castfem.stopwatch import peak_memory, profile_table
+from castfem.substeps import Leg
 from castfem.timestep import same_instant
 
 if TYPE_CHECKING:

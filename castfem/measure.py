@@ -9,10 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem import reductions
-from castfem.coupling import Leg, StrandState
+from castfem.coupling import StrandState
 from castfem.passage import Passage
 from castfem.probes import Profile
 from castfem.scene import Scene
+from castfem.substeps import Leg
 from castfem.thermal.stepper import ThermalState
 
 if TYPE_CHECKING:

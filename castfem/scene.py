@@ -10,12 +10,13 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.coupling import Coupler, ThermalSteps
+from castfem.coupling import Coupler
 from castfem.materials.curve import ThermalCurve
 from castfem.parallel import on_root
 from castfem.probes import LineProbes
 from castfem.section import Section
 from castfem.stopwatch import Stopwatch
+from castfem.substeps import MechanicalSteps, ThermalSteps
 from castfem.thermal.problem import ThermalProblem
 from castfem.thermal.shape import Shape
 from castfem.thermal.stepper import ThermalStepper
@@ -137,7 +138,7 @@ def _coupler(
 
         gap = SurfaceGap(mechanics.problem.contact, mechanics.problem.points)
     return Coupler(
-        steps, mechanics, given.dissipation, zones, gap,
+        steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
         given.interval, given.passes, given.settled, given.order,
     )  # fmt: skip
 

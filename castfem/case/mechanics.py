@@ -131,6 +131,11 @@ class Coupling(TableModel):
     interval: Time = Field(
         written("0.1 s"), description="time after which the two exchange what they know"
     )
+    mechanical_step: Time | None = Field(
+        None,
+        description="longest step of the mechanics within an interval; by default it takes one",
+        examples=["50 ms"],
+    )
     order: Literal["thermal_first", "mechanics_first"] = Field(
         "thermal_first",
         description="who goes first; mechanics_first strains the slice as if it went on cooling "

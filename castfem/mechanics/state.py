@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -66,7 +66,7 @@ class Balance:
 
 @dataclass(frozen=True, slots=True)
 class MechanicalResult:
-    """One attempted step.
+    """One attempted step, or several that were taken one after another.
 
     Attributes:
         converged: Whether the solver succeeded; if not, `state` is the old one.
@@ -83,3 +83,11 @@ class MechanicalResult:
     balance: Balance | None
     dissipation: Array
     flowing: float
+
+    def before(self, after: MechanicalResult) -> MechanicalResult:
+        """Both, `after` being the later: its state, and the work of both."""
+        return replace(
+            after,
+            newton=self.newton + after.newton,
+            dissipation=self.dissipation + after.dissipation,
+        )

@@ -17,7 +17,6 @@ from moulded import billet, run
 from ranks import needs_mpirun, python_on
 
 from castfem.case import Case, load_case
-from castfem.coupling import ThermalSteps
 from castfem.errors import InputError, RunFailure
 from castfem.interrupt import Interrupt, Stopped
 from castfem.output.checkpoint import load_checkpoint
@@ -25,6 +24,7 @@ from castfem.output.history import History, read_history
 from castfem.output.summary import Summary
 from castfem.progress import Progress
 from castfem.recorder import Recorder
+from castfem.substeps import ThermalSteps
 from castfem.thermal.problem import ThermalProblem
 
 THERMAL = Path(__file__).parents[2] / "cases" / "billet125" / "thermal.toml"
@@ -238,7 +238,7 @@ TOLD = """
 import os, signal, sys
 from castfem.cli import main
 from castfem.cli.parallel import communicator
-from castfem.coupling import ThermalSteps
+from castfem.substeps import ThermalSteps
 take, comm = ThermalSteps.one, communicator()
 def one(self, state, stop=None):
     if comm.rank == 1 and state.time > 0.45 and "--resume" not in sys.argv:
@@ -278,7 +278,7 @@ ALONE = """
 import sys
 from castfem.cli import main
 from castfem.cli.parallel import communicator
-from castfem.coupling import ThermalSteps
+from castfem.substeps import ThermalSteps
 take, comm = ThermalSteps.one, communicator()
 def one(self, state, stop=None):
     if comm.rank == 1 and state.time > 0.45:
