@@ -23,6 +23,7 @@ BENCHMARKS = {
     "billet": "benchmarks.billet_study",
     "turns": "benchmarks.turns",
     "wall": "benchmarks.wall_study",
+    "order": "benchmarks.order",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -31,6 +32,7 @@ PAGES = {
     "billet": "billet.md",
     "turns": "coupling.md",
     "wall": "contact.md",
+    "order": "coupling.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

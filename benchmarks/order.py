@@ -1,0 +1,113 @@
+"""Who goes first, temperature or mechanics: the counterpart of the thesis' Figure 84.
+
+Draws the figure of docs/coupling.md and fills its table: the corner of a billet in a strong mould,
+as the heat has it and as the mechanics were told.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from mpi4py import MPI
+
+from benchmarks.billet_study import CASES, COARSE, QUIET
+from benchmarks.report import Output, table
+from castfem.case import load_case
+from castfem.march import March
+from castfem.measure import CELSIUS, Reading
+from castfem.scene import build_scene
+
+FINE = "coupling.interval=0.05 s"
+ORDERS = {
+    "mechanics first": (),
+    "temperature first": ("coupling.order=thermal_first",),
+    "intervals of 0.05 s": ("coupling.order=thermal_first", FINE),
+}
+
+
+@dataclass
+class Corner:
+    """Sits where a recorder does: the corner's surface at the end of each interval.
+
+    Attributes:
+        time: s. heat: Temperature, °C. told: What the mechanics were strained with, °C.
+        peak: Largest von Mises stress of the slice, MPa.
+    """
+
+    time: list[float] = field(default_factory=list)
+    heat: list[float] = field(default_factory=list)
+    told: list[float] = field(default_factory=list)
+    peak: list[float] = field(default_factory=list)
+
+    def step(self, march: March, reading: Reading) -> None:
+        """Note an interval."""
+        mechanical = march.state.mechanical
+        assert mechanical is not None and reading.mechanics is not None
+        told = march.scene.probes.sample(mechanical.temperature)["corner"].temperature[0]
+        self.time.append(reading.time)
+        self.heat.append(float(reading.profiles["corner"].temperature[0]) - CELSIUS)
+        self.told.append(float(told) - CELSIUS)
+        self.peak.append(reading.mechanics.peak / 1e6)
+
+
+def marched(*changes: str) -> Corner:
+    """March the shipped case on coarse cells."""
+    case = load_case(CASES / "mechanics_first.toml", (*QUIET, *COARSE[:4], *changes))
+    scene, corner = build_scene(case, MPI.COMM_SELF), Corner()
+    March(scene, corner).run()  # type: ignore[arg-type]
+    scene.destroy()
+    return corner
+
+
+def figure(found: dict[str, Corner]) -> Any:
+    """Temperatures of heat and mechanics over time, an order beside the other."""
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(7.2, 3.0), layout="constrained")
+    exact = found["intervals of 0.05 s"]
+    panels = drawn.subplots(1, 2, sharey=True)
+    for axes, (name, corner) in zip(panels, found.items(), strict=False):
+        axes.plot(exact.time, exact.heat, color="0.6", label="heat, short intervals")
+        axes.plot(corner.time, corner.heat, "o", color="C3", label="heat")
+        axes.plot(corner.time, corner.told, "--s", color="C0", ms=4, label="told to the mechanics")
+        axes.set_title(name)
+        axes.set_xlabel("time [s]")
+    panels[0].set_ylabel("corner [°C]")
+    panels[1].legend()
+    return drawn
+
+
+def main(output: Output, quick: bool) -> None:
+    """The figure and the table."""
+    orders = dict(list(ORDERS.items())[:2]) if quick else ORDERS
+    found = {name: marched(*changes) for name, changes in orders.items()}
+    if not quick:
+        output.figure("mechanics_first", figure(found))
+    rows = []
+    for time in (1.0, 2.0, 3.0):
+        row: dict[str, Any] = {"time": time}
+        for name, corner in found.items():
+            i = min(range(len(corner.time)), key=lambda k, c=corner: abs(c.time[k] - time))
+            row |= {f"{name}: heat": corner.heat[i], f"{name}: told": corner.told[i]}
+            row[f"{name}: peak"] = corner.peak[i]
+        rows.append(row)
+    output.csv("mechanics_first", rows)
+    shown = [
+        {
+            "time": r["time"],
+            "order": name,
+            **{k: r[f"{name}: {k}"] for k in ("heat", "told", "peak")},
+        }
+        for r in rows
+        for name in found
+    ]
+    head = {
+        "time": "time [s]",
+        "order": "order",
+        "heat": "corner, heat [°C]",
+        "told": "told to the mechanics [°C]",
+        "peak": "peak stress [MPa]",
+    }
+    forms = {"heat": ".0f", "told": ".0f", "peak": ".1f"}
+    output.insert("order", table(shown, head, forms))
