@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
+from castfem.mould.mould import is_below
 from castfem.output.summary import Quantity
 
 if TYPE_CHECKING:
     from castfem.measure import Reading
-
-_ROUNDING = 1e-9
 
 
 @dataclass(slots=True)
@@ -33,7 +32,7 @@ class Passage:
 
     def note(self, reading: Reading) -> None:
         """Take in one more interval."""
-        if reading.position > self.length * (1.0 + _ROUNDING):
+        if is_below(reading.position, self.length):
             return
         self.heat = reading.removed
         contact = None if reading.mechanics is None else reading.mechanics.contact

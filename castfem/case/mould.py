@@ -71,8 +71,7 @@ class Touch(TableModel):
     )
     factor: PositiveNumber | None = Field(
         None,
-        description="stiffness of the contact over that of the cell behind it; by default the "
-        "method's own",
+        description="stiffness of the contact over that of the cell behind it; by default 10",
         examples=[1000],
     )
 

@@ -5,6 +5,7 @@ Both kinds offer the same: `increments` for the law, and compiled forms for what
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any
 
@@ -157,7 +158,7 @@ class Terms:
     corner: ufl.Form | None
 
     def touching(self, contact: WallContact | None, motions: Motions) -> Terms:
-        """The same with what a wall does; its work on the modes is the wall's own affair."""
+        """Add what a wall does; its work on the modes is the wall's own affair."""
         if contact is None:
             return self
         nodal, moved, one, other = motions.all
@@ -240,8 +241,22 @@ class SurfaceLoads:
         return found
 
 
-class SmallStrain:
-    """Strain linear in the displacement; the tangent is symmetric if those of law and wall are."""
+class Kinematics(ABC):
+    """From displacement to strain, and the forms that go with it.
+
+    Args:
+        section: The distributed section.
+        points: Its quadrature points.
+        fields: What the forms see.
+        loads: On its surface.
+        modes: Whether any motion of the planes is free.
+        contact: With a wall; None without one.
+
+    Attributes:
+        forms: Compiled. symmetric: Whether the tangent is, if that of the law is.
+    """
+
+    symmetric: bool
 
     def __init__(
         self,
@@ -252,20 +267,39 @@ class SmallStrain:
         modes: bool,
         contact: WallContact | None = None,
     ) -> None:
-        self._points, self._fields, self._contact = points, fields, contact
+        self._points, self._fields = points, fields
+        self._prepare(section, contact)
+        motions = Motions.of(fields, section.mesh)
+        terms = self._terms(section, loads, modes, motions)
+        self.forms = terms.touching(contact, motions).compiled(section)
+
+    @abstractmethod
+    def _prepare(self, section: Section, contact: WallContact | None) -> None:
+        """Set up what forms and increments need."""
+
+    @abstractmethod
+    def _terms(self, section: Section, loads: SurfaceLoads, modes: bool, motions: Motions) -> Terms:
+        """Forms of the stress and of the loads."""
+
+    @abstractmethod
+    def increments(self, stress_old: Array) -> tuple[Array, Array]:
+        """Strain increments of the step (points, 4) and the old stress as the law is to see it."""
+
+
+class SmallStrain(Kinematics):
+    """Strain linear in the displacement; the tangent is symmetric if those of law and wall are."""
+
+    def _prepare(self, section: Section, contact: WallContact | None) -> None:
         self.symmetric = contact is None or contact.symmetric
-        x, y = points.position.T
+        x, y = self._points.position.T
         # Strain of each generalized strain at the points, rows [xx, yy, zz, xy] that are not 0.
         self._thickness = np.column_stack([np.ones_like(x), x, y])
-        self.forms = self._compile(section, loads, modes)
 
-    def _compile(self, section: Section, loads: SurfaceLoads, modes: bool) -> Forms:
+    def _terms(self, section: Section, loads: SurfaceLoads, modes: bool, motions: Motions) -> Terms:
         fields, points, mesh = self._fields, self._points, section.mesh
-        space = fields.u.function_space
-        v = ufl.TestFunction(space)
+        v = ufl.TestFunction(fields.u.function_space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        motions = Motions.of(fields, mesh)
         nodal, moved, one, other = (mechanics.strain(m, mesh) for m in motions.all)
         work = mechanics.virtual_work(fields.deviator, stress, nodal, *rules)
         for tags, traction, _ in loads.tractions:
@@ -280,11 +314,10 @@ class SmallStrain:
         if modes and not self.symmetric:
             row = mechanics.stiffness(*material, nodal, one, *rules)
         corner = mechanics.stiffness(*material, other, one, *rules) if modes else None
-        terms = Terms(work, matrix, along, column, row, corner)
-        return terms.touching(self._contact, motions).compiled(section)
+        return Terms(work, matrix, along, column, row, corner)
 
     def increments(self, stress_old: Array) -> tuple[Array, Array]:
-        """Strain increments of the step (points, 4) and the old stress as the law is to see it."""
+        """See `Kinematics`."""
         fields = self._fields
         change = fields.u.x.array - fields.u_old.x.array
         strain = (self._points.strain @ change).reshape(-1, 4)
@@ -294,36 +327,25 @@ class SmallStrain:
         return strain, stress_old
 
 
-class LargeStrain:
+class LargeStrain(Kinematics):
     """Hughes' and Winget's midpoint update on the deformed slice, see `forms.finite_strain`."""
 
-    symmetric = False
-
-    def __init__(
-        self,
-        section: Section,
-        points: Points,
-        fields: Fields,
-        loads: SurfaceLoads,
-        modes: bool,
-        contact: WallContact | None = None,
-    ) -> None:
-        self._points, self._fields, self._contact = points, fields, contact
+    def _prepare(self, section: Section, contact: WallContact | None) -> None:
+        self.symmetric = False
+        points, fields = self._points, self._fields
         self._now = finite_strain.deformation(fields.u, fields.modes, section.mesh)
         self._old = finite_strain.deformation(fields.u_old, fields.modes_old, section.mesh)
         step = finite_strain.increment(self._now, self._old)
         self._steps = [
             Tabulation(section.mesh, step, rule.points) for rule in (points.deviator, points.mean)
         ]
-        self.forms = self._compile(section, loads, modes)
 
-    def _compile(self, section: Section, loads: SurfaceLoads, modes: bool) -> Forms:
+    def _terms(self, section: Section, loads: SurfaceLoads, modes: bool, motions: Motions) -> Terms:
         fields, points, mesh = self._fields, self._points, section.mesh
-        space, now, old = fields.u.function_space, self._now, self._old
-        v = ufl.TestFunction(space)
+        now, old = self._now, self._old
+        v = ufl.TestFunction(fields.u.function_space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        motions = Motions.of(fields, mesh)
         nodal, moved, one, other = motions.all
         material = (fields.tangent, fields.bulk, fields.deviator, fields.mean, fields.pressure)
 
@@ -344,11 +366,10 @@ class LargeStrain:
         along = finite_strain.virtual_work(now, fields.deviator, stress, one, *rules)
         row = derivative(nodal, one) if modes else None
         corner = derivative(other, one) if modes else None
-        terms = Terms(work, matrix, along, column, row, corner)
-        return terms.touching(self._contact, motions).compiled(section)
+        return Terms(work, matrix, along, column, row, corner)
 
     def increments(self, stress_old: Array) -> tuple[Array, Array]:
-        """Midpoint strain increments (points, 4) and the old stress, turned with the material."""
+        """See `Kinematics`: midpoint increments, and the stress turned with the material."""
         found = np.concatenate([t.values().reshape(-1, 5) for t in self._steps])
         return np.ascontiguousarray(found[:, :4]), turned(
             stress_old, 2.0 * np.arctan(0.5 * found[:, 4])

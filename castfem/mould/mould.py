@@ -62,6 +62,11 @@ class Zone:
         return taper_between(self.inlet, self.outlet, self.end - self.start)
 
 
+def is_below(position: float, length: float) -> bool:
+    """Return whether a position is below the end of a mould of some length, m."""
+    return position > length * (1.0 + _ROUNDING)
+
+
 class Mould:
     """A rigid mould in working condition, the wall of one section of the strand.
 
@@ -97,7 +102,7 @@ class Mould:
 
     def reach(self, points: Array, normals: Array, position: float) -> Reach:
         """Return where points of the strand meet the wall; see `Wall`."""
-        if position > self.length * (1.0 + _ROUNDING):
+        if is_below(position, self.length):
             return Reach(np.full(len(points), np.inf), np.array(normals, dtype=float))
         return self.contour(position).reach(points, normals)
 

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Point = tuple[float, float]
 Crossing = tuple[Array, Array, Array, Array]
-"""Distance along the ray and the two components of the wall's unit normal there, each (k, n)."""
+"""Distance along the ray, the two components of the wall's unit normal there, and its curvature,
+each (k, n)."""
 
 GRAZING = 0.02
 """Cosine between ray and wall normal below which a ray passes along the wall (89 degrees)."""

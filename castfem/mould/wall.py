@@ -45,9 +45,6 @@ class Wall(Protocol):
             position: Position below the meniscus, m.
         """
 
-    def temperature(self, position: float) -> float:
-        """Return the temperature of the wall's face at a position below the meniscus, K."""
-
 
 @dataclass(frozen=True, slots=True)
 class PlaneWall:
@@ -57,13 +54,11 @@ class PlaneWall:
         point: A point of the wall at position 0, m.
         normal: Direction out of the cavity, into the wall; of any length.
         closing: Movement of the wall against its normal for each metre of position, m/m.
-        kelvin: Temperature of its face, K.
     """
 
     point: tuple[float, float]
     normal: tuple[float, float]
     closing: float = 0.0
-    kelvin: float = 433.15
 
     def __post_init__(self) -> None:
         """Refuse a normal of no length."""
@@ -81,7 +76,3 @@ class PlaneWall:
         gap = np.where(facing, height / np.where(facing, cosine, 1.0), np.inf)
         gap[np.isnan(gap)] = np.inf
         return Reach(gap, np.where(np.isfinite(gap)[:, None], n, m))
-
-    def temperature(self, position: float) -> float:
-        """Return the temperature of the wall's face, K."""
-        return self.kelvin

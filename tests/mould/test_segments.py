@@ -170,14 +170,13 @@ def test_impossible_segments_are_refused(build, words):
 
 def test_plane_wall_of_any_slope_that_closes():
     slope = np.array([3.0, 4.0]) / 5.0
-    wall = PlaneWall((0.6, 0.8), (3.0, 4.0), closing=0.1, kelvin=400.0)
+    wall = PlaneWall((0.6, 0.8), (3.0, 4.0), closing=0.1)
     points = np.array([[0.0, 0.0], [0.9, 1.2], [5.0, -3.0]])
     found = wall.reach(points, np.tile(slope, (3, 1)), 2.0)
     assert found.gap == pytest.approx([0.8, -0.7, 0.8 - points[2] @ slope], rel=1e-13)
     found = wall.reach(points[:1], np.array([[1.0, 0.0]]), 0.0)
     assert found.gap[0] == pytest.approx(1.0 / 0.6, rel=1e-14)
     assert wall.reach(points[:1], -slope[None], 0.0).gap[0] == math.inf
-    assert wall.temperature(0.3) == 400.0
 
 
 def arc(radius, *angles, centre=(0.0, 0.0)):
