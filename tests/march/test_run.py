@@ -261,16 +261,3 @@ def test_emissivity_that_the_steel_lacks_is_missed_before_the_run(tmp_path: Path
     )
     with pytest.raises(InputError, match="emissivity"):
         run(case, tmp_path)
-
-
-def test_forty_runs_in_one_process(tmp_path: Path) -> None:
-    """Neither communicators nor memory may run out in a script that loops over cases."""
-    from castfem.stopwatch import peak_memory
-
-    case = billet("output.fields=[]", 'casting.length="30 mm"')
-    for _ in range(5):
-        run(case, tmp_path)
-    before = peak_memory()
-    for _ in range(40):
-        run(case, tmp_path)
-    assert peak_memory() - before < 20e6
