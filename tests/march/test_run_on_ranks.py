@@ -72,6 +72,32 @@ def numbers(folder: Path) -> dict[str, float]:
     return found | content["steps"]
 
 
+def assert_same_state(one: Path, other: Path) -> dict[str, np.ndarray]:
+    """Two checkpoints are one; returns the arrays."""
+    (_, state), (_, ours) = (load_checkpoint(folder / "checkpoint.h5") for folder in (one, other))
+    assert state.keys() == ours.keys()
+    for name, values in state.items():
+        known = np.isfinite(values)
+        assert np.array_equal(known, np.isfinite(ours[name])), name
+        size = np.abs(values[known]).max(initial=1e-300)
+        assert np.abs(values - ours[name])[known].max(initial=0.0) <= 1e-7 * size, name
+    return state
+
+
+@needs_mpirun
+def test_nitsche_with_friction_on_two_ranks(tmp_path: Path) -> None:
+    """What Nitsche's method keeps at the wall among it."""
+    changes = (*MOULDED, "mould.contact=nitsche", "casting.length=48 mm")
+    for ranks in (1, 2):
+        run(tmp_path / str(ranks), ranks, "taper_0", changes)
+    one, two = (tmp_path / str(ranks) for ranks in (1, 2))
+    table = read_history(one / "history.csv")
+    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 0.0
+    assert_same(table, read_history(two / "history.csv"))
+    state = assert_same_state(one, two)
+    assert np.abs(state["contact_stress"]).max() > 1e3 and state["contact_internal"].any()
+
+
 @needs_mpirun
 def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> None:
     """What one rank does in one go, two begin and three end."""
@@ -84,12 +110,5 @@ def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> No
     assert_same(table, read_history(tmp_path / "many" / "history.csv"))
     one, many = numbers(tmp_path / "one"), numbers(tmp_path / "many")
     assert many == pytest.approx(one, rel=1e-7, abs=1e-12)
-    (_, state), (_, ours) = (
-        load_checkpoint(tmp_path / name / "checkpoint.h5") for name in ("one", "many")
-    )
-    assert state.keys() == ours.keys() and len(set(state["contact_status"].ravel())) > 1
-    for name, values in state.items():
-        known = np.isfinite(values)
-        assert np.array_equal(known, np.isfinite(ours[name])), name
-        size = np.abs(values[known]).max(initial=1e-300)
-        assert np.abs(values - ours[name])[known].max(initial=0.0) <= 1e-7 * size, name
+    state = assert_same_state(tmp_path / "one", tmp_path / "many")
+    assert len(set(state["contact_status"].ravel())) > 1
