@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from castfem.cli import parallel
 from castfem.compare.runs import Run, base_of, read_runs
 from castfem.compare.table import CSV_NAME, lines, printed, remarks, write_csv
 from castfem.errors import InputError
@@ -32,14 +33,12 @@ def compare_runs(
         InputError: A run cannot be used, or the folder for the results is not castfem's.
         RunFailure: A file cannot be written.
     """
-    from rich.console import Console
-
     runs = read_runs(folders)
     measure = base_of(runs, base)
     target = output or _beside(runs)
     _take(target)
     table = lines(runs, measure, everything=everything)
-    out = Console(markup=False)
+    out = parallel.console()
     for block in printed(runs, table, out.width):
         out.print(block, "", highlight=False)
     for remark in remarks(runs, measure):

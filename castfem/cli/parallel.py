@@ -1,4 +1,4 @@
-"""Ranks: who prints, how all ranks agree on the user's mistakes, and how they end together."""
+"""Ranks: who prints, and how; how all agree on the mistakes of the user, and end together."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from rich.console import Console
 
 _LAUNCHERS = (
     ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
@@ -24,6 +26,18 @@ def launched() -> tuple[int, int]:
         if rank in os.environ and size in os.environ:
             return int(os.environ[rank]), int(os.environ[size])
     return 0, 1
+
+
+def console(*, quiet: bool = False) -> Console:
+    """Return standard output for tables, without markup.
+
+    A launcher gives its ranks a terminal of their own, wherever its own output goes: under one,
+    nothing but plain text is printed.
+    """
+    from rich.console import Console
+
+    plain = any(rank in os.environ for rank, _ in _LAUNCHERS)
+    return Console(quiet=quiet, markup=False, force_terminal=False if plain else None)
 
 
 def communicator() -> MPI.Intracomm | None:

@@ -119,11 +119,9 @@ def _march(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: Opt
 def _show(target: Path, quiet: bool, *, figures: bool) -> None:
     if quiet and not figures:
         return
-    from rich.console import Console
-
     from castfem.output.show import show
 
-    show(target, Console(quiet=quiet), figures=figures)
+    show(target, parallel.console(quiet=quiet), figures=figures)
     if not quiet:
         print(f"results in {target}")
 

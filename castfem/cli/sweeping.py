@@ -183,9 +183,7 @@ def _told(sweep: _Sweep, quiet: bool) -> int:
     target = sweep.record.folder
     write_table(target / TABLE_NAME, table)
     if not quiet:
-        from rich.console import Console
-
-        out = Console(markup=False)
+        out = parallel.console()
         out.print(printed(table, out.width), highlight=False)
         print(f"table in {target / TABLE_NAME}, runs in {target}")
     failed = [row for row in table if row.status != "finished"]

@@ -5,7 +5,10 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+import pytest
 from ranks import needs_mpirun, python_on
+
+from castfem.cli.parallel import console
 
 pytestmark = needs_mpirun
 
@@ -18,7 +21,7 @@ module = types.ModuleType("castfem.march")
 module.run = run
 sys.modules["castfem.march"] = module
 shown = types.ModuleType("castfem.output.show")
-shown.show = lambda folder, console, figures: console.print("the table")
+shown.show = lambda folder, console, figures: console.print("the table", style="bold red")
 sys.modules["castfem.output.show"] = shown
 from castfem.cli import main
 main(sys.argv[1:])
@@ -42,7 +45,18 @@ def test_one_voice(tmp_path):
     done, _ = _mpirun(tmp_path, body, *RUN)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("the table") == 1
+    assert "\x1b" not in done.stdout  # although a rank's output is a terminal
     assert [(tmp_path / f"rank{rank}").read_text() for rank in (0, 1)] == ["True", "False"]
+
+
+@pytest.mark.parametrize("launcher", ["OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"])
+def test_ranks_print_without_colours(launcher, monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
+        monkeypatch.delenv(name, raising=False)
+    assert console().is_terminal
+    monkeypatch.setenv(launcher, "0")
+    assert not console().is_terminal
 
 
 def test_input_error_is_told_once(tmp_path):
