@@ -15,6 +15,8 @@ MechanicalField = Literal[
     "displacement", "stress", "von_mises", "strain", "viscoplastic_strain", "pressure"
 ]
 ContactField = Literal["gap", "contact_pressure"]
+ReferenceKind = Literal["value", "at_least", "at_most"]
+"""What is known of a quantity: its value, or a bound."""
 FieldName = Literal[ThermalField, MechanicalField, ContactField]
 """Fields that can be written."""
 THERMAL_FIELDS: tuple[FieldName, ...] = get_args(ThermalField)
@@ -91,6 +93,11 @@ class Reference(TableModel):
     quantity: str = Field(description="name of the computed quantity, as in summary.json")
     value: Annotated[str, AfterValidator(_quantity)] = Field(
         description='expected value with its unit, such as "4.75 mm"'
+    )
+    kind: ReferenceKind = Field(
+        "value",
+        description="`value` is what is expected, or a bound: the computed one is at least, or at "
+        "most, this",
     )
     source: str = Field(description="where the number comes from")
     at: Length | None = Field(

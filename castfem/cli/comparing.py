@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from castfem.cli import parallel
+from castfem.compare.remarks import remarks
 from castfem.compare.runs import Run, base_of, read_runs
-from castfem.compare.table import CSV_NAME, lines, printed, remarks, write_csv
+from castfem.compare.table import CSV_NAME, lines, printed, write_csv
 from castfem.errors import InputError
 
 
@@ -41,7 +42,7 @@ def compare_runs(
     out = parallel.console()
     for block in printed(runs, table, out.width):
         out.print(block, "", highlight=False)
-    for remark in remarks(runs, measure):
+    for remark in remarks(runs, measure, table):
         out.print(remark, highlight=False, soft_wrap=True)
     written = write_csv(target, runs, table)
     print(f"table in {written}")

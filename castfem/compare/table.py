@@ -11,17 +11,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from castfem.compare.chief import chief, plain_label
 from castfem.compare.runs import Run
+from castfem.output.advice import mould_exit
 from castfem.output.files import write_text
-from castfem.output.summary import from_si
+from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
 
 if TYPE_CHECKING:
+    import pandas
     from rich.table import Table
 
 CSV_NAME = "compare.csv"
 RATIOS = ("heat_removed", "heat_removed_slice")  # also shown as a share of the base run's
 SHARE = "% of base"
+_ALONG = "size_"  # quantities that are also shown on the way through the mould
+_WAY = (1 / 3, 2 / 3)  # where, of the mould
+_SAME = 1e-6  # relative; positions that differ by less are one
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,16 +40,24 @@ class Line:
         unit: Of the values.
         ours: Value of each run, NaN where it has none.
         theirs: Its reference, NaN where it has none.
+        kinds: Whether that is a value or a bound.
     """
 
     label: str
     unit: str
     ours: tuple[float, ...]
     theirs: tuple[float, ...]
+    kinds: tuple[Kind, ...]
+
+    def verdict(self, run: int) -> bool | None:
+        """Whether a run keeps to the bound that is given for it; None where there is none."""
+        return met(self.ours[run], self.theirs[run], self.kinds[run])
 
 
 def lines(runs: Sequence[Run], base: Run, *, everything: bool = False) -> list[Line]:
     """Return the chief quantities, those with references, and the ratios to the base run.
+
+    Sizes are shown on the way through the mould, too, from the histories.
 
     Args:
         runs: In the order of the columns.
@@ -50,38 +65,73 @@ def lines(runs: Sequence[Run], base: Run, *, everything: bool = False) -> list[L
         everything: All quantities instead of the chief ones.
     """
     all_of = [run.summary.quantities for run in runs]
-    references = [c for run in runs for c in run.summary.references if not c.note]
+    references = [c for run in runs for c in run.summary.references if not c.missing]
     names = list(dict.fromkeys(n for q in all_of for n in q)) if everything else chief(all_of)
     referred = [c.reference.quantity for c in references]
     names += [name for name in dict.fromkeys(referred) if name not in names]
+    histories = [run.history() for run in runs]
+    way = _way(histories, base, runs)
     found: list[Line] = []
     for name in names:
-        inner = {c.reference.at for c in references if c.reference.quantity == name}
-        for at in (None, *sorted(place for place in inner if place is not None)):
-            line = _line(runs, name, at)
+        those = {c.reference.at for c in references if c.reference.quantity == name}
+        inner = [place for place in those if place is not None]
+        if name.startswith(_ALONG):
+            inner += [p for p in way if not any(math.isclose(p, i, rel_tol=_SAME) for i in inner)]
+        for at in (*sorted(inner), None):
+            line = _line(runs, histories, name, at)
             found.append(line)
             if name in RATIOS:
                 found.append(_ratio(line, runs.index(base)))
     return found
 
 
-def _line(runs: Sequence[Run], name: str, at: float | None) -> Line:
-    """One quantity, at the end of the runs or where references hold."""
+def _way(
+    histories: Sequence[pandas.DataFrame | None], base: Run, runs: Sequence[Run]
+) -> tuple[float, ...]:
+    """Positions [m] on the way through the base run's mould; its exit where a run goes beyond."""
+    table = histories[runs.index(base)]
+    if table is None:
+        return ()
+    end, _ = mould_exit(table["position"].to_numpy(), base.summary)
+    ends = [float(t["position"].iloc[-1]) for t in histories if t is not None]
+    beyond = any(last > end * (1 + _SAME) for last in ends)
+    return tuple(share * end for share in _WAY) + ((end,) if beyond else ())
+
+
+def _line(
+    runs: Sequence[Run],
+    histories: Sequence[pandas.DataFrame | None],
+    name: str,
+    at: float | None,
+) -> Line:
+    """One quantity, at the end of the runs or on their way."""
     quantity = next(r.summary.quantities[name] for r in runs if name in r.summary.quantities)
     ours, theirs = [], []
-    for run in runs:
+    kinds: list[Kind] = []
+    for run, history in zip(runs, histories, strict=True):
         mine = run.summary.quantities.get(name)
-        value = mine.value if mine is not None and at is None else math.nan
+        value = math.nan if mine is None else mine.value
+        value = value if at is None else _on_the_way(history, name, at)
         expected = math.nan
+        kind: Kind = "value"
         for comparison in run.summary.references:
             reference = comparison.reference
-            if reference.quantity == name and reference.at == at and not comparison.note:
-                expected = reference.value
+            if reference.quantity == name and reference.at == at and not comparison.missing:
+                expected, kind = reference.value, reference.kind
                 value = comparison.ours
         ours.append(from_si(value, quantity.unit))
         theirs.append(from_si(expected, quantity.unit))
+        kinds.append(kind)
     label = plain_label(quantity) + ("" if at is None else f", at {1e3 * at:.6g} mm")
-    return Line(label, quantity.unit, tuple(ours), tuple(theirs))
+    return Line(label, quantity.unit, tuple(ours), tuple(theirs), tuple(kinds))
+
+
+def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> float:
+    """A column of a history at a position [m], in SI; NaN where the run has not been."""
+    if history is None or name not in history:
+        return math.nan
+    value = np.interp(at, history["position"], history[name], left=np.nan, right=np.nan)
+    return to_si(float(value), str(history.attrs["units"][name]))
 
 
 def _ratio(line: Line, base: int) -> Line:
@@ -92,25 +142,10 @@ def _ratio(line: Line, base: int) -> Line:
         return tuple(100.0 * v / whole if whole else math.nan for v in values)
 
     theirs = share(line.theirs)
-    if len({value for value in theirs if math.isfinite(value)}) < 2:  # one reference for all
+    common = len({value for value in theirs if math.isfinite(value)}) < 2  # one for all
+    if common or line.kinds[base] != "value":
         theirs = (math.nan,) * len(theirs)
-    return Line(line.label, SHARE, share(line.ours), theirs)
-
-
-def remarks(runs: Sequence[Run], base: Run) -> list[str]:
-    """Return what a reader of the table must know: the base, the sources, different ends."""
-    found = [f"base: {base.label}"]
-    who = dict.fromkeys(c.reference.source for run in runs for c in run.summary.references)
-    if who:
-        found.append(f"references: {'; '.join(who)}")
-    ends = {
-        f"{1e3 * run.summary.quantities['position'].value:.6g} mm"
-        for run in runs
-        if "position" in run.summary.quantities
-    }
-    if len(ends) > 1:
-        found.append(f"the runs end at different positions: {', '.join(sorted(ends))}")
-    return found
+    return Line(line.label, SHARE, share(line.ours), theirs, line.kinds)
 
 
 def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Table]:
@@ -130,11 +165,10 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
     first = [("quantity", labels), ("unit", [unit_shown(line.unit) for line in table])]
     alone = have_common_references(table)
     if alone:
-        expected = [next(filter(math.isfinite, line.theirs), math.nan) for line in table]
-        cells = [
-            _cell(value, math.nan, line.unit) if math.isfinite(value) else ""
-            for value, line in zip(expected, table, strict=True)
-        ]
+        cells = []
+        for line in table:
+            having = [i for i, value in enumerate(line.theirs) if math.isfinite(value)]
+            cells.append(_reference(line, having[0]) if having else "")
         first.append(("reference", cells))
     room = width - sum(_width(*column) for column in first)
     columns: list[tuple[str, list[str]]] = []
@@ -142,11 +176,7 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
         header = "\n".join(textwrap.wrap(run.label, 13))
         if not alone and any(math.isfinite(line.theirs[number]) for line in table):
             header += "\n(reference)"
-        cells = [
-            _cell(line.ours[number], math.nan if alone else line.theirs[number], line.unit)
-            for line in table
-        ]
-        columns.append((header, cells))
+        columns.append((header, [_cell(line, number, bare=alone) for line in table]))
     fitting = max(1, room // max(_width(*column) for column in columns))
     each = math.ceil(len(columns) / math.ceil(len(columns) / fitting))
     blocks = [columns[i : i + each] for i in range(0, len(columns), each)]
@@ -155,7 +185,10 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
 
 def have_common_references(table: Sequence[Line]) -> bool:
     """Return whether there are references, and those of a quantity are the same for all runs."""
-    different = [{value for value in line.theirs if math.isfinite(value)} for line in table]
+    different = [
+        {pair for pair in zip(line.theirs, line.kinds, strict=True) if math.isfinite(pair[0])}
+        for line in table
+    ]
     return any(different) and all(len(values) < 2 for values in different)
 
 
@@ -176,32 +209,48 @@ def _width(header: str, cells: Sequence[str]) -> int:
     return max(len(part) for text in (header, *cells) for part in text.split("\n")) + 2
 
 
-def _cell(ours: float, theirs: float, unit: str) -> str:
+def _cell(line: Line, run: int, *, bare: bool) -> str:
+    """The value of a run with its reference in brackets, or without."""
+    ours = _text(line.ours[run], line.unit)
+    if bare or not math.isfinite(line.theirs[run]):
+        return ours
+    return f"{ours} ({_reference(line, run)})"
+
+
+def _reference(line: Line, run: int) -> str:
+    """The reference of a run, a bound with its sign."""
+    return SIGNS[line.kinds[run]] + _text(line.theirs[run], line.unit)
+
+
+def _text(value: float, unit: str) -> str:
     from castfem.output.show import shown
 
-    def text(value: float) -> str:
-        return f"{value:.1f}" if unit == SHARE and math.isfinite(value) else shown(value, unit)
-
-    return text(ours) + (f" ({text(theirs)})" if math.isfinite(theirs) else "")
+    return f"{value:.1f}" if unit == SHARE and math.isfinite(value) else shown(value, unit)
 
 
 def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:
     """Write the table: a row a quantity, a column a run, and one for its references if it has any.
 
+    Where some of them are bounds one more column tells which: `at_least` or `at_most`.
+
     Raises:
         RunFailure: It cannot be written.
     """
     expected = [any(math.isfinite(line.theirs[i]) for line in table) for i in range(len(runs))]
+    bounded = [any(line.kinds[i] != "value" for line in table) for i in range(len(runs))]
     head = ["quantity", "unit"]
-    for run, some in zip(runs, expected, strict=True):
-        head += [run.label, f"{run.label}: reference"] if some else [run.label]
+    for run, some, bounds in zip(runs, expected, bounded, strict=True):
+        head += [run.label, *([f"{run.label}: reference"] if some else [])]
+        head += [f"{run.label}: bound"] if bounds else []
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(head)
     for line in table:
         cells = [line.label, line.unit]
-        for ours, theirs, some in zip(line.ours, line.theirs, expected, strict=True):
-            cells += [_number(ours), _number(theirs)] if some else [_number(ours)]
+        for i, (some, bounds) in enumerate(zip(expected, bounded, strict=True)):
+            cells += [_number(line.ours[i]), *([_number(line.theirs[i])] if some else [])]
+            bound = line.kinds[i] if math.isfinite(line.theirs[i]) else "value"
+            cells += ["" if bound == "value" else bound] if bounds else []
         writer.writerow(cells)
     write_text(folder / CSV_NAME, text.getvalue(), durable=False)
     return folder / CSV_NAME

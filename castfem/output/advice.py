@@ -85,7 +85,7 @@ def remarks(
     position = table["position"].to_numpy()
     if (np.diff(position) < 0).any() or position[-1] <= position[0]:
         return []
-    at, name = _exit(position, summary)
+    at, name = mould_exit(position, summary)
     where = f"{name} at {_mm(at)}"
     weakest = _at_exit(table, position, at, where)
     if fields is not None:
@@ -253,7 +253,7 @@ def _instead(probe: Remark, value: float, spot: Spot, where: str) -> Remark:
     )
 
 
-def _exit(position: Array, summary: Summary | None) -> tuple[float, str]:
+def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
     """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
     for zone in summary.zones if summary is not None else ():
         reached = zone.whole and zone.end <= position[-1] * (1 + 1e-9)

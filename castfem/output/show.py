@@ -14,7 +14,7 @@ from castfem.output.fields import Fields
 from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.plot_history import plain_unit
-from castfem.output.summary import Comparison, Quantity, Summary, from_si, unit_of_difference
+from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.output.xdmf import HDF5_NAME
 
 if TYPE_CHECKING:
@@ -138,7 +138,8 @@ def _print_summary(out: Console, summary: Summary) -> None:
     if rows:
         out.print(table, highlight=False)
     for source, mark in sources.items():
-        _print(out, f"{mark} {source}")
+        for line in _wrapped(out, source, f"{mark} "):
+            _print(out, line)
     out.print()
     for name, terms in summary.balances.items():
         table = _table(f"Balance of {name.replace('_', ' ')}", "term", "value", "unit")
@@ -201,7 +202,7 @@ def _finely(value: float, unit: str) -> str:
 def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
     """Label, ours, unit, theirs, difference, source; one row a reference or a lone quantity.
 
-    `sources` is filled with the mark of each source.
+    `sources` is filled with the mark of each source and its note.
     """
     rows: list[tuple[str, ...]] = []
     referred = {c.reference.quantity for c in summary.references}
@@ -212,14 +213,14 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
         label, twin = quantity.label, summary.quantities.get(name.replace(_WIDE, _NARROW))
         if name.endswith(_WIDE) and name.replace(_WIDE, _NARROW) not in referred:
             label = label.replace("mid-face", "both faces") if _same(quantity, twin) else label
-        mine = [c for c in summary.references if c.reference.quantity == name and not c.note]
+        mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
         value = shown(quantity.shown, quantity.unit)
         if all(c.reference.at is not None for c in mine):
             rows.append((label, value, unit_shown(quantity.unit), "", "", ""))
         rows.extend(_comparison_row(c, label, sources) for c in mine)
     for comparison in summary.references:
-        if comparison.note:
-            label = f"{comparison.reference.quantity} ({comparison.note})"
+        if comparison.missing:
+            label = f"{comparison.reference.quantity} ({comparison.missing})"
             rows.append(_comparison_row(comparison, label, sources))
     return rows
 
@@ -241,20 +242,28 @@ def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str])
     if reference.at is not None:
         label += f", at {1e3 * reference.at:.6g} mm"
     theirs = shown(from_si(reference.value, unit), unit)
-    difference = ""
-    if math.isfinite(comparison.difference):
-        value, digits = comparison.difference, len(theirs.partition(".")[2])
-        form = "+.4g" if "e" in theirs else f"+.{digits}f"
-        if "e" not in theirs:
-            value = _rounded(value, digits)
-        difference = f"{value:{form}}"
-        if unit_of_difference(unit) != unit:
-            difference += f" {unit_of_difference(unit)}"
-        if math.isfinite(comparison.relative):
-            difference += f" ({100 * comparison.relative:+.1f} %)"
-    mark = sources.setdefault(reference.source, f"[{len(sources) + 1}]")
+    difference = "met" if comparison.met else _difference(comparison, theirs)
+    source = reference.source + (f": {reference.note}" if reference.note else "")
+    mark = sources.setdefault(source, f"[{len(sources) + 1}]")
     ours = shown(from_si(comparison.ours, unit), unit)
-    return label, ours, unit_shown(unit), theirs, difference, mark
+    return label, ours, unit_shown(unit), SIGNS[reference.kind] + theirs, difference, mark
+
+
+def _difference(comparison: Comparison, theirs: str) -> str:
+    """How far ours is from theirs, to the digits of theirs; how far a bound is missed."""
+    value, relative = comparison.difference, 100 * comparison.relative
+    if not math.isfinite(value):
+        return ""
+    unit, digits = comparison.reference.unit, len(theirs.partition(".")[2])
+    sign, before = "+", ""
+    if comparison.met is False:
+        sign, before, value, relative = "", "missed by ", abs(value), abs(relative)
+    text = f"{value:{sign}.4g}" if "e" in theirs else f"{_rounded(value, digits):{sign}.{digits}f}"
+    if unit_of_difference(unit) != unit:
+        text += f" {unit_of_difference(unit)}"
+    if math.isfinite(relative):
+        text += f" ({relative:{sign}.1f} %)"
+    return before + text
 
 
 def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:

@@ -2,8 +2,9 @@
 
     {"title": ..., "status": "finished" | "failed",
      "quantities": {NAME: {"value": 4.75, "unit": "mm", "label": "shell, mid-face"}, ...},
-     "references": [{"quantity": NAME, "value": 4.75, "unit": "mm", "source": ..., "at": null,
-                     "ours": 4.9, "difference": 0.15, "relative": 0.032, "note": ""}, ...],
+     "references": [{"quantity": NAME, "value": 4.75, "unit": "mm", "kind": "value",
+                     "source": ..., "note": ..., "at": null, "ours": 4.9, "difference": 0.15,
+                     "relative": 0.032, "met": null, "missing": ""}, ...],
      "balances": {NAME: {NAME: {"value", "unit", "label"}, ...}, ...},
      "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
      "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...]}
@@ -11,7 +12,8 @@
 In the file each value is in the unit beside it, in Python in SI; zones and `at` (null: the end of
 the run) are in metres below the meniscus. A value that does not exist is null there, NaN here. The
 difference of two temperatures is in K and has no relative size: where the zero of a scale lies is a
-convention.
+convention. `met` tells whether a bound holds, of a value it is null. Summaries without `kind` were
+written when all references were values; their `note` is what is now in `missing`.
 """
 
 from __future__ import annotations
@@ -22,13 +24,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from castfem import units
 from castfem.errors import InputError
 
 SUMMARY_NAME = "summary.json"
 _NONE = "-"  # how "no unit" is written
+_ROUNDING = 1e-9  # of a bound; what misses it by less has met it
+
+
+Kind = Literal["value", "at_least", "at_most"]
+SIGNS: Mapping[Kind, str] = {"value": "", "at_least": "≥ ", "at_most": "≤ "}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +68,8 @@ class Reference:
         unit: In which it is shown.
         source: Who has found it.
         at: Where it holds, below the meniscus [m]; None at the end of the run.
+        kind: What it says of ours: its value, or a bound.
+        note: What a reader must know of it.
     """
 
     quantity: str
@@ -68,6 +77,8 @@ class Reference:
     unit: str
     source: str
     at: float | None = None
+    kind: Kind = "value"
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +88,12 @@ class Comparison:
     Attributes:
         reference: The number to compare with.
         ours: In SI; NaN when there is none.
-        note: Why there is none.
+        missing: Why there is nothing to compare.
     """
 
     reference: Reference
     ours: float = math.nan
-    note: str = ""
+    missing: str = ""
 
     @property
     def difference(self) -> float:
@@ -97,6 +108,11 @@ class Comparison:
         if unit_of_difference(self.reference.unit) != self.reference.unit or theirs == 0:
             return math.nan
         return (self.ours - theirs) / abs(theirs)
+
+    @property
+    def met(self) -> bool | None:
+        """Whether ours keeps to a bound; None of a value, or where there is no ours."""
+        return met(self.ours, self.reference.value, self.reference.kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,21 +214,29 @@ def compare(
 ) -> tuple[Comparison, ...]:
     """Finds our value of each reference.
 
-    A name we have no quantity for, or one of another dimension, gives a comparison with a note: a
-    run that has ended is not thrown away for it.
+    A name we have no quantity for, or one of another dimension, gives a comparison that tells what
+    is missing: a run that has ended is not thrown away for it.
     """
     found = []
     for reference in references:
         quantity = quantities.get(reference.quantity)
         if quantity is None:
             note = "no such quantity" + units.nearest(reference.quantity, quantities)
-            found.append(Comparison(reference, note=note))
+            found.append(Comparison(reference, missing=note))
         elif si_unit(quantity.unit) != si_unit(reference.unit):
             note = f"{reference.unit} is not a unit of it; it is in {quantity.unit}"
-            found.append(Comparison(reference, note=note))
+            found.append(Comparison(reference, missing=note))
         else:
             found.append(Comparison(reference, quantity.value))
     return tuple(found)
+
+
+def met(ours: float, theirs: float, kind: Kind) -> bool | None:
+    """Whether a value keeps to a bound, both in SI; None if it is none, or one is not known."""
+    if kind == "value" or not (math.isfinite(ours) and math.isfinite(theirs)):
+        return None
+    excess = ours - theirs if kind == "at_most" else theirs - ours
+    return excess <= _ROUNDING * abs(theirs)
 
 
 @lru_cache(maxsize=256)
@@ -257,17 +281,27 @@ def _comparison_json(comparison: Comparison) -> dict[str, Any]:
         "quantity": reference.quantity,
         "value": from_si(reference.value, reference.unit),
         "unit": reference.unit,
+        "kind": reference.kind,
         "source": reference.source,
+        "note": reference.note,
         "at": reference.at,
         "ours": from_si(comparison.ours, reference.unit),
         "difference": comparison.difference,
         "relative": comparison.relative,
-        "note": comparison.note,
+        "met": comparison.met,
+        "missing": comparison.missing,
     }
 
 
 def _comparison(content: Mapping[str, Any]) -> Comparison:
     unit = content["unit"]
     value = to_si(content["value"], unit)
-    reference = Reference(content["quantity"], value, unit, content["source"], content.get("at"))
-    return Comparison(reference, to_si(content["ours"], unit), content["note"])
+    kind, note, missing = content.get("kind", "value"), content["note"], content.get("missing")
+    if missing is None:
+        note, missing = "", note
+    if kind not in SIGNS:
+        raise ValueError(f"no kind of reference: {kind}")
+    reference = Reference(
+        content["quantity"], value, unit, content["source"], content.get("at"), kind, note
+    )
+    return Comparison(reference, to_si(content["ours"], unit), missing)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,9 @@ from small_case import write_small
 
 import castfem as package
 from castfem.compare.figures import figures, parts
+from castfem.compare.remarks import remarks
 from castfem.compare.runs import Run
-from castfem.compare.table import SHARE, lines
+from castfem.compare.table import SHARE, lines, printed, write_csv
 from castfem.output.history import History
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone
 
@@ -99,6 +101,63 @@ def test_parts_of_a_column():
     assert parts("gap_left_edge", columns) == ("gap", "left_edge")
     assert parts("von_mises_max", columns) == ("von_mises", "max")
     assert parts("axial_strain", columns) == ("axial_strain", "")
+
+
+def _in_the_mould(folder: Path, name: str, heat: float, reference: Reference, end: float) -> Run:
+    """A run whose size falls by 1 mm in the 0.6 m of a mould, and goes on falling below it."""
+    (folder / name).mkdir()
+    columns = [("time", "s"), ("position", "m"), ("size_corner", "mm")]
+    with History(folder / name / "history.csv", columns) as history:
+        for z in (0.0, 0.3, 0.6, end):
+            history.append({"time": 10 * z, "position": z, "size_corner": 172.0 - z / 0.6})
+    quantities = {
+        "heat_removed_slice": Quantity(heat, "kJ", "heat"),
+        "size_corner": Quantity(1e-3 * (172.0 - end / 0.6), "mm", "diagonal"),
+    }
+    found = (Comparison(reference, heat),)
+    return Run(
+        folder / name, name, Summary(name, "finished", quantities, found, zones=(Zone("m", 0, 1),))
+    )
+
+
+def test_bounds_are_marked_and_told_as_met_or_missed(tmp_path):
+    def bound(value: float, kind: str, note: str = "") -> Reference:
+        return Reference("heat_removed_slice", value, "kJ", "thesis", kind=kind, note=note)
+
+    made = [
+        _in_the_mould(tmp_path, "ideal", 136e3, bound(142e3, "value"), 0.7),
+        _in_the_mould(tmp_path, "taper", 135e3, bound(140.58e3, "at_least", "99 %"), 0.7),
+        _in_the_mould(tmp_path, "straight", 124e3, bound(133.48e3, "at_most"), 0.7),
+    ]
+    table = lines(made, made[0])
+    (heat,) = (line for line in table if line.unit == "kJ")
+    (share,) = (line for line in table if line.unit == SHARE)
+    assert [heat.verdict(i) for i in range(3)] == [None, False, True]
+    assert [share.verdict(i) for i in range(3)] == [None, True, True]
+    told = "\n".join(remarks(made, made[0], table))
+    assert "bounds met: heat (straight); heat, % of base (taper, straight)\n" in told
+    assert "bounds missed: heat (taper by 5.58 kJ)\n" in told
+    assert "note (taper) heat: 99 %" in told
+    (block,) = printed(made, table, 120)
+    cells = [list(column.cells) for column in block.columns]
+    row = cells[0].index("heat")
+    assert [column[row] for column in cells[2:]] == ["136 (142)", "135 (≥ 140.6)", "124 (≤ 133.5)"]
+    rows = list(csv.reader(write_csv(tmp_path, made, table).open()))
+    assert rows[0][-3:] == ["straight", "straight: reference", "straight: bound"]
+    (row,) = (row for row in rows if row[1] == "kJ")
+    assert row[2:] == ["136", "142", "135", "140.58", "at_least", "124", "133.48", "at_most"]
+
+
+@pytest.mark.parametrize(("end", "places"), [(0.6, (200, 400)), (0.9, (200, 400, 600))])
+def test_sizes_are_shown_on_the_way_through_the_mould(tmp_path, end, places):
+    reference = Reference("heat_removed_slice", 142e3, "kJ", "thesis")
+    made = [_in_the_mould(tmp_path, name, 1e5, reference, end) for name in ("one", "two")]
+    zones = (Zone("mould", 0.0, 0.6), Zone("spray", 0.6, 1.2, whole=False))
+    made = [replace(run, summary=replace(run.summary, zones=zones)) for run in made]
+    table = [line for line in lines(made, made[0]) if line.label.startswith("diagonal")]
+    assert [line.label for line in table] == [*(f"diagonal, at {z} mm" for z in places), "diagonal"]
+    for line, z in zip(table, (*places, 1e3 * end), strict=True):
+        assert line.ours == pytest.approx([172.0 - z / 600] * 2)
 
 
 def _imagined(folder: Path, name: str, scale: float, columns: list[tuple[str, str]]) -> Run:

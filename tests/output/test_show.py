@@ -284,6 +284,27 @@ def test_faces_of_a_square_have_one_row_and_nothing_has_no_sign(tmp_path):
     assert cells_of(text, "surface, narrow face") == ["1200.0", "°C"]  # another than the mid-face
 
 
+def test_bounds_are_met_or_missed_and_notes_stand_with_their_source(tmp_path):
+    write_run(tmp_path, steps=4)
+    whole = json.loads((tmp_path / "summary.json").read_text())
+    ours = {"quantity": "heat_removed_slice", "unit": "kJ", "source": "a book", "at": None}
+    ours |= {"ours": 139.2, "difference": None, "relative": None, "met": None, "missing": ""}
+    whole["references"] = [
+        ours | {"value": 141.3, "kind": "at_least", "note": "a share of 99 %"},
+        ours | {"value": 150.0, "kind": "at_most", "note": ""},
+    ]
+    (tmp_path / "summary.json").write_text(json.dumps(whole))
+    text = printed(tmp_path, figures=False)
+    first, second = (
+        re.split(r"  +", line.strip())[3:]
+        for line in text.splitlines()
+        if line.startswith("heat removed, 60 mm slice ")
+    )
+    assert first == ["≥ 141.3", "missed by 2.1 (1.5 %)", "[1]"]
+    assert second == ["≤ 150", "met", "[2]"]
+    assert "[1] a book: a share of 99 %\n[2] a book\n" in text
+
+
 def test_on_a_screen_long_lines_go_on_below_their_beginning(strained_run):
     stream = io.StringIO()
     screen = Console(file=stream, width=70, force_terminal=True, color_system=None)

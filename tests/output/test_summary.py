@@ -52,15 +52,15 @@ def test_a_reference_in_another_unit_of_the_same_kind_is_compared():
         [Reference("surface", 1515.15, "K", "A")], {"surface": Quantity(1525.15, "degC", "s")}
     )
     assert found.difference == pytest.approx(10.0)
-    assert found.note == ""
+    assert found.missing == ""
 
 
 def test_references_that_do_not_fit_get_a_note_and_spoil_nothing():
     references = [Reference("shel", 1.0, "mm", "A"), Reference("shell", 1.0, "s", "B")]
     quantities = {"shell": Quantity(1e-3, "mm", "shell")}
     misspelt, wrong = compare(references, quantities)
-    assert misspelt.note == "no such quantity; did you mean shell?"
-    assert wrong.note == "s is not a unit of it; it is in mm"
+    assert misspelt.missing == "no such quantity; did you mean shell?"
+    assert wrong.missing == "s is not a unit of it; it is in mm"
     content = plain(Summary("t", "finished", quantities, (misspelt, wrong)).to_json())
     assert [row["ours"] for row in content["references"]] == [None, None]
 
@@ -69,6 +69,41 @@ def test_a_zero_reference_has_no_relative_difference():
     (found,) = compare([Reference("a", 0.0, "-", "A")], {"a": Quantity(1.0, "-", "a")})
     assert found.difference == 1.0
     assert math.isnan(found.relative)
+
+
+@pytest.mark.parametrize(
+    ("kind", "ours", "met"),
+    [
+        ("at_most", 124.6e3, True),
+        ("at_most", 134.1e3, True),
+        ("at_most", 136.5e3, False),
+        ("at_least", 136.5e3, True),
+        ("at_least", 124.6e3, False),
+        ("at_least", math.nan, None),
+        ("value", 134.1e3, None),
+    ],
+)
+def test_a_bound_is_met_or_missed_and_comes_back_with_its_note(kind, ours, met):
+    reference = Reference("heat", 134.1e3, "kJ", "A", kind=kind, note="a share")
+    quantities = {"heat": Quantity(ours, "kJ", "heat")}
+    (found,) = compare([reference], quantities)
+    assert found.met is met
+    content = plain(Summary("t", "finished", quantities, (found,)).to_json())
+    row = content["references"][0]
+    assert (row["kind"], row["note"], row["met"], row["missing"]) == (kind, "a share", met, "")
+    (again,) = Summary.from_json(content).references
+    assert (again.reference.kind, again.reference.note, again.met) == (kind, "a share", met)
+
+
+def test_a_summary_from_before_there_were_bounds_is_read():
+    old = {"quantity": "shel", "value": 4.75, "unit": "mm", "source": "A", "at": None}
+    old |= {"ours": None, "difference": None, "relative": None, "note": "no such quantity"}
+    content = summary().to_json() | {"references": [old]}
+    (found,) = Summary.from_json(plain(content)).references
+    assert (found.reference.kind, found.reference.note) == ("value", "")
+    assert found.missing == "no such quantity"
+    with pytest.raises(ValueError, match="no kind of reference: about"):
+        Summary.from_json(plain(content | {"references": [old | {"kind": "about"}]}))
 
 
 def test_the_file_reads_back(tmp_path):

@@ -1,0 +1,62 @@
+"""What stands below the table of several runs: base, references, and which bounds are met."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from castfem.compare.chief import plain_label
+from castfem.compare.runs import Run
+from castfem.compare.table import SHARE, Line
+from castfem.output.show import shown, unit_shown
+from castfem.output.summary import unit_of_difference
+
+
+def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
+    """Return what a reader of the table must know.
+
+    The base, sources and notes of the references, which bounds are met, different ends.
+    """
+    found = [f"base: {base.label}"]
+    who = dict.fromkeys(c.reference.source for run in runs for c in run.summary.references)
+    if who:
+        found.append(f"references: {'; '.join(who)}")
+    found += _bounds(runs, table)
+    notes: dict[str, dict[str, None]] = {}
+    for run in runs:
+        for comparison in run.summary.references:
+            reference = comparison.reference
+            quantity = run.summary.quantities.get(reference.quantity)
+            label = reference.quantity if quantity is None else plain_label(quantity)
+            if reference.note:
+                notes.setdefault(f"{label}: {reference.note}", {})[run.label] = None
+    found += [f"note ({', '.join(who)}) {text}" for text, who in notes.items()]
+    ends = {
+        f"{1e3 * run.summary.quantities['position'].value:.6g} mm"
+        for run in runs
+        if "position" in run.summary.quantities
+    }
+    if len(ends) > 1:
+        found.append(f"the runs end at different positions: {', '.join(sorted(ends))}")
+    return found
+
+
+def _bounds(runs: Sequence[Run], table: Sequence[Line]) -> list[str]:
+    """Which runs keep to the bounds given for them, and by how much others miss theirs."""
+    found = {}
+    for told, verdict in (("bounds met", True), ("bounds missed", False)):
+        parts = []
+        for line in table:
+            those = [i for i in range(len(runs)) if line.verdict(i) is verdict]
+            names = [runs[i].label + ("" if verdict else _miss(line, i)) for i in those]
+            unit = f", {SHARE}" if line.unit == SHARE else ""
+            parts += [f"{line.label}{unit} ({', '.join(names)})"] if names else []
+        found[told] = "; ".join(parts)
+    return [f"{told}: {text}" for told, text in found.items() if text]
+
+
+def _miss(line: Line, run: int) -> str:
+    """By how much a run misses its bound, with a blank in front."""
+    by = abs(line.ours[run] - line.theirs[run])
+    if line.unit == SHARE:
+        return f" by {by:.1f}"
+    return f" by {shown(by, line.unit)} {unit_shown(unit_of_difference(line.unit))}"
