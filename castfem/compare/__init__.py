@@ -3,5 +3,6 @@
 chief    which results are looked at first
 runs     the runs, read from their folders
 table    the table;  remarks  what stands below it
-figures  what figures there are;  drawing  draws them;  sections  those over the section
+figures  what figures there are;  drawing  draws them;  sections  those over the section,
+         in their  places
 """

@@ -53,7 +53,7 @@ def draw(folder: Path, runs: Sequence[Run], base: Run) -> list[Path]:
             figure = _draw_figure(definition, panels, pens, base)
             drawn.append(save(figure, folder / f"{definition.quantity}.png"))
         for name, section in draw_sections(runs, words).items():
-            maps = ("inferno",) if name == "temperature" else ()
+            maps = ("inferno",) if name in ("temperature", "shape") else ()
             drawn.append(save(section, folder / f"section_{name}.png", maps=maps))
     return drawn
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from castfem.compare.places import bar, legend, places
 from castfem.compare.runs import Run
 from castfem.output.fields import Fields
 from castfem.output.plot_section import (
@@ -20,21 +21,19 @@ from castfem.output.plot_section import (
     shade,
     state_shares,
 )
-from castfem.output.plot_shape import STRESS_MAP, cover_soft, stress_levels
-from castfem.output.shape import von_mises
-from castfem.output.style import CELSIUS, new_figure
+from castfem.output.plot_shape import STRESS_MAP, cover_soft, draw_outlines, stress_levels
+from castfem.output.shape import Distortion, von_mises
+from castfem.output.style import CELSIUS
 from castfem.output.xdmf import HDF5_NAME
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.tri import Triangulation
 
-_ACROSS = 3  # sections side by side
-_CELL = 2.2  # inches, the longer side of a section
-_LEFT, _RIGHT, _ABOVE, _BELOW = 0.6, 1.0, 0.65, 0.85  # inches around them all
-_BESIDE, _BETWEEN = 0.4, 0.55  # inches from one to the next
 _SLENDER = 5.0  # ratio of the sides from which the picture of a strip would say nothing
+_MOVES = 0.3  # of a section, by which its surface may seem to move: one factor is for all runs
+_TITLE = 34  # characters as wide as a section
+_CLOSED = 1e-6  # m; a gap below is none
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +43,9 @@ class Section:
     Attributes:
         label: Of the run.
         mesh: The modelled part [mm], not distorted.
+        moved: It, distorted.
+        distortion: Outlines and wall; None without mechanics.
+        gap: The largest one [m]; NaN without a mould.
         temperature: At its corners [degC].
         stress: Von Mises stress there [MPa]; None without mechanics.
         steel: What is solid and liquid; None if it is not known.
@@ -53,6 +55,9 @@ class Section:
 
     label: str
     mesh: Triangulation
+    moved: Triangulation
+    distortion: Distortion | None
+    gap: float
     temperature: NDArray[np.float64]
     stress: NDArray[np.float64] | None
     steel: Steel | None
@@ -70,17 +75,48 @@ class Section:
                 return None
             kelvin, pascal = fields.values("temperature"), von_mises(fields)
             mesh, drawn = section_triangles(fields, kelvin, mirrored=False)
+            shape = Distortion.of(fields) if "displacement" in fields.names else None
+            shift = 0.0 if shape is None else shape.moved
+            moved, _ = section_triangles(fields, kelvin, mirrored=False, moved=shift)
             stress, strongest = None, 0.0
             if pascal is not None and steel is not None:
                 stress = 1e-6 * section_triangles(fields, pascal, mirrored=False)[1]
                 strongest = 1e-6 * float(pascal[kelvin <= steel.solidus].max(initial=0.0))
-        most = run.summary.quantities.get("von_mises_max")
-        named = math.nan if most is None else 1e-6 * most.value
-        return cls(run.label, mesh, drawn - CELSIUS, stress, steel, strongest, named)
+        named, gap = (
+            math.nan if (found := run.summary.quantities.get(name)) is None else found.value
+            for name in ("von_mises_max", "gap_max")
+        )
+        return cls(
+            label=run.label,
+            mesh=mesh,
+            moved=moved,
+            distortion=shape,
+            gap=gap,
+            temperature=drawn - CELSIUS,
+            stress=stress,
+            steel=steel,
+            strongest=strongest,
+            named=1e-6 * named,
+        )
+
+    def distorted(self, factor: float) -> Triangulation:
+        """The modelled part [mm], distorted, its displacement magnified."""
+        from matplotlib.tri import Triangulation
+
+        x, y = (
+            before + factor * (after - before)
+            for before, after in ((self.mesh.x, self.moved.x), (self.mesh.y, self.moved.y))
+        )
+        return Triangulation(x, y, self.mesh.triangles)
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """Its corners (n, 2) [mm], not distorted."""
+        return np.column_stack([self.mesh.x, self.mesh.y])
 
 
 def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str, Figure]:
-    """Draws temperature, states and stress of runs that all have a section.
+    """Draws temperature, states, stress and shape of runs that all have a section.
 
     Args:
         runs: In the order in which they are shown.
@@ -92,7 +128,7 @@ def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str,
     sections = [found for run in runs if (found := Section.of(run)) is not None]
     if len(sections) < len(runs):
         return {}
-    sides = _sides(sections)
+    sides = np.max([np.ptp(section.places, axis=0) for section in sections], axis=0)
     if max(sides) > _SLENDER * min(sides):
         return {}
     titles = [words(section.label) for section in sections]
@@ -101,30 +137,72 @@ def draw_sections(runs: Sequence[Run], words: Callable[[str], str]) -> dict[str,
         figures["states"] = _draw_states(sections, titles)
         if max(section.strongest for section in sections) > 0.0:
             figures["von_mises"] = _draw_stress(sections, titles)
+    if any(section.distortion is not None for section in sections):
+        figures["shape"] = _draw_shape(sections, titles)
     return figures
 
 
 def _draw_temperature(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
     """Temperature with solidus and liquidus."""
-    figure, axes = _places(sections, "Temperature where the runs end")
-    low = min(float(section.temperature.min()) for section in sections)
-    high = max(max(float(section.temperature.max()) for section in sections), low + 1.0)
+    figure, axes = places([s.places for s in sections], "Temperature where the runs end")
     handles: dict[str, Any] = {}
+    low, high = _range(sections)
     for ax, section, title in zip(axes, sections, titles, strict=True):
         shades = shade(ax, section.mesh, section.temperature, "inferno", low, high)
         lines = draw_isotherms(ax, section.mesh, section.temperature, section.steel)
         handles |= {str(line.get_label()): line for line in lines}
         ax.set_title(title, fontsize=9)
-    _bar(figure, shades, "temperature [°C]")
-    _legend(figure, handles)
+    bar(figure, shades, "temperature [°C]")
+    legend(figure, handles)
     return figure
+
+
+def _range(sections: Sequence[Section]) -> tuple[float, float]:
+    """Lowest and highest temperature [degC] of all."""
+    low = min(float(section.temperature.min()) for section in sections)
+    return low, max(max(float(section.temperature.max()) for section in sections), low + 1.0)
+
+
+def _draw_shape(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
+    """The distorted sections, coloured by temperature, in their moulds; one factor for all."""
+    shapes = [section.distortion for section in sections]
+    factor = min(shape.factor(_MOVES) for shape in shapes if shape is not None)
+    drawn = [
+        section.places if shape is None else shape.places(factor)
+        for section, shape in zip(sections, shapes, strict=True)
+    ]
+    title = f"Shape where the runs end, displacement and taper × {factor:g}"
+    figure, axes = places(drawn, title, margin=True)
+    handles: dict[str, Any] = {}
+    low, high = _range(sections)
+    for ax, section, shape, title in zip(axes, sections, shapes, titles, strict=True):
+        mesh = section.distorted(factor)
+        shades = shade(ax, mesh, section.temperature, "inferno", low, high)
+        lines = draw_isotherms(ax, mesh, section.temperature, section.steel)
+        if shape is not None:
+            lines = [*lines, *draw_outlines(ax, shape, factor, "black")]
+        handles |= {str(line.get_label()): line for line in lines}
+        if math.isfinite(section.gap):
+            gap = "no gap" if section.gap < _CLOSED else f"gap up to {1e3 * section.gap:.2f} mm"
+            title = _headed(title, gap)
+        ax.set_title(title, fontsize=9)
+    bar(figure, shades, "temperature [°C]")
+    legend(figure, handles)
+    return figure
+
+
+def _headed(title: str, said: str) -> str:
+    """The title of a section with what is said of it, on two lines if one is too short."""
+    return f"{title}: {said}" if len(title) + len(said) < _TITLE else f"{title}:\n{said}"
 
 
 def _draw_states(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
     """What is solid, mushy and liquid, with the share that is solid."""
     from matplotlib.patches import Patch
 
-    figure, axes = _places(sections, "State of the steel where the runs end", bar=False)
+    figure, axes = places(
+        [s.places for s in sections], "State of the steel where the runs end", bar=False
+    )
     for ax, section, title in zip(axes, sections, titles, strict=True):
         assert section.steel is not None
         kelvin = section.temperature + CELSIUS
@@ -135,14 +213,14 @@ def _draw_states(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
         levels = [low, solidus, liquidus, high]
         ax.tricontourf(section.mesh, kelvin, levels=levels, colors=list(STATES.values()))
         solid, *_ = state_shares(section.mesh, kelvin, section.steel)
-        ax.set_title(f"{title}: {100.0 * solid:.1f} % solid", fontsize=9)
-    _legend(figure, {k: Patch(facecolor=c, edgecolor="#444444") for k, c in STATES.items()})
+        ax.set_title(_headed(title, f"{100.0 * solid:.1f} % solid"), fontsize=9)
+    legend(figure, {k: Patch(facecolor=c, edgecolor="#444444") for k, c in STATES.items()})
     return figure
 
 
 def _draw_stress(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
     """Von Mises stress of what is solid, in one scale; mush and liquid are grey."""
-    figure, axes = _places(sections, "Von Mises stress where the runs end")
+    figure, axes = places([s.places for s in sections], "Von Mises stress where the runs end")
     solid = [section for section in sections if section.strongest]
     levels = stress_levels(max(max(s.strongest, np.nan_to_num(s.named)) for s in solid))
     handles: dict[str, Any] = {}
@@ -155,70 +233,10 @@ def _draw_stress(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
         soft = cover_soft(ax, section.mesh, section.temperature + CELSIUS, section.steel)
         handles |= {str(handle.get_label()): handle for handle in soft}
         if not section.strongest:
-            title = f"{title}: nothing is solid"
+            title = _headed(title, "nothing is solid")
         elif math.isfinite(section.named):
-            title = f"{title}: up to {section.named:.3g} MPa"
+            title = _headed(title, f"up to {section.named:.3g} MPa")
         ax.set_title(title, fontsize=9)
-    _bar(figure, shades, "von Mises stress in the solid [MPa]")
-    _legend(figure, handles)
+    bar(figure, shades, "von Mises stress in the solid [MPa]")
+    legend(figure, handles)
     return figure
-
-
-def _sides(sections: Sequence[Section]) -> tuple[float, float]:
-    """Width and height [mm] in which each of them fits."""
-    return (
-        max(float(np.ptp(section.mesh.x)) for section in sections),
-        max(float(np.ptp(section.mesh.y)) for section in sections),
-    )
-
-
-def _places(
-    sections: Sequence[Section], title: str, *, bar: bool = True
-) -> tuple[Figure, list[Axes]]:
-    """A figure with axes [mm] of one scale for all sections, placed by hand."""
-    sides = _sides(sections)
-    wide, high = (_CELL * side / max(sides) for side in sides)
-    across = min(_ACROSS, len(sections))
-    down = math.ceil(len(sections) / across)
-    right = _RIGHT if bar else 0.2
-    width = _LEFT + across * wide + (across - 1) * _BESIDE + right
-    height = _ABOVE + down * high + (down - 1) * _BETWEEN + _BELOW
-    figure = new_figure(width, height, layout="none")
-    figure.suptitle(title, fontsize=10.5, y=1.0 - 0.12 / height)
-    axes = []
-    for number, section in enumerate(sections):
-        row, column = divmod(number, across)
-        left = _LEFT + column * (wide + _BESIDE)
-        bottom = _BELOW + (down - 1 - row) * (high + _BETWEEN)
-        ax = figure.add_axes((left / width, bottom / height, wide / width, high / height))
-        ax.grid(False)
-        ax.tick_params(labelsize=8)
-        ax.locator_params(nbins=5)
-        ax.set_xlim(section.mesh.x.min(), section.mesh.x.min() + sides[0])
-        ax.set_ylim(section.mesh.y.min(), section.mesh.y.min() + sides[1])
-        if column == 0:
-            ax.set_ylabel("y [mm]")
-        if number + across >= len(sections):
-            ax.set_xlabel("x [mm]")
-        axes.append(ax)
-    return figure, axes
-
-
-def _bar(figure: Figure, shades: Any, label: str) -> None:
-    """The scale of the colours to the right of all sections."""
-    width, height = figure.get_size_inches()
-    left = width - _RIGHT + 0.15
-    tall = height - _ABOVE - _BELOW
-    place = figure.add_axes((left / width, _BELOW / height, 0.14 / width, tall / height))
-    figure.colorbar(shades, cax=place, label=label)
-
-
-def _legend(figure: Figure, handles: Mapping[str, Any]) -> None:
-    """The legend below everything."""
-    figure.legend(
-        list(handles.values()),
-        list(handles),
-        loc="lower center",
-        ncols=max(len(handles), 1),
-        frameon=False,
-    )

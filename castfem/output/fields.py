@@ -27,6 +27,7 @@ class Fields(Closing):
         cells: (m, k) nodes of the cells, in VTK order.
         cell: "triangle" or "quadrilateral".
         order: 1 or 2, of the geometry.
+        folder: Of the run.
         times: (t,) [s].
         positions: (t,) below the meniscus [m].
         attributes: What the run told: solidus, liquidus [K], symmetry ...
@@ -38,8 +39,8 @@ class Fields(Closing):
         Raises:
             InputError: There are none, or they cannot be read.
         """
-        self._folder = Path(folder)
-        self._path = self._folder / HDF5_NAME
+        self.folder = Path(folder)
+        self._path = self.folder / HDF5_NAME
         if not self._path.is_file():
             raise InputError(f"{self._path}: no such file")
         self._file: h5py.File | None = None
@@ -52,7 +53,7 @@ class Fields(Closing):
                 self.close()
                 before = self._path.stat()
                 self._file = open_hdf5(self._path)
-                self._steps: list[Step] = written(self._folder, self._file)
+                self._steps: list[Step] = written(self.folder, self._file)
                 if self._path.stat().st_ino == before.st_ino or not left:
                     return self._read_head(self._file)
             except FileNotFoundError as error:  # a time that has been gathered meanwhile
@@ -117,7 +118,7 @@ class Fields(Closing):
     def _holding(self, step: Step) -> AbstractContextManager[h5py.File]:
         """The file that holds a time; fields.h5 stays open."""
         if step.single:
-            opened: AbstractContextManager[h5py.File] = open_hdf5(self._folder / step.file)
+            opened: AbstractContextManager[h5py.File] = open_hdf5(self.folder / step.file)
             return opened
         return nullcontext(self._file)
 

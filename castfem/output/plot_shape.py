@@ -22,7 +22,7 @@ from castfem.output.plot_section import (
     section_triangles,
     when,
 )
-from castfem.output.shape import Outline, displacement, magnification, von_mises
+from castfem.output.shape import Distortion, von_mises
 from castfem.output.style import SOLIDUS_COLOUR
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 SOFT = ("#d9d9d9", "#efefef")  # mushy, liquid: no scale of stress applies to them
 STRESS_MAP = "viridis"
 _BANDS = 12  # of the scale of stress, at most
-_UNMOVED, _MOVED = "#555555", "#c0392b"
+_UNMOVED, _MOVED, _WALL = "#333333", "#c0392b", "#9a9a9a"
 _SHELL = "#dfe6ec"
 _MARGIN = 0.05  # around the section, of its larger side
 _ASIDE = 0.3  # sine from which on the centre lies to one side of a normal
@@ -61,8 +61,9 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
     solid = temperature <= steel.solidus
     if not solid.any():
         return None
-    moved, factor, outline = _magnified(fields, index)
-    mesh, values = section_triangles(fields, 1e-6 * stress, mirrored=False, moved=factor * moved)
+    distortion, factor = _magnified(fields, index)
+    moved = factor * distortion.moved
+    mesh, values = section_triangles(fields, 1e-6 * stress, mirrored=False, moved=moved)
     figure, axes = frame(mesh, when("Von Mises stress", fields, index), bar=True)
     levels = stress_levels(float(1e-6 * stress[solid].max()))
     # what lies beyond the scale is soft, and covered; its very end would not be drawn
@@ -73,8 +74,9 @@ def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> F
     _, kelvin = section_triangles(fields, temperature, mirrored=False)
     handles = cover_soft(axes, mesh, kelvin, steel)
     if factor > 0.0:
-        handles = [*_draw_outlines(axes, fields, outline, moved, factor, "#222222"), *handles]
-        _fit(axes, fields, moved * factor)
+        lines = draw_outlines(axes, distortion, factor, "#222222")
+        handles = [*lines, *_draw_symmetry(axes, distortion), *handles]
+        _fit(axes, distortion, factor)
     legend_below(figure, handles)
     return figure
 
@@ -92,20 +94,21 @@ def draw_shape(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figur
     """
     if "displacement" not in fields.names:
         return None
-    moved, factor, outline = _magnified(fields, index)
+    distortion, factor = _magnified(fields, index)
     if factor == 0.0:
         return None
-    temperature = fields.values("temperature", index)
-    mesh, kelvin = section_triangles(fields, temperature, mirrored=False, moved=factor * moved)
+    temperature, moved = fields.values("temperature", index), factor * distortion.moved
+    mesh, kelvin = section_triangles(fields, temperature, mirrored=False, moved=moved)
     figure, axes = frame(mesh, when("Shape of the section", fields, index), bar=False)
-    handles = _draw_outlines(axes, fields, outline, moved, factor, _MOVED)
+    handles = draw_outlines(axes, distortion, factor, _MOVED)
+    handles += _draw_symmetry(axes, distortion)
     if steel is not None and kelvin.min() < steel.solidus:
         low, high = float(kelvin.min()) - 1.0, max(float(kelvin.max()), steel.solidus) + 1.0
         axes.tricontourf(mesh, kelvin, levels=[low, steel.solidus, high], colors=[_SHELL, "w"])
         if kelvin.max() > steel.solidus:
             handles.append(_draw_solidus(axes, mesh, kelvin, steel))
-    _fit(axes, fields, moved * factor)
-    _name_extremes(axes, fields, outline, moved, factor)
+    _fit(axes, distortion, factor)
+    _name_extremes(axes, distortion, factor)
     legend_below(figure, handles)
     return figure
 
@@ -120,14 +123,12 @@ def stress_levels(largest: float) -> Array:
     return ticks[: int(np.searchsorted(ticks, largest * (1 - 1e-9))) + 1]
 
 
-def _magnified(fields: Fields, index: int) -> tuple[Array, float, Outline]:
-    """Displacement (n, 2) [m], the factor to draw it with (0: a mere line), and the outline."""
-    outline = Outline.of(fields)
-    moved = displacement(fields, index)
-    sides = np.ptp(fields.points[:, :2], axis=0)
-    if sides.max() > _UNCLEAR * sides.min() and not outline.cuts:
-        return np.zeros_like(moved), 0.0, outline
-    return moved, magnification(moved[np.unique(outline.surface)], fields.points), outline
+def _magnified(fields: Fields, index: int) -> tuple[Distortion, float]:
+    """The distortion, and the factor to draw it with (0: a mere line)."""
+    distortion = Distortion.of(fields, index)
+    sides = np.ptp(distortion.points, axis=0)
+    line = sides.max() > _UNCLEAR * sides.min() and not distortion.outline.cuts
+    return distortion, 0.0 if line else distortion.factor()
 
 
 def cover_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> list[Line2D]:
@@ -157,52 +158,66 @@ def _draw_solidus(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) 
     return Line2D([], [], color=SOLIDUS_COLOUR, linewidth=1.0, label="solidus")
 
 
-def _draw_outlines(
-    axes: Axes, fields: Fields, outline: Outline, moved: Array, factor: float, colour: str
-) -> list[Line2D]:
-    """The outline at the meniscus and now, the planes of symmetry; their legend."""
-    from matplotlib.collections import LineCollection
+def draw_outlines(axes: Axes, distortion: Distortion, factor: float, colour: str) -> list[Line2D]:
+    """Draws the outline at the meniscus and now, and the wall of the mould; returns their legend.
+
+    Args:
+        axes: Into these, in mm.
+        distortion: Of the section.
+        factor: By which displacement and taper are magnified.
+        colour: Of the outline as it is now.
+    """
     from matplotlib.lines import Line2D
 
+    here: dict[str, Any] = {"color": _UNMOVED, "linewidth": 0.8, "linestyle": (0, (5, 3))}
+    now: dict[str, Any] = {"color": colour, "linewidth": 1.2}
+    wall: dict[str, Any] = {"color": _WALL, "linewidth": 3.0, "solid_capstyle": "butt"}
     handles = []
-    for shift, shade, width, label in (
-        (0.0, _UNMOVED, 0.8, "at the meniscus"),
-        (factor, colour, 1.4, f"displacement × {factor:g}"),
+    if distortion.wall is not None:  # below what touches it
+        axes.plot(*(1e3 * distortion.wall.drawn(factor)).T, **wall)
+        handles.append(Line2D([], [], **wall, label="mould"))
+    for shift, pen, label in (
+        (0.0, here, "at the meniscus"),
+        (factor, now, f"displacement × {factor:g}"),
     ):
-        points = 1e3 * (fields.points[:, :2] + shift * moved)
-        lines = list(points[outline.surface])
-        axes.add_collection(LineCollection(lines, colors=shade, linewidths=width))
-        handles.append(Line2D([], [], color=shade, linewidth=width, label=label))
-    chain: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": "-."}
-    for axis, pieces in outline.cuts.items():
-        ends = 1e3 * fields.points[pieces][:, :, 1 - axis]
-        line = np.array([[0.0, ends.min()], [0.0, ends.max()]])
-        axes.plot(*(line.T if axis == 0 else line.T[::-1]), **chain)
-    if outline.cuts:
-        handles.append(Line2D([], [], **chain, label="symmetry"))
+        points = 1e3 * (distortion.points + shift * distortion.moved)
+        for chain in distortion.outline.chains():
+            axes.plot(*points[chain].T, **pen)
+        handles.append(Line2D([], [], **pen, label=label))
     return handles
 
 
-def _fit(axes: Axes, fields: Fields, shift: Array) -> None:
-    """Limits that show both shapes, with a margin."""
-    both = 1e3 * np.vstack([fields.points[:, :2], fields.points[:, :2] + shift])
-    margin = _MARGIN * float(np.ptp(both, axis=0).max())
-    axes.set_xlim(both[:, 0].min() - margin, both[:, 0].max() + margin)
-    axes.set_ylim(both[:, 1].min() - margin, both[:, 1].max() + margin)
+def _draw_symmetry(axes: Axes, distortion: Distortion) -> list[Line2D]:
+    """The planes of symmetry; their legend."""
+    from matplotlib.lines import Line2D
+
+    chain: dict[str, Any] = {"color": "#444444", "linewidth": 0.9, "linestyle": "-."}
+    for axis, pieces in distortion.outline.cuts.items():
+        ends = 1e3 * distortion.points[pieces][:, :, 1 - axis]
+        line = np.array([[0.0, ends.min()], [0.0, ends.max()]])
+        axes.plot(*(line.T if axis == 0 else line.T[::-1]), **chain)
+    return [Line2D([], [], **chain, label="symmetry")] if distortion.outline.cuts else []
 
 
-def _name_extremes(
-    axes: Axes, fields: Fields, outline: Outline, moved: Array, factor: float
-) -> None:
+def _fit(axes: Axes, distortion: Distortion, factor: float) -> None:
+    """Limits that show all shapes, with a margin."""
+    places = distortion.places(factor)
+    margin = _MARGIN * float(np.ptp(places, axis=0).max())
+    axes.set_xlim(places[:, 0].min() - margin, places[:, 0].max() + margin)
+    axes.set_ylim(places[:, 1].min() - margin, places[:, 1].max() + margin)
+
+
+def _name_extremes(axes: Axes, distortion: Distortion, factor: float) -> None:
     """Writes the largest outward and inward displacement of the surface where they are."""
-    nodes, normals = outline.outward(fields.points)
+    places, moved = distortion.points, distortion.moved
+    nodes, normals = distortion.outline.outward(places)
     outward = 1e3 * np.einsum("ij,ij->i", moved[nodes], normals)
-    centre = 0.5 * (fields.points[:, :2].min(axis=0) + fields.points[:, :2].max(axis=0))
-    for number in _extremes(outward, fields.points[nodes, :2]):
+    centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    for number in _extremes(outward, places[nodes]):
         node, normal = nodes[number], normals[number]
-        point = 1e3 * (fields.points[node, :2] + factor * moved[node])
+        point = 1e3 * (places[node] + factor * moved[node])
         sideways = np.array([-normal[1], normal[0]])
-        inwards = centre - fields.points[node, :2]
+        inwards = centre - places[node]
         aside = float(sideways @ inwards) / float(np.linalg.norm(inwards))
         sideways *= np.sign(aside) if abs(aside) > _ASIDE else 0.0
         axes.annotate(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
+from castfem.output.wall import WallLine
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -60,6 +61,18 @@ class Outline:
         """All pieces."""
         return np.vstack([self.surface, *self.cuts.values()])
 
+    def chains(self) -> list[Indices]:
+        """The nodes of the surface one behind the other; a closed surface ends where it begins."""
+        after = {int(start): int(end) for start, end in self.surface}
+        heads = list(after.keys() - set(after.values()))
+        found = []
+        while after:
+            chain = [heads.pop() if heads else next(iter(after))]
+            while chain[-1] in after:
+                chain.append(after.pop(chain[-1]))
+            found.append(np.array(chain, dtype=np.intp))
+        return found
+
     def outward(self, points: Array) -> tuple[Indices, Array]:
         """The nodes of the surface (n,) and unit normals out of the steel (n, 2) at them.
 
@@ -75,6 +88,41 @@ class Outline:
         return nodes, normals / np.linalg.norm(normals, axis=1)[:, None]
 
 
+@dataclass(frozen=True, slots=True)
+class Distortion:
+    """How a section is distorted, and the wall of its mould.
+
+    Attributes:
+        points: (n, 2) nodes at the meniscus [m].
+        outline: The boundary.
+        moved: (n, 2) displacement of the nodes [m].
+        wall: Of the mould; None where there is none.
+    """
+
+    points: Array
+    outline: Outline
+    moved: Array
+    wall: WallLine | None
+
+    @classmethod
+    def of(cls, fields: Fields, index: int = -1) -> Distortion:
+        """Reads it; `index` of the time as in a list."""
+        wall = WallLine.of(fields, index)
+        return cls(fields.points[:, :2], Outline.of(fields), displacement(fields, index), wall)
+
+    def places(self, factor: float) -> Array:
+        """All places (m, 2) [mm] that are drawn, displacement and taper magnified by a factor."""
+        found = [self.points, self.points + factor * self.moved]
+        if self.wall is not None:
+            wall = self.wall.drawn(factor)
+            found.append(wall[np.isfinite(wall).all(axis=1)])
+        return 1e3 * np.vstack(found)
+
+    def factor(self, share: float = _SHARE) -> float:
+        """The `magnification` of the displacement of its surface."""
+        return magnification(self.moved[np.unique(self.outline.surface)], self.points, share)
+
+
 def displacement(fields: Fields, index: int = -1) -> Array:
     """Displacement (n, 2) [m] of the nodes, 0 in a run without mechanics."""
     if "displacement" not in fields.names:
@@ -82,18 +130,19 @@ def displacement(fields: Fields, index: int = -1) -> Array:
     return fields.values("displacement", index)[:, :2]
 
 
-def magnification(moved: Array, points: Array) -> float:
+def magnification(moved: Array, points: Array, share: float = _SHARE) -> float:
     """A round factor, 1, 2, 5, 10 ..., that makes displacements plain to see.
 
     Args:
         moved: (..., 2) displacements [m] of the surface.
         points: (n, 2) or (n, 3) of the section [m].
+        share: Of the shorter side, by which nothing may seem to move more.
 
     Returns:
-        The largest with which nothing seems to move by more than a twentieth of the shorter side.
+        The largest such factor.
     """
     largest = float(np.linalg.norm(moved, axis=-1).max(initial=0.0))
-    room = _SHARE * float(np.ptp(points[:, :2], axis=0).min())
+    room = share * float(np.ptp(points[:, :2], axis=0).min())
     if largest <= 0.0 or not np.isfinite(largest) or room <= largest:
         return 1.0
     decade = 10.0 ** np.floor(np.log10(room / largest))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
+
 import matplotlib.image
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
+from castfem.case import load_case
+from castfem.catalogue import find
 from castfem.compare.runs import read_runs
-from castfem.compare.sections import draw_sections
+from castfem.compare.sections import Section, draw_sections
 from castfem.output.fields import Fields
 from castfem.output.figures import draw_figures
 from castfem.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
@@ -20,6 +24,7 @@ from castfem.output.plot_shape import SOFT, draw_shape, draw_von_mises, stress_l
 from castfem.output.plot_stack import Stack, View, draw_stack
 from castfem.output.shape import Outline, displacement, magnification, von_mises
 from castfem.output.style import Course, look, render
+from castfem.output.wall import WallLine
 from castfem.output.xdmf import FieldWriter
 
 from .imagined import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
@@ -321,7 +326,7 @@ def test_sections_of_several_runs_have_one_scale_and_soft_steel_is_grey(tmp_path
         folder.mkdir()
         write_strained(folder, last=last)
     found = draw_sections(read_runs(folders), lambda label: label.replace("_", " "))
-    assert list(found) == ["temperature", "states", "von_mises"]
+    assert list(found) == ["temperature", "states", "von_mises", "shape"]
     figure = found["von_mises"]
     assert [axes.get_title() for axes in figure.axes[:2]] == ["taper 1", "taper 2"]
     assert figure.axes[2].get_ylim() == pytest.approx((0.0, 2.0))  # of the stronger
@@ -332,3 +337,54 @@ def test_sections_of_several_runs_have_one_scale_and_soft_steel_is_grey(tmp_path
     assert len(found["temperature"].axes) == 3
     (tmp_path / "taper_2" / "fields.h5").unlink()
     assert draw_sections(read_runs(folders), str) == {}
+
+
+def in_mould(folder, last: float = 10.0):
+    """A strained run whose case has a mould of -3 %/m, open wide at its end at 0.6 m."""
+    folder.mkdir()
+    write_strained(folder, last=last)
+    (folder / "case.toml").write_text(load_case(find("billet125/taper_minus_3")).resolved_toml())
+    return folder
+
+
+def test_the_wall_of_the_mould_is_drawn_round_the_modelled_part(tmp_path):
+    with Fields(in_mould(tmp_path / "open")) as fields:
+        wall = WallLine.of(fields, -1)
+        assert wall is not None
+        known = np.isfinite(wall.start).all(axis=1)
+        assert wall.start[known].min() >= -1e-9
+        assert wall.start[known].max() == pytest.approx(HALF)
+        outwards = HALF * (1 / (1 - 0.03 * 0.6) - 1)  # (300): the taper is that of the outlet
+        assert wall.moved[known].max(axis=0) == pytest.approx([outwards] * 2)
+        assert WallLine.of(fields, 0).moved[known].max() == 0.0
+        figure = draw_shape(fields, STEEL)
+        assert "mould" in {text.get_text() for text in figure.legends[0].get_texts()}
+        assert figure.axes[0].get_xlim()[1] > 1e3 * (HALF + 2 * outwards)
+        fields.positions[-1] = 0.7
+        assert WallLine.of(fields, -1) is None  # the slice has left the mould
+
+
+def test_shapes_of_several_runs_are_magnified_alike(tmp_path):
+    folders = [in_mould(tmp_path / "open"), in_mould(tmp_path / "early", last=5.0)]
+    (folders[1] / "case.toml").unlink()
+    found = draw_sections(read_runs(folders), str)["shape"]
+    assert found.get_suptitle() == "Shape where the runs end, displacement and taper × 20"
+    labels = [text.get_text() for text in found.legends[0].get_texts()]
+    assert {"mould", "at the meniscus", "displacement × 20"} <= set(labels)
+    assert len({axes.get_xlim() for axes in found.axes[:2]}) == 1
+    for section, last in zip(map(Section.of, read_runs(folders)), (10.0, 5.0), strict=True):
+        drawn = section.distorted(20.0)
+        assert drawn.x.max() == pytest.approx(62.5 + 20 * 0.3 * last / 10, rel=1e-6)
+        assert drawn.y.max() == pytest.approx(62.5 - 20 * 0.6 * last / 10, rel=1e-6)
+
+
+@pytest.mark.parametrize(("part", "closed"), [("quarter", False), ("half", False), ("whole", True)])
+def test_the_surface_is_one_line(tmp_path, part, closed):
+    write_strained(tmp_path, part=part)
+    with Fields(tmp_path) as fields:
+        outline = Outline.of(fields)
+        (chain,) = outline.chains()
+        assert len(chain) == len(outline.surface) + 1
+        assert (chain[0] == chain[-1]) == closed
+        steps = {tuple(step) for step in outline.surface}
+        assert set(itertools.pairwise(chain.tolist())) == steps
