@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 _ACROSS = 3  # sections side by side
 _CELL = 2.2  # inches, the longer side of a section
-_LEFT, _RIGHT, _ABOVE, _BELOW = 0.6, 1.0, 0.65, 0.85  # inches around them all
-_BESIDE, _BETWEEN = 0.4, 0.55  # inches from one to the next
+_LEFT, _RIGHT, _ABOVE, _BELOW = 0.6, 1.0, 0.7, 0.85  # inches around them all
+_BESIDE, _BETWEEN = 0.4, 0.65  # inches from one to the next
 _MARGIN = 0.04  # of a section
 
 
@@ -37,7 +37,7 @@ def places(
     around = _MARGIN * float(sides.max()) if margin else 0.0
     sides = sides + 2.0 * around
     wide, high = (_CELL * side / sides.max() for side in sides)
-    across = min(_ACROSS, len(drawn))
+    across = 2 if len(drawn) == 4 else min(_ACROSS, len(drawn))
     down = math.ceil(len(drawn) / across)
     right = _RIGHT if bar else 0.2
     width = _LEFT + across * wide + (across - 1) * _BESIDE + right
