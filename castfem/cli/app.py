@@ -178,10 +178,13 @@ def show(
     """Print the table of a run and draw its figures."""
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder")
+    from castfem import tabulated
     from castfem.cli import parallel
     from castfem.output.show import show as show_folder
 
     show_folder(folder, parallel.console())
+    for line in tabulated.lines({"": folder}):
+        print(line)
 
 
 @app.command()

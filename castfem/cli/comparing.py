@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from castfem import tabulated
 from castfem.cli import parallel
 from castfem.compare.remarks import remarks
 from castfem.compare.runs import Run, base_of, read_runs
@@ -42,7 +43,8 @@ def compare_runs(
     out = parallel.console()
     for block in printed(runs, table, out.width):
         out.print(block, "", highlight=False)
-    for remark in remarks(runs, measure, table):
+    errors = tabulated.lines({run.label: run.folder for run in runs})
+    for remark in [*remarks(runs, measure, table), *errors]:
         out.print(remark, highlight=False, soft_wrap=True)
     written = write_csv(target, runs, table)
     print(f"table in {written}")

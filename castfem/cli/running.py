@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem import catalogue, former, log
+from castfem import catalogue, former, log, tabulated
 from castfem.case import AnyCase, TensileCase
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
@@ -123,6 +123,8 @@ def _show(target: Path, quiet: bool, *, figures: bool) -> None:
 
     show(target, parallel.console(quiet=quiet), figures=figures)
     if not quiet:
+        for line in tabulated.lines({"": target}):
+            print(line)
         print(f"results in {target}")
 
 

@@ -1,0 +1,56 @@
+"""Where the errors of a run's numbers are tabulated: of shipped cases that ran as shipped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from castfem import catalogue
+from castfem.case import Case, load_case, read_case
+from castfem.output.folder import CASE_NAME
+
+# Beginnings of the names of shipped cases, and the page on their errors; the first one counts.
+_PAGES = (
+    ("billet125/thermal", "docs/benchmarks.md"),
+    ("billet125/", 'docs/billet.md, "Convergence" (for +1 and 0 %/m)'),
+)
+
+
+def page(folder: Path) -> str:
+    """Return which page of the documentation tabulates the errors of a run's numbers.
+
+    Mesh, intervals and all else must be as shipped; otherwise, and for cases whose errors have not
+    been measured, it is empty.
+    """
+    file = folder / CASE_NAME
+    case = read_case(file).case if file.is_file() else None
+    if not isinstance(case, Case):
+        return ""
+    for name, path in catalogue.shipped().items():
+        page = next((page for start, page in _PAGES if name.startswith(start)), "")
+        if page and catalogue.title_of(path) == case.title:
+            shipped = load_case(path)
+            same = (case.physics_hash(), case.casting.length) == (
+                shipped.physics_hash(),
+                shipped.casting.length,
+            )
+            return page if same else ""
+    return ""
+
+
+def lines(folders: Mapping[str, Path]) -> list[str]:
+    """Return a line for each page that tabulates errors of runs in some folders.
+
+    Args:
+        folders: By what a reader calls the run.
+    """
+    runs: dict[str, list[str]] = {}
+    for name, folder in folders.items():
+        runs.setdefault(page(folder), []).append(name)
+    return [
+        "errors of these numbers"
+        + ("" if len(names) == len(folders) else f", of {', '.join(names)}")
+        + f": {path}"
+        for path, names in runs.items()
+        if path
+    ]
