@@ -17,9 +17,10 @@ if TYPE_CHECKING:
 
 _ACROSS = 3  # sections side by side
 _CELL = 2.2  # inches, the longer side of a section
-_LEFT, _RIGHT, _ABOVE, _BELOW = 0.6, 1.0, 0.7, 0.85  # inches around them all
+_LEFT, _RIGHT, _ABOVE, _BELOW = 0.6, 1.0, 0.7, 1.0  # inches around them all
 _BESIDE, _BETWEEN = 0.4, 0.65  # inches from one to the next
 _MARGIN = 0.04  # of a section
+_ENTRY = 1.7  # inches; of the legend
 
 
 def places(
@@ -74,11 +75,13 @@ def bar(figure: Figure, shades: Any, label: str) -> None:
 
 
 def legend(figure: Figure, handles: Mapping[str, Any]) -> None:
-    """The legend below everything."""
+    """The legend below everything, on as many lines as it needs."""
+    fitting = max(1, int(figure.get_size_inches()[0] / _ENTRY))
+    rows = math.ceil(len(handles) / fitting)
     figure.legend(
         list(handles.values()),
         list(handles),
         loc="lower center",
-        ncols=max(len(handles), 1),
+        ncols=math.ceil(len(handles) / max(rows, 1)) or 1,
         frameon=False,
     )

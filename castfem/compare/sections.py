@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.tri import Triangulation
 
 _SLENDER = 5.0  # ratio of the sides from which the picture of a strip would say nothing
-_MOVES = 0.3  # of a section, by which its surface may seem to move: one factor is for all runs
+_MOVES = 0.25  # of a section, by which its surface may seem to move: one factor is for all runs
 _TITLE = 34  # characters as wide as a section
 _CLOSED = 1e-6  # m; a gap below is none
 

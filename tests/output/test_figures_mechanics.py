@@ -372,6 +372,10 @@ def test_shapes_of_several_runs_are_magnified_alike(tmp_path):
     labels = [text.get_text() for text in found.legends[0].get_texts()]
     assert {"mould", "at the meniscus", "displacement × 20"} <= set(labels)
     assert len({axes.get_xlim() for axes in found.axes[:2]}) == 1
+    found.canvas.draw()
+    entries = found.legends[0].get_window_extent()
+    assert 0.0 < entries.x0 < entries.x1 < found.bbox.x1
+    assert entries.y1 < found.axes[0].get_tightbbox().y0
     for section, last in zip(map(Section.of, read_runs(folders)), (10.0, 5.0), strict=True):
         drawn = section.distorted(20.0)
         assert drawn.x.max() == pytest.approx(62.5 + 20 * 0.3 * last / 10, rel=1e-6)
