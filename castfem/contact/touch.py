@@ -312,25 +312,25 @@ class WallContact:
         return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
 
     def kink(self, base: Touch) -> float:
-        """How far contact is from what its tangent at `base` foresaw for the motion since (N).
+        """How far the pressure is from what its tangent at `base` foresaw for the motion since (N).
+
+        Friction is left out: a surface that turns round against it has gone too far.
 
         Returns:
-            The work that the forces on the strand do against the motion, as it is, less as
-            foreseen, N/m times m (collective).
+            The work that the pressure does against the motion, as it is, less as foreseen, N/m
+            times m (collective).
         """
         now = self.now
         assert now is not None
-        moved, seen = now.place - base.place, base.seen
-        n = seen[:, NORMAL]
-        rise = seen[:, STIFFNESS] * np.einsum("ni,ni->n", n, moved)
+        moved = np.einsum("ni,ni->n", base.normal, now.place - base.place)
+        foreseen = base.pressure + base.seen[:, STIFFNESS] * moved
         if len(now.strain):
-            rise -= np.einsum("ni,ni->n", seen[:, BY_STRAIN], now.strain - base.strain)
-        slip = n[:, 0] * moved[:, 1] - n[:, 1] * moved[:, 0]
-        foreseen = seen[:, TRACTION] + seen[:, BY_PRESSURE] * rise[:, None]
-        foreseen += seen[:, BY_SLIP] * slip[:, None]
-        work = np.einsum("ni,ni->n", (foreseen - now.seen[:, TRACTION])[:, :2], moved)
+            change = now.strain - base.strain
+            foreseen -= np.einsum("ni,ni->n", base.seen[:, BY_STRAIN], change)
         weights = self.facets.weight * now.stretch
-        return reductions.total(self.section.comm, float(weights @ work))
+        return reductions.total(
+            self.section.comm, float(weights @ (moved * (now.pressure - foreseen)))
+        )
 
     def thickness(self, state: ContactState, modes: Array) -> Array:
         """Thickness of the slice at the points over the undeformed one (n,); 1 at small strain."""
