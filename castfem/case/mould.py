@@ -120,6 +120,9 @@ class Tresca(TableModel):
     law: Literal["tresca"]
     share: Share = Field(description="share m in m p0 / sqrt(3)")
     yield_stress: Stress = Field(description="yield stress p0 of the weaker of the two")
+    steepest: PositiveNumber = Field(
+        1.0, description="the friction stress is at most this many times the pressure"
+    )
 
 
 class Viscous(TableModel):
@@ -135,6 +138,9 @@ class Viscous(TableModel):
     yield_stress: Stress | None = Field(
         None,
         description="yield stress p0: beyond the threshold at most p0 / sqrt(3); needed with one",
+    )
+    steepest: PositiveNumber = Field(
+        1.0, description="beyond the threshold it is at most this many times the pressure"
     )
 
 

@@ -46,14 +46,15 @@ def build_friction(table: Any) -> FrictionLaw | None:
     if isinstance(table, Limited):
         return friction.Coulomb(table.coefficient, yield_stress=table.yield_stress)
     if isinstance(table, Tresca):
-        return friction.Tresca(table.share, table.yield_stress)
+        return friction.Tresca(table.share, table.yield_stress, table.steepest)
     if not isinstance(table, Viscous):
         return None
+    speed, exponent, steepest = table.speed, table.exponent, table.steepest
     if table.yield_stress is None:
-        return friction.Lubricant(table.stress / table.speed**table.exponent, table.exponent)
+        return friction.Lubricant(table.stress / speed**exponent, exponent, steepest)
     share = math.sqrt(3.0) * table.stress / table.yield_stress
     base = friction.Coulomb(table.coefficient)
-    return friction.Viscous(base, share, table.yield_stress, table.speed, table.exponent)
+    return friction.Viscous(base, share, table.yield_stress, speed, exponent, steepest)
 
 
 def _along(value: float | Table) -> wall.Along:

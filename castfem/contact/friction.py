@@ -4,6 +4,12 @@ Friction is a vector of two components, in the plane and along the strand.  As l
 its threshold the contact sticks, but for an elastic slip tau / K_tau (240); beyond, it slides in
 the direction of the friction, without opening (non-associated, (246)-(248)).  Over a step that is a
 radial return, as in plasticity: fully implicit, where the thesis integrates the rates (261)-(262).
+
+What a law has at p = 0 (Tresca's threshold, a cohesion, viscous friction) fades in with the
+pressure: it is at most `steepest` times that.  Without this, friction jumps where contact begins: a
+point that its own friction lifts off the wall, and that comes back without it, has no solution.
+Surfaces that are pressed lightly touch on a few spots alone, in proportion to the pressure, so that
+such laws hold at pressures near the yield stress only (Wanheim and Bay, CIRP Annals 27 (1978) 189).
 """
 
 from __future__ import annotations
@@ -18,11 +24,17 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 SQRT3 = 3.0**0.5
+STEEPEST = 1.0  # friction over pressure, where the law itself has friction without pressure
+FINITE = (1e-300, 1e300)
 HALVINGS = 80  # of the bracket in which viscous friction is sought: down to rounding
 
 
 class Friction(Protocol):
     """A law of friction."""
+
+    @property
+    def steepest(self) -> float:
+        """Friction beyond the threshold over the pressure, at most."""
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """tau_c (n,), Pa, up to which the contact sticks, and its derivative by the pressure."""
@@ -45,13 +57,15 @@ class Coulomb:
     """tau_c = mu p + b (231), if asked for within sqrt(p^2 + 3 tau^2) <= p0 (233).
 
     Attributes:
-        coefficient: mu. cohesion: b, Pa, felt where there is pressure.
+        coefficient: mu. cohesion: b, Pa.
         yield_stress: p0 of the weaker material, Pa; None for no limit.
+        steepest: Cohesion over pressure, at most.
     """
 
     coefficient: float
     cohesion: float = 0.0
     yield_stress: float | None = None
+    steepest: float = STEEPEST
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -59,11 +73,12 @@ class Coulomb:
         _check("cohesion", self.cohesion)
         if self.yield_stress is not None:
             _check("yield_stress", self.yield_stress, 1e-300)
+        _check("steepest", self.steepest, *FINITE)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""
-        limit = self.coefficient * pressure + self.cohesion
-        slope = np.full_like(pressure, self.coefficient)
+        limit, slope = _faded_in(self.cohesion, self.steepest, pressure)
+        limit, slope = limit + self.coefficient * pressure, slope + self.coefficient
         if self.yield_stress is None:
             return limit, slope
         room = np.sqrt(np.maximum(self.yield_stress**2 - pressure**2, 0.0) / 3.0)
@@ -78,24 +93,26 @@ class Coulomb:
 
 @dataclass(frozen=True, slots=True)
 class Tresca:
-    """tau_c = m p0 / sqrt(3) (234)-(235), wherever there is contact.
+    """tau_c = m p0 / sqrt(3) (234)-(235).
 
     Attributes:
         share: m, 0 to 1. yield_stress: p0, Pa.
+        steepest: tau_c over pressure, at most.
     """
 
     share: float
     yield_stress: float
+    steepest: float = STEEPEST
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check("share", self.share, 0.0, 1.0)
         _check("yield_stress", self.yield_stress)
+        _check("steepest", self.steepest, *FINITE)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""
-        limit = self.share * self.yield_stress / SQRT3
-        return np.full_like(pressure, limit), np.zeros_like(pressure)
+        return _faded_in(self.share * self.yield_stress / SQRT3, self.steepest, pressure)
 
     def excess(self, rate: Array) -> tuple[Array, Array] | None:
         """See `Friction`."""
@@ -109,6 +126,7 @@ class Viscous:
     Attributes:
         base: Law of the threshold. share: alpha. yield_stress: p0, Pa.
         speed: u, m/s. exponent: n.
+        steepest: tau - tau_c over pressure, at most.
     """
 
     base: Coulomb | Tresca
@@ -116,12 +134,14 @@ class Viscous:
     yield_stress: float
     speed: float
     exponent: float
+    steepest: float = STEEPEST
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         for name in ("share", "yield_stress", "exponent"):
             _check(name, getattr(self, name))
         _check("speed", self.speed, 1e-300)
+        _check("steepest", self.steepest, *FINITE)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""
@@ -136,19 +156,22 @@ class Viscous:
 
 @dataclass(frozen=True, slots=True)
 class Lubricant:
-    """tau = beta |v|^n without threshold (237), wherever there is contact.
+    """tau = beta |v|^n without threshold (237).
 
     Attributes:
         coefficient: beta, Pa (s/m)^n. exponent: n.
+        steepest: tau over pressure, at most.
     """
 
     coefficient: float
     exponent: float
+    steepest: float = STEEPEST
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check("coefficient", self.coefficient)
         _check("exponent", self.exponent)
+        _check("steepest", self.steepest, *FINITE)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""
@@ -157,6 +180,12 @@ class Lubricant:
     def excess(self, rate: Array) -> tuple[Array, Array] | None:
         """See `Friction`."""
         return _power(rate, self.coefficient, self.exponent)
+
+
+def _faded_in(friction: float, steepest: float, pressure: Array) -> tuple[Array, Array]:
+    """The smaller of a friction and `steepest` times the pressure, and its derivative by p."""
+    steep = steepest * pressure < friction
+    return np.where(steep, steepest * pressure, friction), np.where(steep, steepest, 0.0)
 
 
 def _power(rate: Array, coefficient: float, exponent: float) -> tuple[Array, Array]:
@@ -200,27 +229,30 @@ def return_friction(
     limit, slope = limit * touches, slope * touches
     slides = touches & (size > limit)
     direction = trial / np.maximum(size, 1e-300)[:, None]
-    new, by_limit, by_size = np.where(slides, limit, size), np.ones_like(size), np.zeros_like(size)
+    new, by_pressure, by_size = limit, slope, np.zeros_like(size)
     if law.excess(np.zeros(0)) is not None:
-        new, by_limit, by_size = _viscous(law, size, limit, slides, stiffness * dt)
+        new, by_limit = _viscous(law, size, limit, stiffness * dt)
+        by_pressure, by_size = by_limit * slope, 1.0 - by_limit
+        # Limited by the pressure the excess is the lower of two curves: the root is the lower, too.
+        most, rise = limit + law.steepest * pressure, slope + law.steepest
+        steep = new > most
+        new, by_size = np.where(steep, most, new), np.where(steep, 0.0, by_size)
+        by_pressure = np.where(steep, rise, by_pressure)
+    new, by_size = np.where(slides, new, size), np.where(slides, by_size, 1.0)
     along = np.einsum("ni,nj->nij", direction, direction)
     share = np.where(slides, new / np.maximum(size, 1e-300), 1.0)
-    across = share[:, None, None] * (np.eye(2) - along)
-    by_trial = across + np.where(slides, by_size, 1.0)[:, None, None] * along
-    by_pressure = (np.where(slides, by_limit * slope, 0.0))[:, None] * direction
+    by_trial = share[:, None, None] * (np.eye(2) - along) + by_size[:, None, None] * along
     on = touches.astype(float)
     return Sliding(
         traction=(new * on)[:, None] * direction,
         by_trial=by_trial * on[:, None, None],
-        by_pressure=by_pressure,
+        by_pressure=np.where(slides, by_pressure, 0.0)[:, None] * direction,
         slides=slides,
     )
 
 
-def _viscous(
-    law: Friction, size: Array, limit: Array, slides: Flags, damping: Array
-) -> tuple[Array, Array, Array]:
-    """Size of friction beyond the threshold, and its derivatives by threshold and trial.
+def _viscous(law: Friction, size: Array, limit: Array, damping: Array) -> tuple[Array, Array]:
+    """Size of friction beyond the threshold, and its derivative by that, the trial held.
 
     It solves tau = tau_c + excess((trial - tau) / (K_tau dt)), whose two sides cross once.
     """
@@ -237,5 +269,4 @@ def _viscous(
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     tau = 0.5 * (low + high)
     slope = excess(tau)[1] / damping
-    by_limit = 1.0 / (1.0 + slope)
-    return np.where(slides, tau, size), np.asarray(by_limit), np.asarray(1.0 - by_limit)
+    return tau, np.asarray(1.0 / (1.0 + slope))

@@ -25,6 +25,8 @@ LAWS: dict[str, Any] = {
     "cohesion": (Coulomb(MU, cohesion=1e5), MU * PRESSURE + 1e5),
     "limited": (Coulomb(3.0, yield_stress=20e6), np.sqrt((400e12 - PRESSURE**2) / 3)),
     "tresca": (Tresca(0.2, P0), 0.2 * P0 / np.sqrt(3)),
+    "light": (Tresca(0.5, P0, steepest=0.4), 0.4 * PRESSURE),
+    "sticky": (Coulomb(MU, cohesion=1e6, steepest=0.1), (MU + 0.1) * PRESSURE),
 }
 FOOT = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
 
@@ -211,7 +213,7 @@ def test_viscous_return(law: Any) -> None:
 
 def test_derivatives_of_the_return() -> None:
     rng = np.random.default_rng(4)
-    trial, pressure = rng.normal(size=(50, 2)) * 3e6, rng.uniform(1e6, 7e6, 50)
+    trial, pressure = rng.normal(size=(50, 2)) * 3e6, 10.0 ** rng.uniform(3.0, 7.0, 50)
     stiffness = np.full(50, 1e13)
     laws = [law for law, _ in LAWS.values()]
     for law in [*laws, Viscous(Coulomb(0.1), 0.5, P0, 1e-3, 0.4), Lubricant(1e7, 0.3)]:
@@ -228,6 +230,28 @@ def test_derivatives_of_the_return() -> None:
             for s in (10.0, -10.0)
         ]
         assert here.by_pressure == pytest.approx((ends[0] - ends[1]) / 20.0, rel=1e-4, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        Coulomb(MU, cohesion=1e6),
+        Tresca(0.3, P0),
+        Viscous(Tresca(0.3, P0), 0.5, P0, 1e-3, 0.4),
+        Lubricant(1e8, 0.3),
+    ],
+)
+def test_friction_begins_with_the_pressure(law: Any) -> None:
+    """Nothing jumps where contact begins, and the slope there is finite."""
+    pressure, ones = 10.0 ** np.arange(-3.0, 9.0), np.ones(12)
+    trial = np.column_stack([1e9 * ones, 0.0 * ones])
+    found = return_friction(law, trial, pressure, 1e13 * ones, 0.1).traction[:, 0]
+    steps = np.diff(found) / np.diff(pressure)
+    assert np.all(steps >= 0.0) and np.all(steps <= 2.0 + 1e-9)
+    # Only where the pressure is low: beyond, the law is what it says.
+    limit = law.threshold(pressure)[0][-1]
+    excess = law.excess(np.array([(1e9 - found[-1]) / 1e12]))
+    assert found[-1] == pytest.approx(limit + (0.0 if excess is None else excess[0][0]), rel=1e-9)
 
 
 @pytest.mark.parametrize(

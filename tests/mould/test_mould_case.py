@@ -206,10 +206,14 @@ def test_friction_laws_as_contact_computes_them(write):
     limited = law('law = "limited", coefficient = 0.9, yield_stress = "1.25 MPa"')
     assert limited.threshold(pressure)[0] == pytest.approx(0.75e6 / math.sqrt(3.0))
     tresca = law('law = "tresca", share = 0.5, yield_stress = "6 MPa"')
+    assert tresca.threshold(pressure)[0] == [1e6]
+    tresca = law('law = "tresca", share = 0.5, yield_stress = "6 MPa", steepest = 2')
     assert tresca.threshold(pressure)[0] == pytest.approx(3e6 / math.sqrt(3.0))
     viscous = 'law = "viscous", stress = "20 kPa", speed = "30 mm/s", exponent = 0.5'
     assert law(viscous).excess(rate)[0] == pytest.approx(2e4 * math.sqrt(2.0))
-    both = law(f'{viscous}, coefficient = 0.1, yield_stress = "3 MPa"')
+    assert law(f"{viscous}, steepest = 0.5").steepest == 0.5
+    both = law(f'{viscous}, coefficient = 0.1, yield_stress = "3 MPa", steepest = 0.5')
+    assert both.steepest == 0.5 and law(viscous).steepest == 1.0
     assert both.threshold(pressure)[0] == [1e5]
     assert both.excess(rate)[0] == pytest.approx(2e4 * math.sqrt(2.0))
 

@@ -1,0 +1,210 @@
+"""Friction that depends on the rate of slip, and a wall that moves along the strand itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from mechanics.scenes import Array, SliceScene, box, elastic, mapped
+from scipy.optimize import brentq
+
+from castfem.contact.contact import Contact
+from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
+from castfem.contact.outcome import summary
+from castfem.contact.state import SLIP, STICK
+from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.supports import Held, SurfacePressure, Traction
+from contact.scenes import LineWall
+
+METHODS = ("penalty", "nitsche")
+YOUNG, WIDTH, HEIGHT, PRESSURE = 40e9, 20e-3, 10e-3, 5e6
+FOOT = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
+FACTOR = 100.0
+COMPLIANCE = HEIGHT / (YOUNG / 2) + HEIGHT / 2 / (FACTOR * YOUNG / 3)  # block and K_tau in series
+SPEED, DRAG, STEP, STEPS = 1e-4, 1.0, 0.1, 20  # of the top: dragged for a second, then held
+P0, MU = 12e6, 0.3
+
+
+class Dashpot:
+    """The block's shear as a spring in series with the friction of its foot, step by step.
+
+    Args:
+        law: Law of friction.
+    """
+
+    def __init__(self, law: Any) -> None:
+        self.law = law
+        self.threshold = float(law.threshold(np.array([PRESSURE]))[0][0])
+        self.stress = [0.0]
+        for time in STEP * np.arange(1, STEPS + 1):
+            self.stress.append(self._after(time))
+
+    def most(self, speed: float) -> float:
+        """Friction at a speed of slip."""
+        excess = float(self.law.excess(np.array([speed]))[0][0])
+        return self.threshold + min(excess, self.law.steepest * PRESSURE)
+
+    @staticmethod
+    def top(time: float) -> float:
+        """Displacement of the top, m."""
+        return SPEED * min(time, DRAG)
+
+    def _after(self, time: float) -> float:
+        old = self.stress[-1]
+        way = self.top(time) - self.top(time - STEP)
+        trial = old + way / COMPLIANCE
+        if trial <= self.threshold:
+            return trial
+        slid = lambda tau: (trial - tau) * COMPLIANCE / STEP  # noqa: E731
+        return float(brentq(lambda tau: tau - self.most(slid(tau)), 0.0, trial, xtol=1e-6))
+
+    def __call__(self, time: float) -> float:
+        """Shear stress at the end of a step."""
+        return self.stress[round(time / STEP)]
+
+
+def dragged(law: Any, method: str, spring: Dashpot) -> SliceScene:
+    """A block pressed on a wall; its top is drawn along, its sides carry the shear of it."""
+    contact = Contact(FOOT, ("foot",), method=method, friction=law, factor=FACTOR)  # type: ignore
+    return SliceScene(
+        mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
+        elastic(YOUNG, 0.0),
+        given={
+            "planes": PlainPlanes(()),
+            "held": (Held(("top",), 0, lambda x, t: np.full(len(x), spring.top(t))),),
+            "loads": (
+                SurfacePressure(("top",), lambda t: PRESSURE),
+                Traction(("right",), lambda t: (0.0, spring(t))),
+                Traction(("left",), lambda t: (0.0, -spring(t))),
+            ),
+            "pin": False,
+            "contact": contact,
+        },
+        tolerance=1e-10,
+    )
+
+
+LINEAR = Lubricant(2e10, 1.0)
+VISCOUS: dict[str, Any] = {
+    "linear": LINEAR,
+    "root": Lubricant(1.5e8, 0.5),
+    "threshold": Viscous(Coulomb(0.1), 0.2, P0, SPEED, 0.5),
+    "light": Lubricant(1e11, 1.0, steepest=0.3),
+}
+
+
+@pytest.mark.parametrize("name", list(VISCOUS))
+@pytest.mark.parametrize("method", METHODS)
+def test_dragged_and_left_alone(method: str, name: str) -> None:
+    """The friction of the closed form after every step: it rises, slides, and relaxes."""
+    spring = Dashpot(VISCOUS[name])
+    scene = dragged(spring.law, method, spring)
+    seen = []
+    for time in STEP * np.arange(1, STEPS + 1):
+        scene.step(time)
+        state = scene.state.contact
+        assert state is not None
+        assert -state.friction[:, 0] == pytest.approx(spring(time), rel=1e-6, abs=1.0)
+        assert state.pressure == pytest.approx(PRESSURE, rel=1e-7)
+        seen.append(-float(state.friction[0, 0]))
+    assert np.all(state.status == SLIP)
+    # Sliding at the speed of the top, the traction is the law's own; then it relaxes.
+    dragging = seen[round(DRAG / STEP) - 1]
+    assert dragging == pytest.approx(spring.most(SPEED), rel=1e-3)
+    assert spring.threshold <= seen[-1] < 0.9 * dragging
+
+
+def moving(stroke: Callable[[float], float], method: str) -> SliceScene:
+    """A block drawn along a wall that has a stroke of its own."""
+    contact = Contact(
+        FOOT,
+        ("foot",),
+        lambda time: SPEED * time,
+        method=method,  # type: ignore[arg-type]
+        friction=Coulomb(MU),
+        stroke=stroke,
+    )
+    return SliceScene(
+        mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
+        elastic(YOUNG, 0.0),
+        given={
+            "planes": PlainPlanes(("a0",)),
+            "held": (Held(("left",), 0),),
+            "loads": (SurfacePressure(("top",), lambda t: PRESSURE),),
+            "pin": False,
+            "contact": contact,
+        },
+        tolerance=1e-10,
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_wall_that_goes_with_the_strand_does_not_rub(method: str) -> None:
+    scene = moving(lambda time: SPEED * time, method)
+    for time in (0.5, 1.0):
+        scene.step(time)
+    state = scene.state.contact
+    assert state is not None and np.all(state.pressure > 0.0) and np.all(state.status == STICK)
+    assert not state.friction[:, 1].any() and not state.pull.any()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_oscillating_mould_pushes_the_strand_while_it_is_faster(method: str) -> None:
+    """Friction follows the slip of each step; the pull that of the length cast alone."""
+    amplitude, period, steps = SPEED, 1.0, 10  # 2 pi times as fast as the strand, at most
+
+    def stroke(time: float) -> float:
+        return amplitude * np.sin(2.0 * np.pi * time / period)
+
+    scene, pull, signs = moving(stroke, method), 0.0, []
+    for time in period / steps * np.arange(1, steps + 1):
+        old = time - period / steps
+        slip = SPEED * (time - old) - (stroke(time) - stroke(old))
+        scene.step(time)
+        found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+        assert found.axial == pytest.approx(-np.sign(slip) * MU * PRESSURE * WIDTH, rel=1e-7)
+        pull -= found.axial * SPEED * (time - old)
+        assert scene.state.contact.pull[0] == pytest.approx(pull, rel=1e-9, abs=1e-9)
+        signs.append(np.sign(slip))
+    assert signs.count(-1.0) == 4 and signs.count(1.0) == 6
+
+
+@pytest.mark.parametrize(
+    ("method", "law"),
+    [
+        ("penalty", Tresca(0.2, 95e6)),
+        ("nitsche", Coulomb(0.1, cohesion=6e6)),
+        ("nitsche", Viscous(Coulomb(0.1), 0.2, 95e6, 1e-4, 0.5)),
+    ],
+)
+def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
+    """A block tilted by 10 um, 50 MPa of pressure, to and fro: no step fails where it comes off."""
+    tilted = LineWall(lambda z: np.zeros(2), lambda z: np.pi + 5e-4)
+
+    def aside(x: Array, time: float) -> Array:
+        return np.full(len(x), 20e-6 * np.interp(time, [0, 1, 2, 4, 5], [0, 0, 1, -1, 0]))
+
+    def down(x: Array, time: float) -> Array:
+        return np.full(len(x), -16e-6 * min(time, 1.0))
+
+    scene = SliceScene(
+        mapped(8, 4, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
+        elastic(YOUNG, 0.3),
+        given={
+            "planes": PlainPlanes(()),
+            "held": (Held(("top",), 0, aside), Held(("top",), 1, down)),
+            "pin": False,
+            "contact": Contact(tilted, ("foot",), method=method, friction=law),  # type: ignore
+        },
+    )
+    touching = set()
+    for time in np.arange(1, 41) / 8.0:
+        scene.step(time)
+        state = scene.state.contact
+        assert state is not None
+        touching.add(int((state.pressure > 0.0).sum()))
+        size, limit = np.hypot(*state.friction.T), law.threshold(state.pressure)[0]
+        assert np.all(size <= limit + (1.0 + 1e-9) * law.steepest * state.pressure)
+    assert len(touching) > 2 and max(touching) == 16
