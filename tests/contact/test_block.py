@@ -32,17 +32,23 @@ def test_resultant(method: str, cell: str) -> None:
     assert found.points[0] == 0
 
 
+UNITS = ((1e-3, 1.0), (1.0, 1e6), (1e-3, 1e6), (1e3, 1e-6))  # m, Pa
+
+
+@pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("method", METHODS)
-def test_units_do_not_matter(method: str) -> None:
-    """M and Pa, mm and MPa: the same iterations, the same numbers."""
-    scenes = [tapered_block(method), tapered_block(method, 1e-3, 1e6)]
-    for time in STEPS[:7]:
-        one, other = (scene.step(time) for scene in scenes)
-        assert one.newton == other.newton
-        first, second = one.state.contact, other.state.contact
-        assert np.array_equal(first.status, second.status)
+def test_units_do_not_matter(method: str, cell: str) -> None:
+    """Units of length and stress, apart and together: the same iterations, the same numbers."""
+    scenes = [tapered_block(method, *unit, cell=cell) for unit in ((1.0, 1.0), *UNITS)]
+    for time in STEPS:
+        one, *others = (scene.step(time) for scene in scenes)
+        first = one.state.contact
         top = first.pressure.max()
-        assert second.pressure * 1e6 == pytest.approx(first.pressure, abs=1e-6 * top)
+        for other, (_, stress) in zip(others, UNITS, strict=True):
+            second = other.state.contact
+            assert other.newton == one.newton
+            assert np.array_equal(second.status, first.status)
+            assert second.pressure * stress == pytest.approx(first.pressure, abs=1e-6 * top)
 
 
 @pytest.mark.parametrize("method", METHODS)
