@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from types import FrameType
 from typing import Any, Self
 
@@ -15,6 +16,7 @@ from mpi4py import MPI
 from castfem import log, reductions
 from castfem.closing import Closing
 
+ONE = 1.0  # s: `timeout`, for one, sends its signal to the program and then to its group
 _DEFAULTS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 
 
@@ -23,7 +25,7 @@ class Stopped(KeyboardInterrupt):
 
 
 class Interrupt(Closing):
-    """While it is entered, the first signal to stop is only noted; a second one acts at once.
+    """While it is entered, the first signal to stop is only noted; a later one acts at once.
 
     It leaves signals alone that somebody else handles, and off the main thread, where Python
     delivers none.
@@ -37,7 +39,7 @@ class Interrupt(Closing):
 
     def __init__(self, comm: MPI.Comm) -> None:
         self.wanted = False
-        self._comm = comm
+        self._comm, self._since = comm, 0.0
         self._former: dict[signal.Signals, Any] = {}
 
     def heed(self) -> None:
@@ -63,8 +65,9 @@ class Interrupt(Closing):
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.wanted:
-            self.close()
-            signal.raise_signal(number)
+            if time.monotonic() - self._since >= ONE:
+                self.close()
+                signal.raise_signal(number)
             return
-        self.wanted = True
+        self.wanted, self._since = True, time.monotonic()
         log.logger.warning("stopping after this step; a second signal stops at once")

@@ -145,4 +145,4 @@ class MechanicalSteps:
             if not result.converged:
                 break
             result = result.before(self.stepper.step(result.state, time, temperature))
-        return result if result.converged else replace(result, state=old)
+        return result if result.converged or result.state is old else replace(result, state=old)

@@ -93,10 +93,15 @@ collect_binds() {
 # Passes signal $1 on to the program, once. It has a session of its own, so that a Ctrl-C reaches
 # it through here only; $2 is "group" for what a terminal would send to the whole group.
 forward() {
-  local pid
+  local pid='' children=/proc/$child/task/$child/children
   signalled=yes
-  pid=$(cat "/proc/$child/task/$child/children" 2>/dev/null || ps -o pid= --ppid "$child")
-  read -r pid _ <<<"$pid" # bubblewrap's one child
+  # bubblewrap's one child. Read without another process: what sends a signal twice, to this shell
+  # and then to its group, as `timeout` does, would end that one.
+  if [[ -r $children ]]; then
+    read -r pid _ <"$children"
+  else
+    read -r pid _ <<<"$(trap '' INT TERM HUP; ps -o pid= --ppid "$child")"
+  fi
   [[ -n $pid ]] || return 0
   if [[ $2 == group ]]; then kill -s "$1" -- "-$pid"; else kill -s "$1" "$pid"; fi 2>/dev/null
 }
@@ -124,8 +129,8 @@ run_in_userland() {
   trap 'forward HUP one' HUP
   trap 'forward USR1 one' USR1
   trap 'forward USR2 one' USR2
-  trap 'forward STOP group; kill -s STOP $$' TSTP
-  trap 'forward CONT group' CONT
+  # No trap for CONT: bash loses a TERM that comes right before it, as `timeout` sends them.
+  trap 'forward STOP group; kill -s STOP $$; forward CONT group' TSTP
   while [[ -n $signalled ]]; do # a trap cuts `wait` short: the program may still be at work
     signalled=
     wait "$child"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -61,6 +62,44 @@ def test_signal_reaches_the_program(home: Path, number: signal.Signals) -> None:
         assert process.stdout is not None and process.stdout.readline() == "up\n"
         process.send_signal(number)
         assert process.wait(timeout=10) == 9
+
+
+BUBBLEWRAP = f"""#!{sys.executable}
+import os, sys
+program = sys.argv[sys.argv.index("env"):]
+if (child := os.fork()) == 0:
+    os.setsid()
+    os.execvp(program[0], program)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.fixture
+def userland(home: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The same home of the kind that enters a userland, by what does of bubblewrap the session."""
+    folder = home.parent / "userland"
+    folder.mkdir()
+    (folder / "castfem-ready").touch()
+    (home / "env.conf").write_text(f"kind=userland\npython=x\nuserland='{folder}'\nopenmpi=5\n")
+    programs = home.parent / "programs"
+    programs.mkdir()
+    (programs / "bwrap").write_text(BUBBLEWRAP)
+    (programs / "bwrap").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
+    monkeypatch.delenv("CASTFEM_INSIDE", raising=False)
+    return home
+
+
+@pytest.mark.skipif(shutil.which("timeout") is None, reason="needs timeout of coreutils")
+@pytest.mark.parametrize("kind", ["home", "userland"])
+def test_timeout_ends_the_program(kind: str, request: pytest.FixtureRequest) -> None:
+    """It sends TERM and CONT to the wrapper, and both to its group: the program has to hear it."""
+    home = request.getfixturevalue(kind)
+    script = 'trap "echo heard; exit 9" TERM; for _ in $(seq 300); do sleep 0.02; done; echo late'
+    line = ["timeout", "0.5", str(ROOT / "tools/enter.sh"), str(home), "sh", "-c", script]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=20, check=False)
+    assert done.stdout == "heard\n"
+    assert done.returncode == 124
 
 
 def test_missing_environment_names_the_mend(tmp_path: Path) -> None:

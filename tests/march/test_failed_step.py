@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from march.moulded import Kept, billet
 
+from castfem import restart
 from castfem.contact.state import OPEN, SLIP
 from castfem.coupling import Coupler, Interval, StrandState
 from castfem.march import March
@@ -146,7 +147,7 @@ class Undisturbed(Kept):
     def step(self, march: March, reading: Reading) -> None:
         super().step(march, reading)
         if reading.time == BEFORE:
-            self.checkpoint = march.description(), march.arrays()
+            self.checkpoint = restart.description(march), restart.arrays(march)
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +168,7 @@ def test_a_failed_attempt_leaves_no_trace(
 ) -> None:
     attempts, kept = Attempts(monkeypatch, spoil), Kept()
     march = March(undisturbed.scene, kept)  # type: ignore[arg-type]
-    march.restore(*undisturbed.checkpoint)
+    restart.restore(march, *undisturbed.checkpoint)
     march.run()
     (old,) = attempts.given
     assert attempts.before == attempts.after == [bits(old)]

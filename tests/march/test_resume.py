@@ -211,12 +211,14 @@ def test_ctrl_c_within_petsc_is_heeded_after_the_step(
     same_run(tmp_path / "cut", tmp_path / "whole")
 
 
-def test_a_second_signal_stops_at_once() -> None:
+def test_a_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     with Interrupt(MPI.COMM_SELF) as interrupt:
         interrupt.heed()
         signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)  # the same wish, told twice
         with pytest.raises(Stopped):
             interrupt.heed()
+        monkeypatch.setattr("castfem.interrupt.ONE", 0.0)
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
         assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
