@@ -76,6 +76,10 @@ def variants(folder: Path) -> list[Variant]:
             "flow stress 30 % higher",
             ("mechanics.law=" + scaled("norton_hoff_kozlowski", "strength", 1.3, folder),),
         ),
+        Variant(
+            "flow stress 20 % higher",
+            ("mechanics.law=" + scaled("norton_hoff_kozlowski", "strength", 1.2, folder),),
+        ),
         Variant("Norton-Hoff with softening (p1)", ("mechanics.law=norton_hoff_kozlowski_p1",)),
         Variant("law of Kozlowski and Zhu", ("mechanics.law=kozlowski_zhu",)),
         Variant(
@@ -104,4 +108,31 @@ def variants(folder: Path) -> list[Variant]:
             ("cooling.mould.surface.0.gap_conductivity=0.3 W/(m K)",),
             REAL,
         ),
+        *_for_the_corner(),
+        *_for_the_peaks(folder),
     ]
+
+
+def _for_the_corner() -> list[Variant]:
+    """What would make the corner of the untapered mould as cold as its face."""
+    gap = "cooling.mould.surface.0.gap_conductivity={} W/(m K)"
+    return [
+        Variant("gap conducts 0.45 W/(m K)", (gap.format(0.45),), ("taper_0",)),
+        Variant(
+            "gap conducts 0.3 W/(m K), modulus of the mush linear in the solid",
+            (gap.format(0.3), "mechanics.mush=linear"),
+            ("taper_0",),
+        ),
+        Variant("α = 7e-6 /K", (ALPHA.format("7e-6"),), ("taper_0",)),
+    ]
+
+
+def _for_the_peaks(folder: Path) -> list[Variant]:
+    """Two changes at once: where each alone leaves the thesis' peaks of stress apart."""
+    friction = 'mould.friction={law="coulomb", coefficient=0.3}'
+    found = []
+    for percent in (20, 30):
+        strength = scaled("norton_hoff_kozlowski", "strength", 1.0 + percent / 100.0, folder)
+        label = f"flow stress {percent} % higher and friction 0.3"
+        found.append(Variant(label, (f"mechanics.law={strength}", friction), REAL))
+    return found

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from benchmarks.billet_study import CASES, COARSE, NAMES, QUIET
+from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.march import March

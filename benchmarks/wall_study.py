@@ -17,7 +17,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.billet_study import CASES, COARSE, QUIET, touch
+from benchmarks.billet_run import CASES, COARSE, QUIET, touch
 from benchmarks.report import Output, table
 from castfem import mechanical_scene
 from castfem.case import load_case

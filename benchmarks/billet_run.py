@@ -1,0 +1,224 @@
+"""One billet of thesis V.2 marched in memory, and what its tables and figures take from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from time import process_time
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.report import ROOT
+from castfem.case import load_case
+from castfem.errors import CastfemError
+from castfem.march import March
+from castfem.measure import Reading
+from castfem.output.advice import OPEN, spells
+from castfem.output.summary import from_si
+from castfem.report import quantities
+from castfem.scene import build_scene
+
+CASES = ROOT / "cases" / "billet125"
+MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
+NAMES = dict(
+    zip(MOULDS, ("idealised", "+3 %/m", "+1 %/m", "0 %/m", "-1 %/m", "-3 %/m"), strict=True)
+)
+PATIENCE = 90.0  # s of processor time, after which a run is given up
+HALF_FACE = 62.5e-3  # m
+
+SHOWN = {
+    "heat_removed_slice": ("heat [kJ]", ".2f"),
+    "shell_mid_face": ("shell, mid-face [mm]", ".2f"),
+    "shell_corner": ("shell, corner [mm]", ".2f"),
+    "surface_temperature_mid_face": ("surface, mid-face [°C]", ".0f"),
+    "surface_temperature_corner": ("surface, corner [°C]", ".0f"),
+    "von_mises_max": ("peak stress [MPa]", ".2f"),
+    "von_mises_mid_face": ("stress, mid-face [MPa]", ".2f"),
+    "size_mid_face": ("width [mm]", ".3f"),
+    "size_corner": ("diagonal [mm]", ".3f"),
+}
+"""Quantities of the tables: heading and format."""
+
+# Where a trend is wanted, not a digit.
+COARSE = (
+    "mesh.surface_size=1.2 mm",
+    "mesh.corner_size=1.2 mm",
+    "mesh.face_size=8 mm",
+    "mesh.core_size=12 mm",
+    "coupling.interval=0.2 s",
+)
+QUIET = ("output.fields=[]", "output.figures=false", "output.checkpoint_every=0")
+
+
+def mesh(size: float) -> tuple[str, ...]:
+    """Cells of `size` mm at the surface, the others in proportion to those shipped."""
+    scale = size / 0.8
+    return (
+        f"mesh.surface_size={size:g} mm",
+        f"mesh.corner_size={size:g} mm",
+        f"mesh.face_size={6 * scale:g} mm",
+        f"mesh.core_size={8 * scale:g} mm",
+    )
+
+
+def every(interval: float) -> str:
+    """Intervals of `interval` s."""
+    return f"coupling.interval={interval:g} s"
+
+
+def touch(method: str, factor: float) -> str:
+    """Contact by a method with a factor."""
+    return f'mould.contact={{method="{method}",factor={factor}}}'
+
+
+class Late(CastfemError):
+    """A run has taken too long."""
+
+
+@dataclass
+class Listener:
+    """Sits where a recorder does: looks at the clock and at every interval.
+
+    Attributes:
+        deadline: When to give up, s of `process_time`. penetration: Largest of all intervals, m.
+        unbalanced: Largest error of the forces.
+        force: Of the wall on half a face at the last interval, N per m of strand.
+        pressure: On the mid-face then, Pa.
+        tracks: Position [m], gap [mm] and surface temperature [K] by probe, diagonal [m], of
+            every interval.
+    """
+
+    deadline: float
+    penetration: float = 0.0
+    unbalanced: float = 0.0
+    force: float = np.nan
+    pressure: float = np.nan
+    tracks: dict[str, list[float]] = field(default_factory=dict)
+
+    def step(self, march: March, reading: Reading) -> None:
+        """Look at a committed interval.
+
+        Raises:
+            Late: The time is over.
+        """
+        if process_time() > self.deadline:
+            raise Late(f"given up at {reading.time:.2f} s")
+        self._note("position", reading.position)
+        for name, profile in reading.profiles.items():
+            self._note(f"surface {name}", float(profile.temperature[0]))
+        strained = reading.mechanics
+        if strained is None:
+            return
+        self._note("diagonal", strained.across["corner"])
+        for name, gap in strained.gap.items():
+            self._note(f"gap {name}", 1e3 * gap)
+        if strained.balance is None:
+            return
+        self.unbalanced = max(self.unbalanced, strained.balance.forces_error)
+        if strained.contact is not None:
+            self.penetration = max(self.penetration, strained.contact.penetration)
+            self.force = abs(float(strained.contact.force[0]))
+            self.pressure = strained.pressure["mid_face"]
+
+    def _note(self, name: str, value: float) -> None:
+        self.tracks.setdefault(name, []).append(value)
+
+    def track(self, name: str) -> npt.NDArray[np.float64]:
+        """One of the tracks."""
+        return np.array(self.tracks[name])
+
+    def cools_to(self, name: str, temperature: float) -> float:
+        """Where the surface at a probe first passes a temperature [K], mm; NaN if it does not."""
+        surface, position = self.track(f"surface {name}"), 1e3 * self.track("position")
+        below = np.flatnonzero(surface < temperature)
+        if not below.size:
+            return np.nan
+        i = int(below[0])
+        share = (surface[i - 1] - temperature) / (surface[i - 1] - surface[i])
+        return float(position[i - 1] + share * (position[i] - position[i - 1]))
+
+    def lost(self) -> float:
+        """Where contact is first lost at a probe, mm, as `castfem show` has it; NaN if never."""
+        gaps = [self.track(name) for name in self.tracks if name.startswith("gap ")]
+        found = [s.start for gap in gaps for s in spells(gap, self.track("position"), OPEN)]
+        return 1e3 * min(found, default=np.nan)
+
+    def diagonal(self, position: float) -> float:
+        """The diagonal at a position [m], m."""
+        return float(np.interp(position, self.track("position"), self.track("diagonal")))
+
+
+@dataclass(frozen=True)
+class Found:
+    """One run.
+
+    Attributes:
+        values: Results at the exit of the mould by name, in the units of the tables.
+        seconds: Processor time of the march. cells: Of the mesh.
+        failure: Why it has not come to its end, empty if it has.
+        cut: Intervals that were tried in vain. newton: Mechanical iterations.
+        labels: What the values of the summary are called there, with where they were found.
+        units: Theirs.
+    """
+
+    values: Mapping[str, float]
+    seconds: float
+    cells: int
+    failure: str = ""
+    cut: int = 0
+    newton: int = 0
+    labels: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+
+
+def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> Found:
+    """March one billet with some keys changed."""
+    case = load_case(CASES / f"{mould}.toml", (*QUIET, *changes))
+    scene = build_scene(case, MPI.COMM_SELF)
+    listener = Listener(process_time() + patience)
+    march = March(scene, listener)  # type: ignore[arg-type]
+    start, failure = process_time(), ""
+    try:
+        march.run()
+    except CastfemError as error:
+        failure = str(error)
+    seconds = process_time() - start
+    assert march.reading is not None
+    summary = quantities(march, march.reading)
+    values = {n: from_si(q.value, q.unit) for n, q in summary.items()}
+    values |= _on_the_way(listener, scene.steel.solidus, scene.steel.liquidus)
+    cells = scene.section.mesh.topology.index_map(2).size_global
+    iterations = 0 if scene.mechanics is None else scene.mechanics.problem.iterations
+    scene.destroy()
+    found = Found(
+        values, seconds, cells, failure, march.counts.cut_back, iterations,
+        {n: q.label for n, q in summary.items()}, {n: q.unit for n, q in summary.items()},
+    )  # fmt: skip
+    print(f"  {mould} {' '.join(changes)}: {seconds:.1f} s {failure}", flush=True)
+    return found
+
+
+def _on_the_way(listener: Listener, solidus: float, liquidus: float) -> dict[str, float]:
+    """What the summary does not have, in the units of the tables: mm, um, %/m, kN/m, MPa.
+
+    The tapers are (302) and (303): closure over the size at the exit and the length, the corner's
+    from 125 mm below the meniscus (225 mm of the mould) on.
+    """
+    found = {
+        "penetration": 1e6 * listener.penetration,
+        "unbalanced": listener.unbalanced,
+        "lost": listener.lost(),
+        "first_mush": listener.cools_to("corner", liquidus),
+        "first_solid": listener.cools_to("corner", solidus),
+        "closed_mush": listener.cools_to("mid_face", liquidus),
+        "closed_solid": listener.cools_to("mid_face", solidus),
+        "force": 1e-3 * listener.force,
+        "pressure_mean": 1e-6 * listener.force / HALF_FACE,
+        "pressure_mid_face": 1e-6 * listener.pressure,
+    }
+    final = listener.diagonal(0.6)
+    found["taper_corner"] = 100.0 * (listener.diagonal(0.125) - final) / (final * 0.475)
+    return found

@@ -1,0 +1,78 @@
+"""Benchmarks of the billets in their moulds: what is read on the way, and what the tables make."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import billet_convergence, billet_study
+from benchmarks.billet_run import Listener, every, mesh, run
+from benchmarks.report import Output
+
+SMALL = (*mesh(3.0), every(0.25), "casting.length=150 mm")
+
+
+def listener(**tracks: list[float]) -> Listener:
+    return Listener(np.inf, tracks={name.replace("_", " ", 1): t for name, t in tracks.items()})
+
+
+def test_places_are_found_between_two_intervals() -> None:
+    heard = listener(
+        position=[0.0, 0.1, 0.2], surface_corner=[1800.0, 1700.0, 1600.0],
+        gap_mid_face=[0.0, 0.0, 0.0], gap_corner=[0.0, 0.0, 0.004],
+    )  # fmt: skip
+    assert heard.cools_to("corner", 1725.0) == pytest.approx(75.0)
+    assert np.isnan(heard.cools_to("corner", 1500.0))
+    assert heard.lost() == pytest.approx(125.0)  # a quarter of 4 um is where contact is lost
+    assert np.isnan(listener(position=[0.0, 0.1], gap_corner=[0.0, 0.0]).lost())
+
+
+@pytest.fixture(scope="module")
+def untapered() -> Iterator[dict[str, float]]:
+    found = run("taper_0", SMALL)
+    assert not found.failure
+    yield dict(found.values)
+
+
+def test_untapered_mould_loses_its_corner_after_it_has_frozen(untapered: dict[str, float]) -> None:
+    assert untapered["first_mush"] < untapered["first_solid"] < untapered["closed_solid"] < 150.0
+    assert 30.0 < untapered["lost"] < 130.0
+    assert untapered["gap_max"] > 1e-3
+    assert untapered["pressure_mean"] == pytest.approx(untapered["force"] / 62.5)
+
+
+def test_shell_begins_later_with_less_cooling(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weak = "cooling.mould.surface.0.coefficient=1280 W/(m^2 K)"
+    coarse = (*mesh(3.0), every(0.25))
+    monkeypatch.setattr(billet_study, "STARTS", {"as here": coarse, "weak": (*coarse, weak)})
+    billet_study.beginnings(Output(tmp_path, "billet.md"), quick=False)
+    with (tmp_path / "data" / "billet_start.csv").open(encoding="utf-8") as file:
+        shipped, weaker, thesis = csv.DictReader(file)
+    assert float(weaker["closed_solid"]) > 1.1 * float(shipped["closed_solid"])
+    assert (thesis["first_solid"], thesis["closed_solid"]) == ("60", "85")
+    assert "| weak | " in (tmp_path / "billet.md").read_text(encoding="utf-8")
+
+
+def test_error_is_the_largest_difference_to_anything_finer(tmp_path: Path) -> None:
+    def row(name: str, heat: float) -> dict[str, object]:
+        numbers = dict.fromkeys(billet_study.SHOWN, 1.0) | {"heat_removed_slice": heat}
+        work = dict.fromkeys(("gap_max", "penetration", "cells", "cut", "newton", "seconds"), 1.0)
+        return {"refined": name, **numbers, **work, "failure": ""}
+
+    heats = {1.2: 100.0, 0.8: 110.0, 0.5: 113.0, 0.35: 111.0}
+    rows = [row(f"mesh [mm] = {size}", heat) for size, heat in heats.items()]
+    for family, (values, _, _) in billet_convergence.CONVERGENCE.items():
+        if family != "mesh [mm]":
+            rows += [row(f"{family} = {value}", 110.0) for value in values]
+    output = Output(tmp_path, "billet.md")
+    billet_convergence.show_convergence(output, "taper_1", rows)
+    text = output.page.read_text(encoding="utf-8")
+    errors = text[text.index("<!-- begin billet error taper_1") :]
+    assert "| mesh [mm] | 3 | 0 |" in errors  # 1.2 mm is coarser, 0.5 mm further off than 0.35
+    assert "| together | 3 | 0 |" in errors
