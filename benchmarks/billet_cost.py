@@ -1,0 +1,186 @@
+"""What the coupled billet costs: its moulds, what contact adds, where the time goes, cells.
+
+Writes the section of docs/benchmarks_mechanics.md. All times are those of the processor.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from time import process_time
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from benchmarks.billet_run import CASES, MOULDS, NAMES, QUIET, every, mesh, touch
+from benchmarks.report import Output, table
+from castfem.case import load_case
+from castfem.march import March
+from castfem.mechanics.state import MechanicalResult
+from castfem.scene import build_scene
+from castfem.stopwatch import LIBRARIES, Stopwatch
+
+RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
+SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
+    **{NAMES[m]: (m, ()) for m in MOULDS},
+    "+1 %/m, Coulomb 0.3": ("taper_1", (RUBBED,)),
+    "+1 %/m, Nitsche": ("taper_1", (touch("nitsche", 10),)),
+}
+NINE_HUNDRED = mesh(0.75)  # 891
+REPEATS = 2
+SIZES = (1.2, 0.8, 0.5, 0.35)
+GROWN = ("taper_1", "taper_0")
+MECHANICS = "mechanics: "
+
+
+class Divided(Stopwatch):
+    """A stopwatch of processor time that keeps what the mechanics need apart from all else."""
+
+    def __init__(self) -> None:
+        super().__init__(process_time)
+        self.side = ""
+
+    def start(self, name: str) -> None:
+        """Enter section `name`, of the mechanics if they are at work."""
+        super().start(self.side + name)
+
+    def mechanics(self) -> dict[str, float]:
+        """Seconds of the mechanics by section."""
+        n = len(MECHANICS)
+        return {k[n:]: s for k, s in self.seconds.items() if k.startswith(MECHANICS)}
+
+
+def march(mould: str, changes: Sequence[str]) -> dict[str, Any]:
+    """March one billet; seconds of all, of the mechanics by section, and counts."""
+    watch = Divided()
+    scene = build_scene(
+        load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF, watch
+    )
+    assert scene.mechanics is not None
+    step = scene.mechanics.step
+
+    def watched(*given: Any) -> MechanicalResult:
+        watch.side = MECHANICS
+        try:
+            with watch.section("stepping"):
+                return step(*given)
+        finally:
+            watch.side = ""
+
+    scene.mechanics.step = watched  # type: ignore[method-assign]
+    one = March(scene)
+    before, start = sum(watch.seconds.values()), process_time()
+    with watch.section("march"):
+        one.run()
+    found: dict[str, Any] = {
+        "cells": scene.section.mesh.topology.index_map(2).size_global,
+        "intervals": one.counts.intervals,
+        "passes": one.counts.passes or one.counts.intervals,
+        "cut": one.counts.cut_back,
+        "newton": one.counts.newton_mechanics,
+        "seconds": process_time() - start,
+        "watched": sum(watch.seconds.values()) - before,
+        "libraries": sum(s for k, s in watch.seconds.items() if k.endswith(LIBRARIES)),
+        "parts": watch.mechanics(),
+    }
+    scene.destroy()
+    keys = textwrap.shorten(" ".join(changes), 90, placeholder=" ...")
+    print(f"  {mould} {keys}: {found['seconds']:.1f} s", flush=True)
+    return found
+
+
+def numbers(found: Mapping[str, Any]) -> dict[str, float]:
+    """What the tables show of a march: ms, and shares in %."""
+    parts: Mapping[str, float] = found["parts"]
+    mechanics, newton = sum(parts.values()), found["newton"]
+    inside = sum(parts.get(name, 0.0) for name in LIBRARIES)
+    return {
+        "cells": found["cells"],
+        "newton": newton / found["intervals"],
+        "passes": found["passes"],
+        "cut": found["cut"],
+        "seconds": found["seconds"],
+        "interval_ms": 1e3 * found["seconds"] / found["intervals"],
+        "iteration_ms": 1e3 * mechanics / newton,
+        "mechanics": 100.0 * mechanics / found["watched"],
+        "libraries_mechanics": 100.0 * inside / mechanics,
+        "libraries": 100.0 * found["libraries"] / found["watched"],
+        "law": 100.0 * parts.get("law", 0.0) / mechanics,
+        "contact": 100.0 * parts.get("contact", 0.0) / mechanics,
+    }
+
+
+def moulds(output: Output, quick: bool) -> None:
+    """All moulds with one mesh, in turns, the quickest march of each."""
+    chosen = dict(list(SCENES.items())[:: 6 if quick else 1])
+    keys = (*mesh(2.0), every(0.5)) if quick else NINE_HUNDRED
+    best: dict[str, dict[str, Any]] = {}
+    for _ in range(1 if quick else REPEATS):  # in turns: a slow minute hits all alike
+        for label, (mould, changes) in chosen.items():
+            found = march(mould, (*keys, *changes))
+            if label not in best or found["seconds"] < best[label]["seconds"]:
+                best[label] = found
+    rows: list[dict[str, Any]] = []
+    for label, found in best.items():
+        row: dict[str, Any] = {"mould": label, **numbers(found)}
+        for name in ("interval_ms", "iteration_ms"):
+            first = rows[0] if rows else row
+            row[f"{name}_more"] = 100.0 * (row[name] / first[name] - 1.0)
+        rows.append(row)
+    output.csv("billet_cost", rows)
+    head = {
+        "mould": "mould", "newton": "Newton an interval", "passes": "passes",
+        "seconds": "march [s]", "interval_ms": "an interval [ms]",
+        "interval_ms_more": "more than idealised [%]",
+        "iteration_ms": "an iteration of the mechanics [ms]",
+        "iteration_ms_more": "more than idealised [%]",
+    }  # fmt: skip
+    forms = {"newton": ".2f", "seconds": ".1f", "interval_ms": ".0f", "iteration_ms": ".1f"}
+    forms |= dict.fromkeys(("interval_ms_more", "iteration_ms_more"), "+.0f")
+    output.insert("billet cost", table(rows, head, forms))
+    head = {
+        "mould": "mould", "mechanics": "mechanics, of the march [%]",
+        "libraries_mechanics": "LU and assembly, of the mechanics [%]",
+        "libraries": "LU and assembly, of the march [%]",
+        "law": "law, of the mechanics [%]", "contact": "contact, of the mechanics [%]",
+    }  # fmt: skip
+    output.insert("billet shares", table(rows, head, dict.fromkeys(head, ".0f")))
+
+
+def exponent(rows: Sequence[Mapping[str, Any]], key: str) -> float:
+    """Power of the number of cells that a time follows, over all rows."""
+    cells, seconds = (np.log([r[k] for r in rows]) for k in ("cells", key))
+    return float(np.polyfit(cells, seconds, 1)[0])
+
+
+def growth(output: Output, quick: bool) -> None:
+    """Time against cells."""
+    rows: list[dict[str, Any]] = []
+    for mould in GROWN[:1] if quick else GROWN:
+        for size in (3.0, 2.0) if quick else SIZES:
+            # The small ones are repeated: they are over too soon to be told from noise.
+            keys = (*mesh(size), every(0.5 if quick else 0.1))
+            tried = [march(mould, keys) for _ in range(2 if size > 0.6 and not quick else 1)]
+            found = min(tried, key=lambda f: f["seconds"])
+            rows.append({"mould": NAMES[mould], **numbers(found)})
+    output.csv("billet_cells", rows)
+    head = {
+        "mould": "mould", "cells": "cells", "newton": "Newton an interval", "cut": "cut back",
+        "seconds": "march [s]", "iteration_ms": "an iteration of the mechanics [ms]",
+        "libraries_mechanics": "LU and assembly, of the mechanics [%]",
+    }  # fmt: skip
+    forms = {"newton": ".2f", "seconds": ".1f", "iteration_ms": ".1f", "libraries_mechanics": ".0f"}
+    lines = []
+    for name in dict.fromkeys(r["mould"] for r in rows):
+        own = [r for r in rows if r["mould"] == name]
+        whole, one = exponent(own, "seconds"), exponent(own, "iteration_ms")
+        lines.append(f"* {name}: the march as cells^{whole:.2f}, an iteration as cells^{one:.2f}.")
+    output.insert("billet cells", table(rows, head, forms) + "\n\n" + "\n".join(lines))
+
+
+def main(output: Output, quick: bool) -> None:
+    """Moulds, and cells."""
+    moulds(output, quick)
+    growth(output, quick)
