@@ -59,6 +59,10 @@ OF_THE_TEXT = {
 """What V.2.1 says of the idealised mould beyond the exit, as MORE has it."""
 
 
+FACES = {"taper_1": "8 to 10", "taper_3": "10 to 12"}
+"""Stress along the faces, MPa, as V.2.2.3 gives it."""
+
+
 def moulds(output: Output, changes: Sequence[str]) -> None:
     """The six moulds at the shipped defaults, beside the thesis."""
     found = {name: run(name, changes) for name in MOULDS}
@@ -72,7 +76,6 @@ def moulds(output: Output, changes: Sequence[str]) -> None:
         rows.append({"mould": NAMES[name], **{k: values.get(k) for k in (*SHOWN, *MORE)}})
     output.csv("billet_moulds", rows)
     expected = {name: thesis(name) for name in MOULDS}
-    written = {"taper_1": "8 to 10", "taper_3": "10 to 12"}
     expected["idealised"] |= OF_THE_TEXT
     lines = []
     for key, (label, form) in {**SHOWN, **MORE}.items():
@@ -86,7 +89,7 @@ def moulds(output: Output, changes: Sequence[str]) -> None:
                 if key == "heat_removed_slice" and name != "idealised":
                     said = ("< " if name == "taper_0" else "> ") + said
                 if key == "von_mises_mid_face":
-                    said = written[name]
+                    said = FACES[name]
                 text += f" ({said})"
             cells[name] = text
         lines.append(cells)
@@ -99,10 +102,11 @@ STUDIED = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1")
 LIQUID_ALONE = "taper_minus_1"  # where the wall goes away all hangs on how the strand follows it
 
 
-def sensitivity(output: Output, quick: bool) -> None:
-    """Change one input at a time, on a coarse mesh."""
+def sensitivity(output: Output, quick: bool) -> dict[str, list[dict[str, Any]]]:
+    """Change one input at a time, on a coarse mesh; the rows of the tables by mould."""
     with tempfile.TemporaryDirectory() as name:
         chosen = variants(Path(name))
+        studied: dict[str, list[dict[str, Any]]] = {}
         for mould in STUDIED:
             base = run(mould, COARSE)
             rows = [{"input": "as shipped, coarse", **picked(base)}]
@@ -113,10 +117,48 @@ def sensitivity(output: Output, quick: bool) -> None:
                     continue
                 found = run(mould, (*COARSE, *one.changes))
                 rows.append({"input": one.label, **picked(found)})
+            studied[mould] = rows
             output.csv(f"billet_inputs_{mould}", rows)
             output.insert(
                 f"billet inputs {mould}", table(_changes(rows, "input"), columns("input", rows), {})
             )
+        return studied
+
+
+PEAKED = ("idealised", "taper_1", "taper_3")  # moulds of which the thesis has the peak stress
+PEAKS = (
+    "as shipped, coarse",
+    "flow stress 20 % higher",
+    "flow stress 30 % higher",
+    "friction 0.3 (Coulomb)",
+    "flow stress 20 % higher and friction 0.3",
+    "flow stress 30 % higher and friction 0.3",
+)
+
+
+def peaks(output: Output, found: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+    """Peak and face stress with what moves them, alone and together, beside the thesis."""
+    by_input = {m: {r["input"]: r for r in found[m]} for m in PEAKED}
+    lines: list[dict[str, Any]] = []
+    for label in PEAKS:
+        line: dict[str, Any] = {"input": label}
+        for mould in PEAKED:
+            # The ideal mould rubs on nothing.
+            alone = label.removesuffix(" and friction 0.3")
+            bare = PEAKS[0] if label.startswith("friction") else alone
+            row = by_input[mould].get(bare if mould == "idealised" else label)
+            for key in ("von_mises_max", "von_mises_mid_face"):
+                line[f"{mould} {key}"] = None if row is None else row[key]
+        lines.append(line)
+    expected = {m: thesis(m) for m in PEAKED}
+    lines.append(
+        {"input": "thesis"} | {f"{m} von_mises_max": expected[m]["von_mises_max"] for m in PEAKED}
+    )
+    lines[-1] |= {f"{m} von_mises_mid_face": said for m, said in FACES.items()}
+    head = {"input": "peak stress [MPa]"}
+    head |= {f"{m} von_mises_max": NAMES[m] for m in PEAKED}
+    head |= {f"{m} von_mises_mid_face": f"mid-face, {NAMES[m]}" for m in PEAKED[1:]}
+    output.insert("billet peaks", table(lines, head, dict.fromkeys(head, ".1f")))
 
 
 def picked(found: Found) -> dict[str, Any]:
@@ -189,4 +231,6 @@ def main(output: Output, quick: bool) -> None:
     """The six moulds, and what their numbers hang on."""
     moulds(output, COARSE if quick else ())
     beginnings(output, quick)
-    sensitivity(output, quick)
+    found = sensitivity(output, quick)
+    if not quick:
+        peaks(output, found)

@@ -76,3 +76,20 @@ def test_error_is_the_largest_difference_to_anything_finer(tmp_path: Path) -> No
     errors = text[text.index("<!-- begin billet error taper_1") :]
     assert "| mesh [mm] | 3 | 0 |" in errors  # 1.2 mm is coarser, 0.5 mm further off than 0.35
     assert "| together | 3 | 0 |" in errors
+
+
+def test_ideal_mould_has_no_friction_among_the_peaks(tmp_path: Path) -> None:
+    found = {
+        mould: [
+            {"input": label, "von_mises_max": 10.0 * i + j, "von_mises_mid_face": 0.5}
+            for j, label in enumerate(billet_study.PEAKS)
+            if mould != "idealised" or "friction" not in label
+        ]
+        for i, mould in enumerate(billet_study.PEAKED)
+    }
+    output = Output(tmp_path, "billet.md")
+    billet_study.peaks(output, found)
+    text = output.page.read_text(encoding="utf-8")
+    assert "| friction 0.3 (Coulomb) | 0.0 | 13.0 | 23.0 | 0.5 | 0.5 |" in text
+    assert "| flow stress 20 % higher and friction 0.3 | 1.0 | 14.0 | 24.0 | 0.5 | 0.5 |" in text
+    assert "| thesis | 12.0 | 18.0 | 24.0 | 8 to 10 | 10 to 12 |" in text

@@ -1,11 +1,21 @@
-"""Benchmarks of the coupled billet: its cost."""
+"""Benchmarks of the coupled billet: its cost, its error, and one against the other."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from benchmarks import billet_cost
-from benchmarks.billet_run import every, mesh
+from benchmarks import billet_cost, billet_error, billet_trade
+from benchmarks.billet_run import Found, every, mesh
+from benchmarks.report import Output
+
+
+def found(**values: float) -> Found:
+    units = {"shell_mid_face": "mm", "heat_removed": "MJ/m", "von_mises_max": "MPa"}
+    units = {n: units.get(n, "-") for n in values}
+    labels = dict.fromkeys(values, "what it is") | {"von_mises_max": "stress, at x = 1, y = 2 mm"}
+    return Found(values, 2.0, 900, labels=labels, units=units)
 
 
 def test_times_of_a_march_are_all_accounted_for() -> None:
@@ -23,3 +33,51 @@ def test_times_of_a_march_are_all_accounted_for() -> None:
 def test_growth_is_the_power_of_the_cells() -> None:
     rows = [{"cells": n, "seconds": 3.0 * n**1.2} for n in (400, 900, 3600)]
     assert billet_cost.exponent(rows, "seconds") == pytest.approx(1.2)
+
+
+def test_errors_stand_behind_the_values(tmp_path: Path) -> None:
+    shipped = {
+        "taper_1": found(shell_mid_face=4.8, heat_removed=9.09, von_mises_max=12.0),
+        "idealised": found(shell_mid_face=4.8, heat_removed=9.1),
+    }
+    finer = {
+        "taper_1": found(shell_mid_face=4.83, heat_removed=9.09, von_mises_max=11.5),
+        "idealised": found(shell_mid_face=4.7, heat_removed=9.0),
+    }
+    output = Output(tmp_path, "billet.md")
+    billet_error.show_errors(output, shipped, finer)
+    text = output.page.read_text(encoding="utf-8")
+    assert "| what it is [mm] | 4.80 (-0.030) | 4.80 (+0.100) |" in text
+    assert "| what it is [MJ/m] | 9.090 (0) | 9.100 (+0.1000) |" in text
+    assert "| stress [MPa] | 12.00 (+0.500) |  |" in text
+
+
+def test_faces_of_a_square_billet_are_one() -> None:
+    both = found(shell_narrow_face=1.0, shell_corner=1.0, shell_mid_face=1.0, position=0.6)
+    assert billet_error.chief_names([both]) == ["shell_mid_face", "shell_corner"]
+
+
+def test_worst_error_is_counted_in_units_of_each() -> None:
+    exact = dict.fromkeys(billet_trade.COMPARED, 1.0)
+    errors = billet_trade.errors(exact | {"von_mises_max": 0.8, "size_corner": 1.015}, exact)
+    assert errors["von_mises_max"] == pytest.approx(0.2)
+    assert errors["worst"] == pytest.approx(2.0)  # 0.2 of 0.1 MPa; 15 of 10 um are less
+
+
+def test_every_mould_is_run_as_shipped_and_compared_with_the_reference() -> None:
+    for mould in billet_trade.MOULDS:
+        tried = list(billet_trade.settings(mould, quick=False))
+        assert tried.count(billet_trade.DEFAULT) == 1
+        assert len(set(tried)) == len(tried)
+        assert set(billet_trade.reference(mould)) == set(billet_trade.COMPARED)
+
+
+def test_figure_rings_the_default() -> None:
+    rows = [
+        {"kind": one.kind, "size": one.size, "interval": one.interval, "seconds": 1.0 / one.size}
+        | {"worst": one.size, "von_mises_max": one.size, "default": one == billet_trade.DEFAULT}
+        for one in billet_trade.settings("taper_0", quick=False)
+    ]
+    figure = billet_trade.draw({"0 %/m": rows})
+    rings = [line for line in figure.axes[0].lines if line.get_fillstyle() == "none"]
+    assert [float(line.get_xdata()[0]) for line in rings] == [1.25]

@@ -55,7 +55,7 @@ def test_page_is_copied_to_another_folder(tmp_path: Path) -> None:
     assert PAGE.read_text(encoding="utf-8") == original
 
 
-@pytest.mark.parametrize("page", ["benchmarks.md", "benchmarks_mechanics.md"])
+@pytest.mark.parametrize("page", ["benchmarks.md", "benchmarks_mechanics.md", "billet.md"])
 def test_markers_of_the_pages_are_pairs_and_filled(page: str) -> None:
     text = PAGE.with_name(page).read_text(encoding="utf-8")
     begun, ended = (re.findall(rf"<!-- {word} (.+?) -->", text) for word in ("begin", "end"))

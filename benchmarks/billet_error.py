@@ -1,0 +1,121 @@
+"""The error of every chief number of the billets as shipped; and of the pressure on the wall.
+
+Writes tables of docs/billet.md: the shipped defaults against finer cells and shorter intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from benchmarks.billet_run import COARSE, MOULDS, NAMES, Found, every, mesh, run
+from benchmarks.report import Output, table
+from castfem.compare.chief import CHIEF
+
+FINE = (*mesh(0.35), every(0.05))
+PATIENCE = 900.0  # s
+DIGITS = {"shell": 2, "surface": 0, "heat": 3, "mould_heat": 3, "mould_contact": 1}
+"""After the point, by the beginning of the name; 3 for other lengths, 2 for all else."""
+
+
+def chief_names(runs: Sequence[Found]) -> list[str]:
+    """Chief quantities that any run has; both faces of a square billet are one."""
+    return [
+        name
+        for name in CHIEF
+        if not name.endswith("_narrow_face") and any(name in run.values for run in runs)
+    ]
+
+
+def heading(name: str, runs: Sequence[Found]) -> str:
+    """What the summary calls a quantity, without where it was found in one run."""
+    run = next(r for r in runs if name in r.labels)
+    unit = {"degC": "°C", "percent": "%"}.get(run.units[name], run.units[name])
+    return f"{run.labels[name].partition(', at x')[0]} [{unit}]"
+
+
+def cell(name: str, unit: str, default: Found, finer: Found) -> str:
+    """The shipped value, and in brackets what it has more than the finer one."""
+    if name not in default.values or name not in finer.values:
+        return ""
+    digits = next((d for k, d in DIGITS.items() if name.startswith(k)), 3 if unit == "mm" else 2)
+    value, error = default.values[name], default.values[name] - finer.values[name]
+    least = 0.5 * 10.0 ** -(digits + 1)
+    text = "0" if abs(error) < least else f"{error:+.{digits + 1}f}"
+    return f"{value:.{digits}f} ({text})".replace("-0.000 ", "0.000 ")
+
+
+def errors(output: Output, quick: bool) -> None:
+    """All six moulds as shipped, and refined; what is known is written after each."""
+    shipped: dict[str, Found] = {}
+    finer: dict[str, Found] = {}
+    for mould in MOULDS[2:3] if quick else MOULDS:
+        shipped[mould] = run(mould, COARSE if quick else (), PATIENCE)
+        finer[mould] = run(mould, (*mesh(1.0), every(0.2)) if quick else FINE, PATIENCE)
+        show_errors(output, shipped, finer)
+
+
+def show_errors(output: Output, shipped: Mapping[str, Found], finer: Mapping[str, Found]) -> None:
+    """Write the table of the moulds that have been run."""
+    runs = list(shipped.values())
+    names = chief_names(runs)
+    rows = []
+    for mould in shipped:
+        for what, found in (("shipped", shipped[mould]), ("finer", finer[mould])):
+            numbers: dict[str, Any] = {name: found.values.get(name) for name in names}
+            work = {"cells": found.cells, "seconds": found.seconds, "failure": found.failure}
+            rows.append({"mould": mould, "run": what, **numbers, **work})
+    output.csv("billet_error", rows)
+    lines = []
+    for name in names:
+        unit = next(r.units[name] for r in runs if name in r.units)
+        line: dict[str, Any] = {"what": heading(name, runs)}
+        lines.append(line | {m: cell(name, unit, shipped[m], finer[m]) for m in shipped})
+    pairs = {m: (shipped[m], finer[m]) for m in shipped}
+    lines.append({"what": "cells", **{m: f"{a.cells} ({b.cells})" for m, (a, b) in pairs.items()}})
+    times = {m: f"{a.seconds:.0f} ({b.seconds:.0f})" for m, (a, b) in pairs.items()}
+    lines.append({"what": "processor time [s]", **times})
+    head = {"what": "shipped (less the finer)", **{m: NAMES[m] for m in shipped}}
+    output.insert("billet error", table(lines, head, {}))
+
+
+# What the wall carries.
+
+SIZES = {"taper_1": (0.8, 0.5, 0.35, 0.25), "taper_3": (0.8, 0.5, 0.35)}
+
+
+def pressures(output: Output, quick: bool) -> None:
+    """Highest and mean pressure at the exit with ever finer cells."""
+    rows: list[dict[str, Any]] = []
+    for mould, sizes in SIZES.items():
+        for size in (2.0,) if quick else sizes:
+            found = run(mould, (*mesh(size), every(0.2)), PATIENCE)
+            rows.append(_pressure(mould, size, found))
+    output.csv("billet_pressure", rows)
+    head = {
+        "mould": "mould", "size": "surface cells [mm]", "cells": "cells",
+        "contact_pressure_max": "highest pressure [MPa]", "place": "at x, y [mm]",
+        "pressure_mid_face": "at mid-face [MPa]", "pressure_mean": "mean of a face [MPa]",
+        "force": "force on half a face [kN/m]", "heat_removed_slice": "heat [kJ]",
+        "von_mises_max": "peak stress [MPa]",
+    }  # fmt: skip
+    forms = dict.fromkeys(("contact_pressure_max", "heat_removed_slice", "von_mises_max"), ".2f")
+    forms |= dict.fromkeys(("pressure_mid_face", "pressure_mean"), ".4f") | {"force": ".2f"}
+    output.insert("billet pressure", table(rows, head, forms))
+
+
+def _pressure(mould: str, size: float, found: Found) -> dict[str, Any]:
+    """A row of the table."""
+    label = found.labels.get("contact_pressure_max", "")
+    place = label.partition(", at x = ")[2].removesuffix(" mm").replace(" y = ", " ")
+    keys = ("contact_pressure_max", "pressure_mid_face", "pressure_mean", "force")
+    values: Mapping[str, Any] = {k: found.values.get(k) for k in keys}
+    more = {k: found.values[k] for k in ("heat_removed_slice", "von_mises_max")}
+    row = {"mould": NAMES[mould], "size": size, "cells": found.cells, **values, "place": place}
+    return {**row, **more, "seconds": found.seconds}
+
+
+def main(output: Output, quick: bool) -> None:
+    """Both tables."""
+    errors(output, quick)
+    pressures(output, quick)

@@ -1,0 +1,177 @@
+"""Error against run time of the coupled billet: cells x interval x passes x way of contact.
+
+Writes tables and a figure of docs/billet.md. All runs of a mould are compared with one finer one,
+that of `billet_error`.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.billet_run import NAMES, every, mesh, run, touch
+from benchmarks.report import PAGE, Output, front, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOULDS = ("taper_1", "taper_0")
+SIZES = (1.2, 0.8, 0.5)  # mm
+INTERVALS = (0.2, 0.1, 0.05)  # s
+SETTLED = 8  # passes allowed in the default
+PATIENCE = 900.0  # s
+FACTOR = 10
+
+COMPARED = {
+    "heat_removed": ("heat [MJ/m]", 0.01),
+    "shell_mid_face": ("shell, mid-face [mm]", 0.05),
+    "shell_corner": ("shell, corner [mm]", 0.05),
+    "surface_temperature_corner": ("surface, corner [K]", 2.0),
+    "von_mises_max": ("peak stress [MPa]", 0.1),
+    "von_mises_mid_face": ("stress, mid-face [MPa]", 0.1),
+    "size_corner": ("diagonal [mm]", 0.01),
+}
+"""What is compared: its heading, and the error that counts as one in `worst`."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One way to run a mould: cells [mm], interval [s], passes, way of contact."""
+
+    size: float
+    interval: float
+    passes: int = SETTLED
+    contact: str = "penalty"
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Of the case."""
+        passes = f"coupling.passes={self.passes}"
+        return (*mesh(self.size), every(self.interval), passes, touch(self.contact, FACTOR))
+
+    @property
+    def kind(self) -> str:
+        """What a point of the figure is coloured by."""
+        return f"{self.contact}, {'1 pass' if self.passes == 1 else 'settled'}"
+
+
+DEFAULT = Setting(0.8, 0.1)
+REFERENCES = PAGE.parent / "data" / "billet_error.csv"
+
+
+def reference(mould: str) -> dict[str, float]:
+    """What the finer run of `billet_error` has for a mould."""
+    with REFERENCES.open(encoding="utf-8") as file:
+        rows = {(r["mould"], r["run"]): r for r in csv.DictReader(file)}
+    return {name: float(rows[mould, "finer"][name]) for name in COMPARED}
+
+
+def settings(mould: str, quick: bool) -> Iterator[Setting]:
+    """All ways with the penalty, Nitsche with the shipped interval.
+
+    Where no interval is ever repeated one pass is tried with that interval, too.
+    """
+    sizes = (2.0,) if quick else SIZES
+    intervals = (0.5,) if quick else INTERVALS
+    for size in sizes:
+        for interval in intervals:
+            yield Setting(size, interval)
+            if interval == DEFAULT.interval:
+                yield Setting(size, interval, contact="nitsche")
+            if mould == "taper_0" or interval == DEFAULT.interval:
+                yield Setting(size, interval, passes=1)
+
+
+def errors(values: Mapping[str, float], exact: Mapping[str, float]) -> dict[str, float]:
+    """Errors of what is compared, and `worst`, the largest of them over what each may be."""
+    found = {name: abs(values[name] - exact[name]) for name in COMPARED}
+    return found | {"worst": max(found[name] / unit for name, (_, unit) in COMPARED.items())}
+
+
+def measure(mould: str, quick: bool) -> list[dict[str, Any]]:
+    """All settings of a mould; a row each, with what is compared as it was found."""
+    rows = []
+    for one in settings(mould, quick):
+        found = run(mould, one.keys, PATIENCE)
+        rows.append(
+            {
+                "kind": one.kind, "size": one.size, "interval": one.interval,
+                "cells": found.cells, "newton": found.newton, "cut": found.cut,
+                "seconds": found.seconds, **{k: found.values[k] for k in COMPARED},
+                "default": one == DEFAULT, "failure": found.failure,
+            }
+        )  # fmt: skip
+    return sorted(rows, key=lambda r: r["seconds"])
+
+
+COLOURS = {
+    "penalty, settled": "#0072b2", "penalty, 1 pass": "#009e73", "nitsche, settled": "#d55e00",
+}  # fmt: skip
+MARKERS = {0.5: "v", 0.2: "v", 0.1: "o", 0.05: "^"}
+DRAWN = ("worst", "von_mises_max")
+
+
+def draw(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
+    """Error against processor time; the default ringed, the runs that none beats joined."""
+    from castfem.output.style import look, new_figure
+
+    labels = {"worst": "largest error, in units of the text", "von_mises_max": "peak stress [MPa]"}
+    with look():
+        figure = new_figure(8.6, 6.4)
+        grid = figure.subplots(len(found), len(DRAWN), squeeze=False)
+        for axes, (mould, rows) in zip(grid, found.items(), strict=True):
+            for axis, key in zip(axes, DRAWN, strict=True):
+                axis.plot(*front(rows, key), "-", color="#777777", linewidth=1.0)
+                for row in rows:
+                    size = 3.0 + 2.5 / row["size"]
+                    marker, colour = MARKERS[row["interval"]], COLOURS[row["kind"]]
+                    axis.plot(row["seconds"], row[key], marker, color=colour, markersize=size)
+                    if row["default"]:
+                        axis.plot(
+                            row["seconds"], row[key], "o", markersize=15, fillstyle="none",
+                            color="black",
+                        )  # fmt: skip
+                axis.set(xscale="log", yscale="log", xlabel="processor time [s]")
+                axis.set(ylabel=f"error: {labels[key]}", title=mould)
+                for line in (axis.xaxis, axis.yaxis):
+                    line.set_major_formatter("{x:g}")
+                    line.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
+        legend = [
+            *(figure.axes[0].plot([], [], "s", color=c, label=k)[0] for k, c in COLOURS.items()),
+            *(
+                figure.axes[0].plot([], [], MARKERS[i], color="#777777", label=f"{i:g} s")[0]
+                for i in INTERVALS
+            ),
+            *(
+                figure.axes[0].plot(
+                    [], [], "o", color="#777777", markersize=3 + 2.5 / s, label=f"{s:g} mm"
+                )[0]
+                for s in SIZES
+            ),
+        ]
+        figure.legend(handles=legend, loc="outside lower center", ncols=5, fontsize=8)
+    return figure
+
+
+def show(output: Output, mould: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Write the table of one mould, of rows with errors."""
+    output.csv(f"billet_trade_{mould}", rows)
+    lines = [r | {"kind": f"**{r['kind']}**"} if r["default"] else r for r in rows]
+    head = {"kind": "contact, turns", "size": "cells [mm]", "interval": "interval [s]"}
+    head |= {"newton": "Newton iterations", "cut": "cut back", "seconds": "time [s]"}
+    head |= {k: label for k, (label, _) in COMPARED.items()} | {"worst": "largest"}
+    forms = dict.fromkeys(COMPARED, ".2g") | {"seconds": ".1f", "worst": ".1f"}
+    output.insert(f"billet trade {mould}", table(lines, head, forms))
+
+
+def main(output: Output, quick: bool) -> None:
+    """Both moulds."""
+    found = {mould: measure(mould, quick) for mould in MOULDS}
+    drawn = {}
+    for mould, rows in found.items():
+        exact = reference(mould)
+        drawn[NAMES[mould]] = [r | errors(r, exact) for r in rows]
+        show(output, mould, drawn[NAMES[mould]])
+    output.figure("billet_trade", draw(drawn))
