@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks import billet_convergence, billet_study
-from benchmarks.billet_run import Listener, every, mesh, run
+from benchmarks.billet_run import Found, Listener, every, mesh, run
 from benchmarks.report import Output
 
 SMALL = (*mesh(3.0), every(0.25), "casting.length=150 mm")
@@ -76,6 +76,22 @@ def test_error_is_the_largest_difference_to_anything_finer(tmp_path: Path) -> No
     errors = text[text.index("<!-- begin billet error taper_1") :]
     assert "| mesh [mm] | 3 | 0 |" in errors  # 1.2 mm is coarser, 0.5 mm further off than 0.35
     assert "| together | 3 | 0 |" in errors
+
+
+def test_short_version_has_what_is_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[tuple[str, ...]] = []
+
+    def march(mould: str, changes: tuple[str, ...]) -> Found:
+        tried.append(changes)
+        names = (*billet_study.SHOWN, "gap_max", "penetration")
+        return Found(dict.fromkeys(names, float(len(tried))), 1.0, 10)
+
+    monkeypatch.setattr(billet_convergence, "run", march)
+    billet_convergence.main(Output(tmp_path, "billet.md"), quick=True)
+    assert len(tried) == 2 * 2 * len(billet_convergence.CONVERGENCE)
+    text = (tmp_path / "billet.md").read_text(encoding="utf-8")
+    errors = text[text.index("<!-- begin billet error taper_1") :]
+    assert "| mesh [mm] | 1 | 1 |" in errors  # a run and the next
 
 
 def test_ideal_mould_has_no_friction_among_the_peaks(tmp_path: Path) -> None:
