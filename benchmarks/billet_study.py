@@ -30,6 +30,15 @@ def thesis(mould: str) -> dict[str, float]:
     return found
 
 
+SIGNS = {"value": "", "at_least": "> ", "at_most": "< "}
+
+
+def signs(mould: str) -> dict[str, str]:
+    """What stands before the numbers of `thesis`: nothing, or the sign of a bound."""
+    references = load_case(CASES / f"{mould}.toml").reference
+    return {reference.quantity: SIGNS[reference.kind] for reference in references}
+
+
 MORE = {
     "share": ("heat, % of idealised", ".1f"),
     "gap_max": ("largest gap [mm]", ".3f"),
@@ -77,6 +86,7 @@ def moulds(output: Output, changes: Sequence[str]) -> None:
     output.csv("billet_moulds", rows)
     expected = {name: thesis(name) for name in MOULDS}
     expected["idealised"] |= OF_THE_TEXT
+    before = {name: signs(name) for name in MOULDS}
     lines = []
     for key, (label, form) in {**SHOWN, **MORE}.items():
         cells: dict[str, Any] = {"what": label}
@@ -86,8 +96,8 @@ def moulds(output: Output, changes: Sequence[str]) -> None:
             theirs = expected[name].get(key)
             if theirs is not None:
                 said = format(theirs, ".4g" if key not in ("size_corner",) else ".2f")
-                if key == "heat_removed_slice" and name != "idealised":
-                    said = ("< " if name == "taper_0" else "> ") + said
+                sign = before[name].get(key, "")
+                said = "0" if sign == "< " and theirs == 0.0 else sign + said
                 if key == "von_mises_mid_face":
                     said = FACES[name]
                 text += f" ({said})"
