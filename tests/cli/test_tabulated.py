@@ -8,7 +8,7 @@ from castfem.case import load_case
 from castfem.catalogue import find
 from castfem.tabulated import lines
 
-BILLET = 'docs/billet.md, "Convergence" (for +1 and 0 %/m)'
+BILLET = 'docs/billet.md, "Error of the shipped default"'
 
 
 @pytest.fixture
@@ -37,6 +37,10 @@ def test_a_shipped_case_names_the_page_on_its_errors(ran):
 )
 def test_a_changed_case_has_no_tabulated_errors(ran, change):
     assert lines({"": ran("billet125/taper_1", change)}) == []
+
+
+def test_a_shipped_case_that_was_not_measured_names_no_page(ran):
+    assert lines({"": ran("billet125/mechanics_first")}) == []
 
 
 def test_runs_without_tabulated_errors_are_left_out(ran, tmp_path):
