@@ -14,8 +14,8 @@ from PIL import Image
 from castfem import march
 from castfem.case import load_case
 from castfem.case.wall import build_mould
-from castfem.mould.draw import draw as draw_mould
 from castfem.output.figures import draw_figures
+from castfem.output.plot_mould import draw as draw_mould
 
 HERE = Path(__file__).parent
 WIDTH, COLOURS = 900, 256  # pixels in all, and a palette that keeps the file small

@@ -28,7 +28,7 @@ def draw_mould(case: Case, picture: Path, origin: str) -> None:
         InputError: The case has no mould, or the picture cannot be written.
     """
     from castfem.case.wall import build_mould
-    from castfem.mould.draw import draw
+    from castfem.output.plot_mould import draw
 
     table = case.mould
     if table is None:

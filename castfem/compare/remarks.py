@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from castfem.compare.chief import plain_label
 from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, Line
+from castfem.output.chief import plain_label
 from castfem.output.show import shown, unit_shown
 from castfem.output.summary import unit_of_difference
 

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.compare.chief import chief, plain_label
 from castfem.compare.runs import Run
 from castfem.output.advice import mould_exit
+from castfem.output.chief import chief, plain_label
 from castfem.output.files import write_text
 from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
 

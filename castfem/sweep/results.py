@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem import units
-from castfem.compare.chief import chief, plain_label
 from castfem.errors import CastfemError
+from castfem.output.chief import chief, plain_label
 from castfem.output.files import write_text
 from castfem.output.summary import Quantity, Summary
 from castfem.sweep.plan import Variant, shortened
