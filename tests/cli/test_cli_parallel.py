@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,7 @@ pytestmark = needs_mpirun
 
 ENGINE = """
 import sys, types
+from castfem.cli import parallel
 from castfem.errors import InputError, RunFailure
 def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):
     {body}
@@ -31,9 +31,7 @@ main(sys.argv[1:])
 def _mpirun(tmp_path: Path, body: str, *words: str, ranks: int = 2):
     script = tmp_path / "castfem_script.py"
     script.write_text(ENGINE.format(body=body))
-    begun = time.monotonic()
-    done = python_on(ranks, str(script), *words, folder=tmp_path, timeout=60.0)
-    return done, time.monotonic() - begun
+    return python_on(ranks, str(script), *words, folder=tmp_path, timeout=120.0)
 
 
 RUN = ("run", "billet125/thermal", "-o", "out")
@@ -42,7 +40,7 @@ RUN = ("run", "billet125/thermal", "-o", "out")
 def test_one_voice(tmp_path):
     # Into files: what two ranks print may be mixed in the middle of a line.
     body = "open(f'rank{comm.rank}', 'w').write(str(progress is not None)); return None"
-    done, _ = _mpirun(tmp_path, body, *RUN)
+    done = _mpirun(tmp_path, body, *RUN)
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("the table") == 1
     assert "\x1b" not in done.stdout  # although a rank's output is a terminal
@@ -60,34 +58,34 @@ def test_ranks_print_without_colours(launcher, monkeypatch):
 
 
 def test_input_error_is_told_once(tmp_path):
-    done, _ = _mpirun(tmp_path, "return ''", *RUN, "--set", "casting.speed=3")
+    done = _mpirun(tmp_path, "return ''", *RUN, "--set", "casting.speed=3")
     assert done.returncode == 1
     assert done.stderr.count("casting.speed: a speed needs its unit") == 1
 
 
 def test_usage_error_is_told_once(tmp_path):
-    done, _ = _mpirun(tmp_path, "return ''", "run", "--colour")
+    done = _mpirun(tmp_path, "return ''", "run", "--colour")
     assert done.returncode == 1
     assert done.stderr.count("No such option") == 1
 
 
 def test_failure_on_all_ranks_is_told_once(tmp_path):
-    done, took = _mpirun(tmp_path, "raise RunFailure('step too small')", *RUN)
+    """And at once: nobody waits for ranks that have all come."""
+    body = "parallel._PATIENCE = 1e3; raise RunFailure('step too small')"
+    done = _mpirun(tmp_path, body, *RUN)
     assert done.returncode == 2
     assert done.stderr.count("castfem: step too small") == 1
-    assert took < 9.0
 
 
 def test_rank_that_fails_alone_ends_all(tmp_path):
     """The other rank waits for ever in a collective call; nobody hangs, the status is right."""
     body = "comm.rank == 0 and comm.Barrier(); raise RunFailure('lost the mesh')"
-    done, took = _mpirun(tmp_path, body, *RUN)
+    done = _mpirun(tmp_path, body, *RUN)
     assert done.returncode == 2
     assert "castfem: on rank 1: lost the mesh" in done.stderr
-    assert took < 30.0
 
 
 def test_check_runs_on_one_rank(tmp_path):
-    done, _ = _mpirun(tmp_path, "return ''", "check", "billet125/thermal")
+    done = _mpirun(tmp_path, "return ''", "check", "billet125/thermal")
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("billet125/thermal: sound") == 1

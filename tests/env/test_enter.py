@@ -95,9 +95,9 @@ def userland(home: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_timeout_ends_the_program(kind: str, request: pytest.FixtureRequest) -> None:
     """It sends TERM and CONT to the wrapper, and both to its group: the program has to hear it."""
     home = request.getfixturevalue(kind)
-    script = 'trap "echo heard; exit 9" TERM; for _ in $(seq 300); do sleep 0.02; done; echo late'
-    line = ["timeout", "0.5", str(ROOT / "tools/enter.sh"), str(home), "sh", "-c", script]
-    done = subprocess.run(line, capture_output=True, text=True, timeout=20, check=False)
+    script = 'trap "echo heard; exit 9" TERM; for _ in $(seq 900); do sleep 0.02; done; echo late'
+    line = ["timeout", "3", str(ROOT / "tools/enter.sh"), str(home), "sh", "-c", script]
+    done = subprocess.run(line, capture_output=True, text=True, timeout=60, check=False)
     assert done.stdout == "heard\n"
     assert done.returncode == 124
 

@@ -257,12 +257,12 @@ def test_a_signal_to_one_rank_stops_all_after_the_step(tmp_path: Path) -> None:
     options = (*COARSE, "casting.length=60 mm", "thermal.time.step=0.1 s")
     words = ["run", str(THERMAL), "-q", *(w for o in options for w in ("--set", o))]
     folder = tmp_path / "cut"
-    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), timeout=60.0)
+    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), timeout=180.0)
     assert done.returncode == 130, done.stderr
     assert done.stderr.count("castfem: interrupted; `castfem run ... --resume` goes on") == 1
     assert record(folder)["reason"] == "stopped by the user"
     assert load_checkpoint(folder / "checkpoint.h5")[0]["time"] == pytest.approx(0.6)
-    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), "--resume", timeout=60.0)
+    done = python_on(2, "-c", TOLD, *words, "-o", str(folder), "--resume", timeout=180.0)
     assert done.returncode == 0, done.stderr
     run(load_case(THERMAL, options), tmp_path / "whole")
     same_run(folder, tmp_path / "whole")

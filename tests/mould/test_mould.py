@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 import pytest
@@ -274,14 +273,3 @@ def test_wall_temperature_along_the_mould():
 def test_impossible_moulds_are_refused(build, words):
     with pytest.raises(ValueError, match=words):
         build()
-
-
-def test_a_wall_is_asked_in_far_less_than_a_millisecond():
-    own = mould(Taper.single(0.01, L), Taper.single(0.01, L), Taper.single(0.03, L))
-    points, normals = strand(0.999, np.linspace(0.0, 1.0, 150))
-    best = math.inf
-    for _ in range(30):
-        begun = time.perf_counter()
-        own.reach(points, normals, 0.4)
-        best = min(best, time.perf_counter() - begun)
-    assert best < 2e-3  # about 0.3 ms on a quiet core
