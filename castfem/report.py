@@ -105,12 +105,13 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
         "heat_removed_slice": Quantity(
             removed / whole * speed,
             "kJ",
-            "heat removed, modelled slice of 1 s",
+            "heat removed in 1 s of casting, modelled part",
         ),
         "temperature_max": Quantity(reading.temperature_range[1], "degC", "highest temperature"),
     }
     if reading.mechanics is not None:
         found |= _mechanical_quantities(reading.mechanics)
+        found |= _friction(reading.mechanics, whole)
     if march.measure.passage is not None:
         found |= march.measure.passage.quantities()
     closed = march.measure.metallurgical_length
@@ -149,7 +150,7 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
     return {
         "mould_x": Quantity(across, "kN/m", "mould along x"),
         "mould_y": Quantity(along, "kN/m", "mould along y"),
-        "friction": Quantity(contact.axial, "kN/m", "friction along the strand, per m of it"),
+        "friction": Quantity(contact.axial, "kN/m", "friction along the strand, modelled part"),
     }
 
 
@@ -174,6 +175,18 @@ def _mechanical_quantities(reading: MechanicalReading) -> dict[str, Quantity]:
     if reading.contact is not None:
         found |= _contact_quantities(reading, reading.contact)
     return found
+
+
+def _friction(reading: MechanicalReading, whole: int) -> dict[str, Quantity]:
+    """What friction does to the whole strand, of which `whole` parts like the modelled one make."""
+    contact = reading.contact
+    if contact is None or contact.sticking is None:
+        return {}
+    force, pull = -contact.axial * whole, reading.pull * whole
+    return {
+        "mould_friction": Quantity(force, "kN/m", "friction of the mould, whole strand, per m"),
+        "mould_pull": Quantity(pull, "kN", "pull of the mould's friction, whole strand"),
+    }
 
 
 def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> dict[str, Quantity]:
@@ -210,7 +223,9 @@ def _force_balances(reading: Reading | None) -> dict[str, dict[str, Quantity]]:
         "axial force": {
             "force": Quantity(along, "kN", "axial force of the stress, modelled part"),
             "external": Quantity(mechanics.load, "kN", "external axial force, its share"),
-            "friction": Quantity(mechanics.pull, "kN", "pull of the friction on the way here"),
+            "friction": Quantity(
+                mechanics.pull, "kN", "pull of the friction on the way here, modelled part"
+            ),
             "reaction": Quantity(
                 along - mechanics.load - mechanics.pull,
                 "kN",

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from castfem.units import nearest
-from castfem.wording import dotted
+from castfem.wording import dotted, shown
 
 Keys = tuple[str | int, ...]
 
@@ -47,12 +47,14 @@ class Document:
         label: Name of the file that was asked for.
         origins: Where a key (or the table it stands in) was written: a file, or "--set".
         faults: Full lines about files and overrides that could not be used.
+        changes: Dotted keys that were overridden, and their new values.
     """
 
     data: dict[str, Any]
     label: str
     origins: dict[Keys, str] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
+    changes: list[tuple[str, Any]] = field(default_factory=list)
 
     def origin(self, path: Keys) -> str:
         """Return the file in which a key stands, or the table around it if it is missing."""
@@ -218,6 +220,23 @@ def override(
             document.faults.append(f"--set: {key.strip()}: {error}")
             continue
         put(document, full, value, "--set")
+    entitle(document)
+
+
+_NAMED = 3  # changes in a title
+_NO_NEWS = ("title", "output", "reference")  # keys, and what is below them, that change no result
+
+
+def entitle(document: Document) -> None:
+    """Say in the title what was changed, unless that was: it heads tables and pictures."""
+    title, changes = document.data.get("title"), dict(document.changes)
+    told = {k: v for k, v in changes.items() if k.partition(".")[0] not in _NO_NEWS}
+    if not isinstance(title, str) or "title" in changes or not told:
+        return
+    parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in told]
+    named = [f"{key} = {shown(value).strip(chr(34))}" for key, value in told.items()]
+    more = [f"and {len(named) - _NAMED} more"] if len(named) > _NAMED else []
+    document.data["title"] = "; ".join([*parts, *named[:_NAMED], *more])
 
 
 def put(document: Document, key: str, value: Any, label: str) -> None:
@@ -234,6 +253,7 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
         if isinstance(place, dict) and step not in place:
             place[step] = {}
         place = place[step]
+    document.changes.append((key, value))
     last = _step(place, parts[-1])
     if last is None:
         document.faults.append(f"{label}: {key}: {_no_entry(place, path, parts[-1])}")

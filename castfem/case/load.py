@@ -98,6 +98,7 @@ def changed(case: Case, changes: Mapping[str, Any], label: str = "with_") -> Cas
             written.faults.append(f"{label}: {key}: {error}")
             continue
         document.put(written, full, value, label)
+    document.entitle(written)
     return _or_raise(_validate(written))
 
 

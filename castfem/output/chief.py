@@ -22,6 +22,7 @@ CHIEF = (
     "mould_gap_max",
     "mould_contact_least",
     "mould_pressure_max",
+    "mould_pull",
     "size_mid_face",
     "size_corner",
     "displacement_mid_face",

@@ -238,3 +238,15 @@ def test_overrides_take_bare_names(write, sound):
     assert case.casting.speed == pytest.approx(0.05)
     with pytest.raises(InputError, match=r"--set: sped: .* did you mean casting\.speed\?"):
         load_case(write(sound), ("sped=3 m/min",))
+
+
+def test_the_title_says_what_was_changed(write, sound):
+    plain = load_case(write()).title
+    changes = ["casting.speed=3 m/min", "output.figures=false"]
+    case = load_case(write(), changes)
+    assert case.title == f"{plain}; casting.speed = 3 m/min"
+    assert case.with_(speed="4 m/min").title == f"{plain}; casting.speed = 4 m/min"
+    assert case.with_(title="mine").title == "mine"
+    assert case.physics_hash() == case.with_(title="mine").physics_hash()
+    many = [f"mesh.{k}_size=9 mm" for k in ("surface", "corner", "face", "core")]
+    assert load_case(write(), many).title.endswith("; mesh.face_size = 9 mm; and 1 more")

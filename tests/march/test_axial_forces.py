@@ -27,6 +27,10 @@ def test_pull_of_friction_and_external_force_are_that_of_the_stress(
     # Sticks or slides: the strand is drawn past a wall that stands, so most of it slides.
     touching, sticking = (summary.quantities[f"contact_{n}"].value for n in ("share", "sticking"))
     assert 0.0 <= sticking < 0.5 * touching
+    # Of the whole strand, four times that of the quarter.
+    found = summary.quantities
+    assert found["mould_pull"].value == pytest.approx(4.0 * terms["friction"], rel=1e-12)
+    assert found["mould_friction"].value > 0.0
     # The pull is the friction of all steps, over the length that each has travelled.
     table = read_history(tmp_path / "history.csv")
     travelled = np.diff(table["position"])
