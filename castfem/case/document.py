@@ -224,13 +224,15 @@ def override(
 
 
 _NAMED = 3  # changes in a title
+_LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
 _NO_NEWS = ("title", "output", "reference")  # keys, and what is below them, that change no result
 
 
 def entitle(document: Document) -> None:
     """Say in the title what was changed, unless that was: it heads tables and pictures."""
     title, changes = document.data.get("title"), dict(document.changes)
-    told = {k: v for k, v in changes.items() if k.partition(".")[0] not in _NO_NEWS}
+    keys = sorted(changes, key=lambda key: key.partition(".")[0] in _LESS_NEWS)
+    told = {key: changes[key] for key in keys if key.partition(".")[0] not in _NO_NEWS}
     if not isinstance(title, str) or "title" in changes or not told:
         return
     parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in told]

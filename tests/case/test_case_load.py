@@ -250,3 +250,5 @@ def test_the_title_says_what_was_changed(write, sound):
     assert case.physics_hash() == case.with_(title="mine").physics_hash()
     many = [f"mesh.{k}_size=9 mm" for k in ("surface", "corner", "face", "core")]
     assert load_case(write(), many).title.endswith("; mesh.face_size = 9 mm; and 1 more")
+    title = load_case(write(), [*many, "casting.speed=3 m/min"]).title
+    assert title.startswith(f"{plain}; casting.speed = 3 m/min; mesh.surface_size")
