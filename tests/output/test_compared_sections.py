@@ -1,0 +1,26 @@
+"""Sections of runs side by side that do not all have the same fields."""
+
+from __future__ import annotations
+
+import pytest
+
+from castfem.compare.runs import read_runs
+from castfem.compare.sections import draw_sections
+
+from .imagined import write_run
+from .strained import write_strained
+
+
+@pytest.mark.parametrize("names", [("thermal", "strained"), ("strained", "thermal")])
+def test_a_run_without_mechanics_stands_beside_one_with_it(tmp_path, names):
+    write_run(tmp_path / "thermal", steps=16)
+    (tmp_path / "strained").mkdir()
+    write_strained(tmp_path / "strained")
+    found = draw_sections(read_runs([tmp_path / name for name in names]), str)
+    assert list(found) == ["temperature", "states", "von_mises", "shape"]
+    first, second, scale = found["von_mises"].axes
+    titles = {"strained": "strained", "thermal": "thermal: no stress"}
+    assert [axes.get_title() for axes in (first, second)] == [titles[name] for name in names]
+    has_stress = [name == "strained" for name in names]
+    assert [bool(axes.collections) for axes in (first, second)] == has_stress
+    assert scale.get_ylim() == pytest.approx((0.0, 2.0))
