@@ -7,6 +7,7 @@ import re
 import sys
 import traceback
 from collections.abc import Sequence
+from pathlib import Path
 
 from castfem.cli import parallel
 from castfem.errors import CastfemError, InputError
@@ -63,17 +64,21 @@ def execute(arguments: Sequence[str] | None = None) -> int:
         return _interrupted(rank, words)
     except Exception as error:
         if rank == 0:
-            return report(error, verbose=_verbose(words))
+            hint = HINT if words[:1] == ["run"] else ""  # no other command takes -v
+            return report(error, verbose=_verbose(words), hint=hint)
         return _status(error)
 
 
-def report(error: Exception, *, verbose: bool = False, prefix: str = "castfem: ") -> int:
+def report(
+    error: Exception, *, verbose: bool = False, prefix: str = "castfem: ", hint: str = ""
+) -> int:
     """Print an error for the user and return the exit status it stands for.
 
     Args:
         error: What was raised.
         verbose: Print the traceback of an error that was not raised on purpose.
         prefix: In front of the first line.
+        hint: How to get the traceback of an error that was not raised on purpose.
     """
     if isinstance(error, InputError):
         count = len(error.problems)
@@ -93,16 +98,29 @@ def report(error: Exception, *, verbose: bool = False, prefix: str = "castfem: "
     else:
         if verbose:
             traceback.print_exception(error)
-        hint = "" if verbose else " (repeat with -v and add the traceback)"
         print(
-            f"{prefix}unexpected {type(error).__name__}: {error}\n"
-            f"This is a fault of castfem, not yours: please report it{hint}.",
+            f"{prefix}unexpected {_unexpected(error)}\n"
+            f"This is a fault of castfem, not yours: please report it{'' if verbose else hint}.",
             file=sys.stderr,
         )
     sys.stderr.flush()
     return _status(error)
 
 
+def _unexpected(error: Exception) -> str:
+    """Kind and message of an error, and where it was raised: file, line and function."""
+    said = ": ".join(part for part in (type(error).__name__, str(error)) if part)
+    frames = traceback.extract_tb(error.__traceback__)
+    if not frames:
+        return said
+    path = Path(frames[-1].filename)
+    package = Path(__file__).parents[1]
+    if path.is_relative_to(package):
+        path = path.relative_to(package.parent)
+    return f"{said} ({path}:{frames[-1].lineno}, {frames[-1].name})"
+
+
+HINT = " (repeat with -v and add the traceback)"
 _ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh")
 
 

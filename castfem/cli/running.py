@@ -137,8 +137,8 @@ def _told_to_file(error: Exception) -> None:
 
 def _fail_alone(error: Exception, rank: int, together: parallel.Together) -> None:
     """End all ranks after an error that only this one met."""
-    from castfem.cli import report
+    from castfem.cli import HINT, report
 
-    status = report(error, prefix=f"castfem: on rank {rank}: ")
+    status = report(error, prefix=f"castfem: on rank {rank}: ", hint=HINT)
     log.close()
     together.abort(status)

@@ -114,6 +114,7 @@ def test_exit_status(castfem, engine, case_file, error, status, said):
 
 def test_verbose_shows_the_traceback_of_a_fault(castfem, engine, case_file):
     engine.raises = ZeroDivisionError("oh")
+    assert "please report it (repeat with -v" in castfem("run", case_file).err
     assert "Traceback" in castfem("run", case_file, "-v").err
     engine.raises = RunFailure("step too small")
     assert "Traceback" not in castfem("run", case_file, "-v").err
