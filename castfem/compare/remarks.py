@@ -10,6 +10,9 @@ from castfem.output.chief import plain_label
 from castfem.output.show import shown, unit_shown
 from castfem.output.summary import unit_of_difference
 
+_SEPARATOR = "; "  # between the parts of a note
+_HERE = "castfem compare"  # a part that sends the reader of a single run to this very table
+
 
 def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
     """Return what a reader of the table must know.
@@ -27,8 +30,11 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
             reference = comparison.reference
             quantity = run.summary.quantities.get(reference.quantity)
             label = reference.quantity if quantity is None else plain_label(quantity)
-            if reference.note:
-                notes.setdefault(f"{label}: {reference.note}", {})[run.label] = None
+            note = _SEPARATOR.join(
+                part for part in reference.note.split(_SEPARATOR) if _HERE not in part
+            )
+            if note:
+                notes.setdefault(f"{label}: {note}", {})[run.label] = None
     found += [f"note ({', '.join(who)}) {text}" for text, who in notes.items()]
     ends = {
         f"{1e3 * run.summary.quantities['position'].value:.6g} mm"
@@ -58,5 +64,5 @@ def _miss(line: Line, run: int) -> str:
     """By how much a run misses its bound, with a blank in front."""
     by = abs(line.ours[run] - line.theirs[run])
     if line.unit == SHARE:
-        return f" by {by:.1f}"
+        return f" by {by:.1f} points"
     return f" by {shown(by, line.unit)} {unit_shown(unit_of_difference(line.unit))}"

@@ -40,6 +40,14 @@ class Run:
             return None
         return table if len(table) > 1 else None
 
+    def course(self) -> tuple[float, float] | None:
+        """Mean casting speed [m/s] and how far it came [m]; None without a history."""
+        table = self.history()
+        if table is None:
+            return None
+        time, position = (float(table[name].iloc[-1]) for name in ("time", "position"))
+        return position / time, position
+
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
     """Return the runs in some folders; that of a sweep stands for all its runs that have ended.

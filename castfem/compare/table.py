@@ -28,6 +28,8 @@ RATIOS = ("heat_removed", "heat_removed_slice")  # also shown as a share of the 
 SHARE = "% of base"
 _ALONG = "size_"  # quantities that are also shown on the way through the mould
 _WAY = (1 / 3, 2 / 3)  # where, of the mould
+_IDEAL = "idealised"  # label, or in the title, of a run whose mould has no gap
+_ALIKE = 1e-4  # relative; speeds and lengths that differ by less are the same
 _SAME = 1e-6  # relative; positions that differ by less are one
 
 
@@ -81,7 +83,8 @@ def lines(runs: Sequence[Run], base: Run, *, everything: bool = False) -> list[L
             line = _line(runs, histories, name, at)
             found.append(line)
             if name in RATIOS:
-                found.append(_ratio(line, runs.index(base)))
+                judged = tuple(_may_be_judged(run, base) for run in runs)
+                found.append(_ratio(line, runs.index(base), judged))
     return found
 
 
@@ -134,8 +137,15 @@ def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> float
     return to_si(float(value), str(history.attrs["units"][name]))
 
 
-def _ratio(line: Line, base: int) -> Line:
-    """A line as percentage of the base run's."""
+def _may_be_judged(run: Run, base: Run) -> bool:
+    """Whether a bound on a share holds for this one: it is of an idealised mould, cast alike."""
+    ideal = base.label == _IDEAL or _IDEAL in base.summary.title.lower()
+    one, other = run.course(), base.course()
+    return ideal and (one == other or bool(one and other and np.allclose(one, other, rtol=_ALIKE)))
+
+
+def _ratio(line: Line, base: int, judged: Sequence[bool]) -> Line:
+    """A line as percentage of the base run's; bounds only for the runs that may be judged."""
 
     def share(values: Sequence[float]) -> tuple[float, ...]:
         whole = values[base]
@@ -145,6 +155,10 @@ def _ratio(line: Line, base: int) -> Line:
     common = len({value for value in theirs if math.isfinite(value)}) < 2  # one for all
     if common or line.kinds[base] != "value":
         theirs = (math.nan,) * len(theirs)
+    theirs = tuple(
+        value if may or kind == "value" else math.nan
+        for value, may, kind in zip(theirs, judged, line.kinds, strict=True)
+    )
     return Line(line.label, SHARE, share(line.ours), theirs, line.kinds)
 
 

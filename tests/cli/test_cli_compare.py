@@ -124,9 +124,10 @@ def test_bounds_are_marked_and_told_as_met_or_missed(tmp_path):
     def bound(value: float, kind: str, note: str = "") -> Reference:
         return Reference("heat_removed_slice", value, "kJ", "thesis", kind=kind, note=note)
 
+    note = "99 %; our share: castfem compare"
     made = [
-        _in_the_mould(tmp_path, "ideal", 136e3, bound(142e3, "value"), 0.7),
-        _in_the_mould(tmp_path, "taper", 135e3, bound(140.58e3, "at_least", "99 %"), 0.7),
+        _in_the_mould(tmp_path, "idealised", 136e3, bound(142e3, "value"), 0.7),
+        _in_the_mould(tmp_path, "taper", 135e3, bound(140.58e3, "at_least", note), 0.7),
         _in_the_mould(tmp_path, "straight", 124e3, bound(133.48e3, "at_most"), 0.7),
     ]
     table = lines(made, made[0])
@@ -137,7 +138,7 @@ def test_bounds_are_marked_and_told_as_met_or_missed(tmp_path):
     told = "\n".join(remarks(made, made[0], table))
     assert "bounds met: heat (straight); heat, % of base (taper, straight)\n" in told
     assert "bounds missed: heat (taper by 5.58 kJ)\n" in told
-    assert "note (taper) heat: 99 %" in told
+    assert "note (taper) heat: 99 %" in told.splitlines()
     (block,) = printed(made, table, 120)
     cells = [list(column.cells) for column in block.columns]
     row = cells[0].index("heat")
@@ -146,6 +147,33 @@ def test_bounds_are_marked_and_told_as_met_or_missed(tmp_path):
     assert rows[0][-3:] == ["straight", "straight: reference", "straight: bound"]
     (row,) = (row for row in rows if row[1] == "kJ")
     assert row[2:] == ["136", "142", "135", "140.58", "at_least", "124", "133.48", "at_most"]
+
+
+def test_shares_are_judged_by_an_idealised_mould_of_the_same_length_alone(tmp_path):
+    def bound(value: float, kind: str = "at_least") -> Reference:
+        return Reference("heat_removed_slice", value, "kJ", "thesis", kind=kind)
+
+    ideal = _in_the_mould(tmp_path, "idealised", 140e3, bound(140e3, "value"), 0.7)
+    weak = _in_the_mould(tmp_path, "weak", 126e3, bound(138.6e3), 0.7)
+    shorter = _in_the_mould(tmp_path, "shorter", 126e3, bound(138.6e3), 0.65)
+
+    def share_of(*runs: Run):
+        table = lines(runs, runs[0])
+        (share,) = (line for line in table if line.unit == SHARE)
+        told = "\n".join(remarks(runs, runs[0], table))
+        return share, [share.verdict(i) for i in range(len(runs))], told
+
+    share, verdicts, told = share_of(ideal, weak, shorter)
+    assert verdicts == [None, False, None]
+    assert "heat, % of base (weak by 9.0 points)" in told
+    assert share.ours == pytest.approx((100.0, 90.0, 90.0))
+    titled = replace(ideal, label="mine", summary=replace(ideal.summary, title="Idealised mould"))
+    assert share_of(titled, weak)[1] == [None, False]
+    other = replace(titled, summary=replace(ideal.summary, title="taper"))
+    share, verdicts, told = share_of(other, weak)
+    assert verdicts == [None, None]
+    assert SHARE not in told
+    assert share.ours == pytest.approx((100.0, 90.0))
 
 
 @pytest.mark.parametrize(("end", "places"), [(0.6, (200, 400)), (0.9, (200, 400, 600))])
