@@ -27,7 +27,11 @@ _COLOURS = ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#
 # can be read.
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 1.5, 1, 1.5)), (0, (3, 2)), (0, (1, 1.2)))
 _SINGLE, _SEVERAL, _LINE = 3.4, 2.1, 0.22  # inches: height of a panel, of each, of the legend
-_PERCENT = ("contact_share", "axial_strain")  # fractions that are drawn in percent
+_PERCENT = (
+    "contact_share",
+    "contact_sticking",
+    "axial_strain",
+)  # fractions drawn in %
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +114,7 @@ def _draw_figure(
         if definition.zero:
             low = min(float(np.nanmin(c.values)) for c in panel.curves) * factor
             ax.set_ylim(bottom=min(0.0, low))
+        _scale(ax, definition)
     _dress(axes, course)
     handles = {text: line for line, text in zip(*axes[0].get_legend_handles_labels(), strict=True)}
     names = [words(run.label) for run in order]
@@ -124,6 +129,19 @@ def _draw_figure(
     title = definition.title.format(base=words(base.label))
     figure.suptitle(title, fontsize=10.5, y=1.0 - 0.1 / figure.get_size_inches()[1])
     return figure
+
+
+def _scale(ax: Axes, definition: Definition) -> None:
+    """Let an axis span what it must, from its lower end or about its middle; whole numbers at it.
+
+    An offset such as +1e2 beside the axis would be read as a factor, or not at all.
+    """
+    ax.ticklabel_format(useOffset=False)
+    low, high = ax.get_ylim()
+    missing = definition.span - (high - low)
+    if missing > 0.0:
+        below = 0.0 if definition.zero else 0.5 * missing
+        ax.set_ylim(low - below, high + missing - below)
 
 
 def _place(definition: Definition, panel: Panel) -> str:

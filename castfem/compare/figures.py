@@ -13,12 +13,14 @@ import numpy as np
 import pandas
 
 from castfem.compare.runs import Run
+from castfem.output.plot_mechanics import CLOSED
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
 _LAST = ("max", "min", "mean")  # places that are none: their panels come after the others
 _NOT_DRAWN = ("time", "position", "step", "cooling_power", "penetration")
 _STEADY = 1e-6  # relative; what varies by less is the same all the way and in all runs
-_ROUNDING = 1e-6  # kN; the solver leaves so much force on a free strand, and less
+_ROUNDING = 1e-6  # kN, kN/m; the solver leaves so much force on a free strand, and less
+_PERCENT = 1.0  # %, the least that the axis of a share spans
 _NOT_DRAWN_ENDINGS = ("error", "newton", "iterations", "newton_mechanics")
 
 
@@ -32,6 +34,7 @@ class Definition:
         label: Of its axes, without unit.
         zero: The axis begins at zero.
         extremes: What the largest and the smallest value of the section are called.
+        span: The least the axis spans, in the unit that is drawn: less is rounding.
     """
 
     quantity: str
@@ -39,6 +42,7 @@ class Definition:
     label: str
     zero: bool = False
     extremes: tuple[str, str] = ("largest", "smallest")
+    span: float = 0.0
 
 
 _HOTTEST = ("highest", "lowest")
@@ -50,14 +54,19 @@ FIGURES = (
     Definition("heat_flux", "Heat flux out of the surface", "heat flux", zero=True),
     Definition("heat_rate", "Heat leaving the strand", "heat leaving", zero=True),
     Definition("heat_removed", "Heat removed since the meniscus", "heat removed", zero=True),
-    Definition("heat_share", "Heat removed since the meniscus, {base} = 100 %", "share"),
+    Definition(
+        "heat_share", "Heat removed since the meniscus, {base} = 100 %", "share", span=_PERCENT
+    ),
     Definition("von_mises", "Von Mises stress", "stress", zero=True),
     Definition("stress", "Stress", "stress"),
     Definition("displacement", "Displacement of the surface, outwards", "displacement"),
     Definition("size", "Size of the section", "size"),
-    Definition("gap", "Gap between strand and mould", "gap", zero=True),
+    Definition("gap", "Gap between strand and mould", "gap", zero=True, span=CLOSED),
     Definition("contact_pressure", "Contact pressure", "pressure", True, _HOTTEST),
-    Definition("contact_share", "Share of the surface in contact", "share", zero=True),
+    Definition("contact_share", "Share of the surface in contact", "share", True, span=_PERCENT),
+    Definition(
+        "contact_sticking", "Share of the surface that sticks", "share", True, span=_PERCENT
+    ),
     Definition("axial_strain", "Axial strain", "strain"),
     Definition("axial_force", "Axial force, modelled part", "force"),
     Definition("friction_force", "Friction of the mould on the strand", "force per length"),
@@ -139,13 +148,19 @@ def parts(column: str, columns: Sequence[str]) -> tuple[str, str]:
 
 
 def _vary(curves: Sequence[Curve], units: Set[str]) -> bool:
-    """Whether there is anything to see: a core that stays liquid, a force that is rounding."""
+    """Whether there is anything to see.
+
+    Not a core that stays liquid, a force that is rounding, a share that is zero; but a shell that
+    has not begun or a gap that stays closed is a result.
+    """
     values = np.concatenate([curve.values for curve in curves])
     values = values[np.isfinite(values)]
     largest = float(np.abs(values).max(initial=0.0))
-    if "kN" in units:
+    if units & {"kN", "kN/m"}:
         return largest > _ROUNDING
-    return largest == 0.0 or float(np.ptp(values)) > _STEADY * largest
+    if largest == 0.0:
+        return len(values) > 0 and "mm" in units
+    return float(np.ptp(values)) > _STEADY * largest
 
 
 def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Panel]]]:

@@ -22,7 +22,7 @@ _ALL: dict[str, Any] = {
     "linewidth": 1.5,
 }  # over the whole section
 _SINGLE = "#0072b2"
-_CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
+CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
 _HELD = 1e-6  # mm; a surface that moves by less is held, as that of a strip
 _NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver
 
@@ -101,7 +101,7 @@ def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -
     """Gap and pressure between strand and mould, how much of the surface touches, friction."""
     found: list[Callable[[Axes], None]] = []
     for prefix, largest, what, smallest in (
-        ("gap", "gap_max", "gap", _CLOSED),
+        ("gap", "gap_max", "gap", CLOSED),
         ("contact_pressure", "contact_pressure_max", "contact pressure", 0.0),
     ):
         if curves(table, prefix) or has_values(table, largest):

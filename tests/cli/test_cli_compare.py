@@ -9,14 +9,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from small_case import write_small
 
 import castfem as package
+from castfem.compare import drawing
 from castfem.compare.figures import figures, parts
 from castfem.compare.remarks import remarks
 from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, lines, printed, write_csv
-from castfem.output.history import History
+from castfem.output.history import History, read_history
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone
 
 
@@ -245,6 +247,33 @@ def test_what_never_changes_is_not_drawn(tmp_path):
         made.append(Run(tmp_path / name, name, Summary(name, "finished")))
     found = {d.quantity: [panel.place for panel in panels] for d, panels in figures(made, made[0])}
     assert found == {"temperature": ["max"], "shell": ["corner"], "gap": ["corner", "max"]}
+
+
+def test_axes_have_no_offset_and_rounding_does_not_fill_them(tmp_path, monkeypatch):
+    """Zero columns are left out; a share spans 1 %, a gap 0.01 mm, whatever rounding there is."""
+    kept: dict[str, Figure] = {}
+    monkeypatch.setattr(
+        drawing, "save", lambda figure, path, **_: kept.setdefault(path.stem, figure)
+    )
+    columns = ("gap_corner", "mm"), ("contact_sticking", "-"), ("friction_force", "kN/m")
+    zero = _imagined(tmp_path, "zero", 1.0, list(columns))
+    near = _imagined(tmp_path, "near", 1.00001, list(columns))
+    for run, scale in ((zero, 1.0), (near, 2.0)):
+        table = read_history(run.folder / "history.csv")
+        table["gap_corner"] *= 1e-7 * scale
+        table[["contact_sticking", "friction_force"]] = 0.0
+        units = table.attrs["units"]
+        table.columns = [f"{name} [{units[name]}]" for name in table.columns]
+        table.to_csv(run.folder / "history.csv", index=False)
+    drawing.draw(tmp_path, [zero, near], zero)
+    assert list(kept) == ["heat_rate", "heat_removed", "heat_share", "gap"]
+    low, high = kept["heat_share"].axes[0].get_ylim()
+    assert (low, high) == pytest.approx((99.5, 100.5), abs=1e-3)
+    assert kept["gap"].axes[0].get_ylim() == pytest.approx((0.0, 0.01))
+    for figure in kept.values():
+        figure.canvas.draw()
+        for axis in (axis for ax in figure.axes for axis in (ax.xaxis, ax.yaxis)):
+            assert axis.get_offset_text().get_text() == ""
 
 
 def test_equal_panels_are_drawn_once(tmp_path):
