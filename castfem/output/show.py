@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from castfem.output.advice import remarks
 from castfem.output.fields import Fields
 from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.last import last_quantities
 from castfem.output.plot_history import plain_unit
 from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.output.xdmf import HDF5_NAME
@@ -276,11 +277,11 @@ def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:
     if table.empty:
         _print(out, "no step has been taken yet")
         return
-    units: Mapping[str, str] = table.attrs["units"]
+    row = {str(name): float(value) for name, value in table.iloc[-1].items()}
+    quantities = last_quantities(row, table.attrs["units"])
     last = _table(f"Last of {len(table)} steps", "quantity", "castfem", "unit")
-    for name, value in table.iloc[-1].items():
-        unit = units[str(name)]
-        last.add_row(str(name).replace("_", " "), shown(float(value), unit), unit_shown(unit))
+    for label, value, unit, *_ in _rows(Summary("", record.status, quantities), {}):
+        last.add_row(label, value, unit)
     out.print(last, "", highlight=False)
     if "time" in record.reached:
         at = f"t = {record.reached['time']:.6g} s"
