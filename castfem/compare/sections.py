@@ -23,6 +23,7 @@ from castfem.output.plot_section import (
 )
 from castfem.output.plot_shape import STRESS_MAP, cover_soft, draw_outlines, stress_levels
 from castfem.output.shape import Distortion, von_mises
+from castfem.output.show import small_gap
 from castfem.output.style import CELSIUS
 from castfem.output.xdmf import HDF5_NAME
 
@@ -183,12 +184,19 @@ def _draw_shape(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
             lines = [*lines, *draw_outlines(ax, shape, factor, "black")]
         handles |= {str(line.get_label()): line for line in lines}
         if math.isfinite(section.gap):
-            gap = "no gap" if section.gap < _CLOSED else f"gap up to {1e3 * section.gap:.2f} mm"
-            title = _headed(title, gap)
+            title = _headed(title, _gap_told(section.gap))
         ax.set_title(title, fontsize=9)
     bar(figure, shades, "temperature [°C]")
     legend(figure, handles)
     return figure
+
+
+def _gap_told(gap: float) -> str:
+    """The largest gap [m] in words."""
+    if gap < _CLOSED:
+        return "no gap"
+    small = small_gap(1e3 * gap, "mm")
+    return f"gap up to {1e3 * gap:.2f} mm" if small is None else f"gap up to {small} µm"
 
 
 def _headed(title: str, said: str) -> str:

@@ -17,6 +17,7 @@ from castfem.compare.runs import Run
 from castfem.output.advice import mould_exit
 from castfem.output.chief import chief, plain_label
 from castfem.output.files import write_text
+from castfem.output.show import is_gap, shown, small_gap, unit_shown
 from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
 
 if TYPE_CHECKING:
@@ -43,6 +44,7 @@ class Line:
         ours: Value of each run, NaN where it has none.
         theirs: Its reference, NaN where it has none.
         kinds: Whether that is a value or a bound.
+        gap: Small ones are printed in micrometres, which stand behind them.
     """
 
     label: str
@@ -50,6 +52,7 @@ class Line:
     ours: tuple[float, ...]
     theirs: tuple[float, ...]
     kinds: tuple[Kind, ...]
+    gap: bool = False
 
     def verdict(self, run: int) -> bool | None:
         """Whether a run keeps to the bound that is given for it; None where there is none."""
@@ -126,7 +129,7 @@ def _line(
         theirs.append(from_si(expected, quantity.unit))
         kinds.append(kind)
     label = plain_label(quantity) + ("" if at is None else f", at {1e3 * at:.6g} mm")
-    return Line(label, quantity.unit, tuple(ours), tuple(theirs), tuple(kinds))
+    return Line(label, quantity.unit, tuple(ours), tuple(theirs), tuple(kinds), is_gap(name))
 
 
 def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> float:
@@ -173,8 +176,6 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
         table: From `lines`.
         width: Of the terminal, characters.
     """
-    from castfem.output.show import unit_shown
-
     labels = ["\n".join(textwrap.wrap(line.label, 26)) for line in table]
     first = [("quantity", labels), ("unit", [unit_shown(line.unit) for line in table])]
     alone = have_common_references(table)
@@ -225,7 +226,8 @@ def _width(header: str, cells: Sequence[str]) -> int:
 
 def _cell(line: Line, run: int, *, bare: bool) -> str:
     """The value of a run with its reference in brackets, or without."""
-    ours = _text(line.ours[run], line.unit)
+    small = small_gap(line.ours[run], line.unit) if line.gap else None
+    ours = _text(line.ours[run], line.unit) if small is None else f"{small} {unit_shown('um')}"
     if bare or not math.isfinite(line.theirs[run]):
         return ours
     return f"{ours} ({_reference(line, run)})"
@@ -237,8 +239,6 @@ def _reference(line: Line, run: int) -> str:
 
 
 def _text(value: float, unit: str) -> str:
-    from castfem.output.show import shown
-
     return f"{value:.1f}" if unit == SHARE and math.isfinite(value) else shown(value, unit)
 
 

@@ -187,7 +187,10 @@ def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
 def _largest(
     table: pandas.DataFrame, position: Array, prefix: str, what: str, least: float = 0.0
 ) -> Iterator[Remark]:
-    """The largest value of the columns `prefix_max`, and which probe has most of it there."""
+    """The largest value of the columns `prefix_max`, and which probe has most of it there.
+
+    What is not above `least` is not told.
+    """
     whole = f"{prefix}_max"
     probes = [(label, column) for label, _, column in curves(table, prefix)]
     columns = [whole] if has_values(table, whole) else [column for _, column in probes]
@@ -200,9 +203,11 @@ def _largest(
     where = f"at {_at(float(position[row]), table)}"
     there = [(float(table[column].iloc[row]), label) for label, column in probes]
     there = [entry for entry in there if np.isfinite(entry[0])]
-    if there:
+    unit = unit_of(table, column)
+    if there and max(there)[0] > least:
         where += "; of the probes {1}, {0:.3g}".format(*max(there))
-    yield Remark(what, value, unit_of(table, column), where)
+        where += " mm" if unit == "mm" else ""  # a small gap itself is told in micrometres
+    yield Remark(what, value, unit, where)
 
 
 def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) -> dict[str, Remark]:

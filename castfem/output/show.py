@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 _BRIEF = 0.01  # of the wall time; a stage that takes less is not named
 _LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
+_SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
 _DECIMALS = {"degC": 1, "K": 1, "mm": 2}
 
 
@@ -73,6 +74,26 @@ def shown(value: float, unit: str) -> str:
     if value == int(value) and abs(value) < 1e6:
         return f"{value:.0f}"
     return f"{value:.4g}"
+
+
+def is_gap(name: str) -> bool:
+    """Whether a quantity is a gap to the mould, by its name."""
+    return name.startswith(("gap_", "mould_gap_"))
+
+
+def small_gap(value: float, unit: str) -> str | None:
+    """A gap below 0.01 mm in micrometres, without their unit; None if it is larger or none."""
+    if unit == "mm" and _NO_GAP <= abs(value) < _SMALL_GAP:
+        return f"{1e3 * value:.1f}"
+    return None
+
+
+def _told(name: str, quantity: Quantity) -> tuple[str, str]:
+    """Value and unit of a quantity as the table of a run prints them."""
+    value, unit = quantity.shown, quantity.unit
+    if is_gap(name) and (small := small_gap(value, unit)) is not None:
+        return small, unit_shown("um")
+    return shown(value, unit), unit_shown(unit)
 
 
 def _rounded(value: float, digits: int) -> float:
@@ -194,7 +215,9 @@ def _wrapped(out: Console, text: str, start: str) -> list[str]:
 
 
 def _finely(value: float, unit: str) -> str:
-    """A value with its unit; lengths below 1 mm to the micrometre."""
+    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
+    if (small := small_gap(value, unit)) is not None:
+        return f"{small} {unit_shown('um')}"
     if unit == "mm" and abs(value) < 1.0:
         return f"{value:.3f} mm"
     return f"{shown(value, unit)} {unit}"
@@ -209,15 +232,15 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
     referred = {c.reference.quantity for c in summary.references}
     for name, quantity in summary.quantities.items():
         twin = summary.quantities.get(name.replace(_NARROW, _WIDE))
-        if name.endswith(_NARROW) and name not in referred and _same(quantity, twin):
+        if name.endswith(_NARROW) and name not in referred and _same(name, quantity, twin):
             continue
         label, twin = quantity.label, summary.quantities.get(name.replace(_WIDE, _NARROW))
         if name.endswith(_WIDE) and name.replace(_WIDE, _NARROW) not in referred:
-            label = label.replace("mid-face", "both faces") if _same(quantity, twin) else label
+            same = _same(name, quantity, twin)
+            label = label.replace("mid-face", "both faces") if same else label
         mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
-        value = shown(quantity.shown, quantity.unit)
         if all(c.reference.at is not None for c in mine):
-            rows.append((label, value, unit_shown(quantity.unit), "", "", ""))
+            rows.append((label, *_told(name, quantity), "", "", ""))
         rows.extend(_comparison_row(c, label, sources) for c in mine)
     for comparison in summary.references:
         if comparison.missing:
@@ -226,9 +249,9 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
     return rows
 
 
-def _same(one: Quantity, other: Quantity | None) -> bool:
+def _same(name: str, one: Quantity, other: Quantity | None) -> bool:
     """Whether two quantities would be printed alike, as those of the faces of a square."""
-    return other is not None and shown(one.shown, one.unit) == shown(other.shown, other.unit)
+    return other is not None and _told(name, one) == _told(name, other)
 
 
 def unit_shown(unit: str) -> str:

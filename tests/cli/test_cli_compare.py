@@ -288,6 +288,17 @@ def test_equal_panels_are_drawn_once(tmp_path):
     assert [panel.place for panel in found["surface_temperature"]] == ["a"]
 
 
+def test_small_gaps_stand_in_micrometres_beside_wide_ones():
+    made = []
+    for name, gap in (("tight", 4.87e-6), ("loose", 0.55e-3)):
+        quantities = {"mould_gap_max": Quantity(gap, "mm", "largest gap in the mould")}
+        made.append(Run(Path(name), name, Summary(name, "finished", quantities)))
+    table = lines(made, made[0])
+    (block,) = printed(made, table, 120)
+    assert [[*column.cells] for column in block.columns][1:] == [["mm"], ["4.9 µm"], ["0.55"]]
+    assert table[0].ours == pytest.approx((4.87e-3, 0.55))
+
+
 def test_references_at_a_place_of_their_own():
     """Thesis numbers within the strand stand in lines of their own; ratios of theirs, too."""
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from castfem.compare.runs import read_runs
+from castfem.compare.runs import Run, read_runs
 from castfem.compare.sections import draw_sections
+from castfem.output.summary import Quantity, Summary
 
 from .imagined import write_run
 from .strained import write_strained
@@ -24,3 +27,15 @@ def test_a_run_without_mechanics_stands_beside_one_with_it(tmp_path, names):
     has_stress = [name == "strained" for name in names]
     assert [bool(axes.collections) for axes in (first, second)] == has_stress
     assert scale.get_ylim() == pytest.approx((0.0, 2.0))
+
+
+def test_the_gap_of_a_shape_is_told_in_a_fitting_unit(tmp_path):
+    runs = []
+    for name, gap in (("shut", 5e-7), ("tight", 4.87e-6), ("loose", 5.5e-4)):
+        (tmp_path / name).mkdir()
+        write_strained(tmp_path / name)
+        summary = Summary.load(tmp_path / name)
+        quantities = {**summary.quantities, "gap_max": Quantity(gap, "mm", "largest gap")}
+        runs.append(Run(tmp_path / name, name, replace(summary, quantities=quantities)))
+    titles = [axes.get_title() for axes in draw_sections(runs, str)["shape"].axes[:3]]
+    assert titles == ["shut: no gap", "tight: gap up to 4.9 µm", "loose: gap up to 0.55 mm"]

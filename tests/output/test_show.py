@@ -284,6 +284,21 @@ def test_faces_of_a_square_have_one_row_and_nothing_has_no_sign(tmp_path):
     assert cells_of(text, "surface, narrow face") == ["1200.0", "°C"]  # another than the mid-face
 
 
+def test_gaps_below_a_hundredth_of_a_millimetre_are_told_in_micrometres(tmp_path):
+    write_run(tmp_path, steps=4)
+    whole = json.loads((tmp_path / "summary.json").read_text())
+    for name, value in (("max", 4.87e-3), ("corner", -6e-3), ("mid_face", 8e-6), ("edge", 0.012)):
+        whole["quantities"][f"gap_{name}"] = {"value": value, "unit": "mm", "label": f"gap, {name}"}
+    whole["quantities"]["size_edge"] = {"value": 4e-3, "unit": "mm", "label": "size, edge"}
+    (tmp_path / "summary.json").write_text(json.dumps(whole))
+    text = printed(tmp_path, figures=False)
+    assert cells_of(text, "gap, max") == ["4.9", "µm"]
+    assert cells_of(text, "gap, corner") == ["-6.0", "µm"]
+    assert cells_of(text, "gap, mid_face") == ["0.00", "mm"]
+    assert cells_of(text, "gap, edge") == ["0.01", "mm"]
+    assert cells_of(text, "size, edge") == ["0.00", "mm"]
+
+
 def test_bounds_are_met_or_missed_and_notes_stand_with_their_source(tmp_path):
     write_run(tmp_path, steps=4)
     whole = json.loads((tmp_path / "summary.json").read_text())
