@@ -24,6 +24,7 @@ from castfem.case.section import (
     outer_groups,
 )
 from castfem.case.wall import check_mould
+from castfem.table import Table
 from castfem.units import format, nearest
 from castfem.wording import choices
 
@@ -182,15 +183,20 @@ def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[
     of_mould = None if mould is None else mould.wall_temperature
     own = "wall" in law.model_fields_set and law.wall != MOULD
     if own and None not in (law.wall, of_mould) and law.wall != of_mould:
+        here, there = _degrees(law.wall), _degrees(of_mould)
         yield Problem(
-            (*path, "wall"), "mould.wall_temperature says something else; leave one of the two "
-            'out, or write wall = "mould"'
+            (*path, "wall"), f"{here} here, {there} as mould.wall_temperature; leave one of the "
+            'two out, or set this to "mould"'
         )  # fmt: skip
     if not own and (mould is None or "wall_temperature" not in mould.model_fields_set):
         yield Problem(
             path, 'wall is missing; the temperature of the wall, such as "160 degC", here or as '
             "mould.wall_temperature"
         )  # fmt: skip
+
+
+def _degrees(wall: Any) -> str:
+    return "a table" if isinstance(wall, Table) else format(wall, "K", "degC")
 
 
 def _follows(zone: Zone | None) -> bool:
@@ -333,10 +339,13 @@ def _planes(planes: Motions, section: Any) -> Iterator[Problem]:
         yield Problem(
             (*path, "across"), "is for a strip; other sections widen by their displacements"
         )
-    for motion, moment in (("a1", "moment_x"), ("a2", "moment_y")):
+    for motion, moment, mirror, enough in (
+        ("a1", "moment_x", "x = 0", '"whole"'),
+        ("a2", "moment_y", "y = 0", '"half" or "whole"'),
+    ):
         if motion not in barred(section):
             continue
-        mend = "leave it out, or model more of the section with section.symmetry"
+        mend = f"leave it out, or give section.symmetry = {enough}"
         for name in (motion, moment):
             if getattr(planes, name) not in (None, 0.0):
-                yield Problem((*path, name), f"symmetry keeps {motion} at zero; {mend}")
+                yield Problem((*path, name), f"the section is mirrored at {mirror}; {mend}")

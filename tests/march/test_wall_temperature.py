@@ -33,8 +33,10 @@ def test_heat_meets_the_wall_where_it_is() -> None:
     [
         (
             ("mould.wall_temperature=150 degC",),
-            r"base.toml: cooling\.0\.surface\.0\.wall .* says something else; ",
+            r"base.toml: cooling\.0\.surface\.0\.wall .*: 160 degC here, 150 degC as "
+            r'mould\.wall_temperature; leave one of the two out, or set this to "mould"$',
         ),
+        ((f"mould.wall_temperature={TABLE}",), "160 degC here, a table as mould"),
         (("cooling.mould.surface.0.wall=mould",), "wall is missing"),
     ],
 )
