@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from castfem.case.mould import EXAMPLES
 from castfem.units import nearest
 from castfem.wording import dotted, shown
 
@@ -254,6 +255,7 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
         path = (*path, step)
         if isinstance(place, dict) and step not in place:
             place[step] = {}
+            document.origins[path] = label
         place = place[step]
     document.changes.append((key, value))
     last = _step(place, parts[-1])
@@ -287,7 +289,9 @@ def _no_entry(place: Any, path: Keys, part: str) -> str:
     """Say why `part` leads nowhere in `place`."""
     where = dotted(path)
     if not isinstance(place, Sequence) or isinstance(place, str):
-        return f"{where} is a single value, it has no keys"
+        example = EXAMPLES.get(str(path[-1])) if path[:-1] == ("mould",) else None
+        mend = f"; give a table, such as {where} = {example}" if example else ""
+        return f"{where} is a single value, it has no keys{mend}"
     names = [str(e["name"]) for e in place if isinstance(e, Mapping) and "name" in e]
     named = f" or the name of one ({', '.join(names)}{nearest(part, names)})" if names else ""
     return f"'{part}' is no entry of {where}; give an index from 0 to {len(place) - 1}{named}"

@@ -25,6 +25,11 @@ FrictionCoefficient = Annotated[
     float, Kind("1", least=0.0, label="friction coefficient", sample="0.3")
 ]
 Exponent = Annotated[float, Kind("1", above=0.0, most=1.0, label="exponent", sample="0.5")]
+EXAMPLES = {
+    "contact": '{ method = "nitsche", factor = 100 }',
+    "friction": '{ law = "coulomb", coefficient = 0.3 }',
+}
+"""Tables within [mould] that one word may stand for, written out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,18 +39,20 @@ class OneWord:
     Attributes:
         key: The main key.
         words: What it may be where nothing else has to be given.
+        example: The table written out.
     """
 
     key: str
     words: tuple[str, ...]
+    example: str
 
     def _table(self, given: Any) -> Any:
         if not isinstance(given, str):
             return given
         if given not in self.words:
             raise ValueError(
-                f"must be {' or '.join(self.words)}, or a table with '{self.key}'"
-                f"{nearest(given, self.words)}"
+                f"must be {' or '.join(self.words)}, or a table with '{self.key}', such as "
+                f"{self.example}{nearest(given, self.words)}"
             )
         return {self.key: given}
 
@@ -212,9 +219,9 @@ class Mould(TableModel):
         default_factory=lambda: Copper.model_validate({}),
         description="thermal expansion of a mould given cold",
     )
-    contact: Annotated[Touch, OneWord("method", ("penalty", "nitsche"))] = Field(
-        default_factory=lambda: Touch.model_validate({}), description="contact method"
+    contact: Annotated[Touch, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])] = (
+        Field(default_factory=lambda: Touch.model_validate({}), description="contact method")
     )
-    friction: Annotated[Friction, OneWord("law", ("none",))] = Field(
+    friction: Annotated[Friction, OneWord("law", ("none",), EXAMPLES["friction"])] = Field(
         default_factory=lambda: NoFriction(law="none"), description="friction law"
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from castfem.case.base import TableModel
-from castfem.case.problems import model_at, submodels
+from castfem.case.problems import below, model_at, submodels
 from castfem.units import nearest
 from castfem.wording import dotted
 
@@ -42,7 +42,8 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
         more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
         raise ValueError(f"may stand for {', '.join(names[:_SHOWN])}{more}; write one in full")
     near = nearest(key, dict.fromkeys([*root.model_fields, *(str(path[-1]) for path in known)]))
-    similar = [_written(data, p) for p in known if near and f" {p[-1]}?" in near]
+    absent = [name for name in below(root, key) if name.partition(".")[0] not in _NOT_MEANT]
+    similar = absent or [_written(data, p) for p in known if near and f" {p[-1]}?" in near]
     if similar:
         near = f"; did you mean {' or '.join(similar[:3])}?"
     raise ValueError(f"no table of the case has a key of this name{near}")
@@ -67,9 +68,9 @@ def _keys(
             continue
         entries = [(*here, i) for i in range(len(value))] if isinstance(value, list) else [here]
         for entry in entries if value is not None else ():
-            below = model_at(root, entry, data)
-            if below is not None:
-                yield from _keys(root, below, data, entry)
+            inner = model_at(root, entry, data)
+            if inner is not None:
+                yield from _keys(root, inner, data, entry)
 
 
 def _written(data: Mapping[str, Any], path: Keys) -> str:

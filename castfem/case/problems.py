@@ -89,7 +89,9 @@ def _text(
         model = model_at(root, path[:-1], data)
         keys = list(model.model_fields) if model else []
         keys += ["extends"] if len(path) == 1 else []
-        return f"unknown key{given}; allowed: {choices(keys)}{nearest(str(path[-1]), keys)}"
+        meant = below(root, str(path[0])) if len(path) == 1 else []
+        near = f"; did you mean {' or '.join(meant)}?" if meant else nearest(str(path[-1]), keys)
+        return f"unknown key{given}; allowed: {choices(keys)}{near}"
     if kind == "missing":
         return _missing(model_at(root, path[:-1], data), path)
     if kind == "union_tag_not_found":
@@ -152,6 +154,15 @@ def submodels(annotation: Any) -> list[type[TableModel]]:
     if origin in (tuple, list, typing.Union, types.UnionType):
         return [m for inner in typing.get_args(annotation) for m in submodels(inner)]
     return []
+
+
+def below(root: type[TableModel], name: str) -> list[str]:
+    """Return the keys of this name that tables of the top level have: `mould.friction`."""
+    return [
+        f"{table}.{name}"
+        for table, field in root.model_fields.items()
+        if any(name in model.model_fields for model in submodels(field.annotation))
+    ]
 
 
 def tag_of(model: type[TableModel]) -> str | None:

@@ -52,8 +52,14 @@ def test_unknown_name_proposes_the_full_key(case):
     )
 
 
+def test_key_of_a_table_the_case_does_not_have(case):
+    assert _problem(case, friction="none").endswith("; did you mean mould.friction?")
+
+
 def test_references_are_not_meant(case):
-    assert "no table" in _problem(case, source="x")
+    problem = _problem(case, source="x")
+    assert "no table" in problem
+    assert "reference" not in problem
 
 
 def test_bad_value_names_the_full_key(case):

@@ -11,6 +11,10 @@ import pytest
 from castfem.case import Adaptive, Contact, from_document, load_case
 from castfem.errors import InputError
 
+MOULD = ("mould.length=600 mm", "mechanics.law=norton_hoff_kozlowski", "mesh.order=2",
+    "cooling.mould.surface.0.gap_conductivity=0.15 W/(m K)",
+)  # fmt: skip
+
 
 def test_values_are_si(write):
     case = load_case(write())
@@ -145,6 +149,10 @@ def test_override(write, assignment, attribute, value):
         ("cooling.7.to=1 m", "'7' is no entry of cooling; give an index from 0 to 1"),
         ("cooling.moult.to=1 m", "did you mean mould?"),
         ("casting.length=3", "needs its unit"),
+        ("friction.law=coulomb", 'unknown key ({ law = "coulomb" }); allowed: title'),
+        ("friction.law=coulomb", "; did you mean mould.friction?"),
+        ("time.step=1 s", "; did you mean thermal.time?"),
+        ("mehs.order=2", "; did you mean mesh?"),
     ],
 )
 def test_bad_override(write, assignment, said):
@@ -152,6 +160,22 @@ def test_bad_override(write, assignment, said):
         load_case(write(), [assignment])
     assert all(line.startswith("--set: ") for line in caught.value.problems)
     assert said in str(caught.value)
+
+
+def test_a_table_that_one_word_stands_for_has_no_keys(write, sound):
+    """What the message proposes can be used."""
+    written = [*MOULD, 'mould.contact = "nitsche"']
+    with pytest.raises(InputError) as caught:
+        load_case(write(), [*written, "mould.contact.factor=8"])
+    (line,) = caught.value.problems
+    said, _, mend = line.partition("; give a table, such as ")
+    assert said.endswith("mould.contact is a single value, it has no keys")
+    assert load_case(write(), [*written, mend]).mould.contact.factor == 100.0
+    with pytest.raises(InputError) as caught:
+        load_case(write(), [*MOULD, "mould.friction=coulomb"])
+    (line,) = caught.value.problems
+    mend = line.partition("such as ")[2].partition(" (")[0]
+    assert load_case(write(), [*MOULD, f"mould.friction={mend}"]).mould.friction.law == "coulomb"
 
 
 def test_resolved_case_reads_back_equal(write, sound, tmp_path):
