@@ -82,22 +82,29 @@ def from_document(data: Mapping[str, Any], label: str = "case") -> Case:
     return _or_raise(_validate(document.Document(copy.deepcopy(dict(data)), label)))
 
 
-def changed(case: Case, changes: Mapping[str, Any], label: str = "with_") -> Case:
+def changed(
+    case: Case,
+    changes: Mapping[str, Any],
+    label: str = "with_",
+    labels: Mapping[str, str] | None = None,
+) -> Case:
     """Return the case with some keys changed; see `Case.with_`.
 
     Args:
         case: The case.
         changes: Dotted or bare key (`castfem.case.names`) and new value.
         label: Where the changes were written, for messages.
+        labels: The same by key, of those that were written elsewhere.
     """
     written = document.Document(case.document(), "case")
     for key, value in changes.items():
+        where = (labels or {}).get(key, label)
         try:
             full = names.full_key(Case, written.data, key)
         except ValueError as error:
-            written.faults.append(f"{label}: {key}: {error}")
+            written.faults.append(f"{where}: {key}: {error}")
             continue
-        document.put(written, full, value, label)
+        document.put(written, full, value, where)
     document.entitle(written)
     return _or_raise(_validate(written))
 

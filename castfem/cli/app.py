@@ -177,11 +177,15 @@ def show(
 ) -> None:
     """Print the table of a run and draw its figures."""
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder")
+        raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     from castfem import tabulated
     from castfem.cli import parallel
+    from castfem.output.folder import RUN_NAME
     from castfem.output.show import show as show_folder
+    from castfem.sweep.record import SWEEP_NAME
 
+    if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
+        raise InputError(f"{folder}: it is a sweep: castfem compare {folder}")
     show_folder(folder, parallel.console())
     for line in tabulated.lines({"": folder}):
         print(line)

@@ -79,7 +79,7 @@ def _run(folder: Path, label: str = "") -> Run:
         InputError: There is none, or it has not ended.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder")
+        raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     status = RunRecord.load(folder).status
     summary = Summary.load(folder)
     if summary is None:

@@ -22,6 +22,10 @@ _LONGEST = 100  # characters of a folder's name
 _WIDEST = 24  # characters of a value in tables and legends
 _NAME = "name"  # of the column that names the runs
 _LABEL = "sweep"  # where a value was written, in messages
+_QUOTED = (
+    "(a cell with commas stands in quotes, quotes within it doubled; or part the cells by "
+    "semicolons, in the header, too)"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +48,11 @@ class Variant:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of the table of runs: its name, if it has one, and its values by key."""
+    """A row of the table of runs: its name, if it has one, its values by key, where it stands."""
 
     name: str
     values: Mapping[str, str]
+    place: str = _LABEL
 
 
 def plan(base: Case, assignments: Iterable[str], table: Path | None = None) -> tuple[Variant, ...]:
@@ -109,7 +114,8 @@ def _variants(
             problems.append(f"two runs would be the same: {name}")
             continue
         try:
-            case = changed(base, {key: value_of(v) for key, v in settings.items()}, _LABEL)
+            values_of = {key: value_of(value) for key, value in settings.items()}
+            case = changed(base, values_of, _LABEL, dict.fromkeys(row.values, row.place))
         except InputError as error:
             problems += error.problems
             continue
@@ -216,16 +222,21 @@ def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
     keys = [key for key, _ in columns]
     if len(set(keys)) < len(keys):
         raise ValueError("two columns have the same key")
-    rows = []
+    rows: list[Row] = []
     for number, cells in enumerate(body, start=1):
         if len(cells) != len(columns):
-            raise ValueError(f"run {number} has {len(cells)} cells, the header {len(columns)}")
+            problem = f"run {number} has {len(cells)} cells, the header {len(columns)}"
+            raise ValueError(f"{problem} {_QUOTED}" if separator == "," else problem)
         values = {
             key: _with_unit(cell, unit)
             for (key, unit), cell in zip(columns, cells, strict=True)
             if cell
         }
-        rows.append(Row(values.pop(_NAME, ""), values))
+        name = values.pop(_NAME, "")
+        if name and any(row.name == name for row in rows):
+            raise ValueError(f"two rows are named {name}")
+        place = f"{path}: run {number} ({name})" if name else f"{path}: run {number}"
+        rows.append(Row(name, values, place))
     return rows
 
 

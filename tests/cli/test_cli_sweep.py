@@ -53,6 +53,9 @@ def test_sweep(castfem, tmp_path):
     assert "superheat" in outcome.out
     assert "table in out/sweep.csv" in outcome.out
     assert "(4 of 4)" in outcome.err
+    shown = castfem("show", "out")
+    assert shown.status == 1
+    assert "out: it is a sweep: castfem compare out" in shown.err
 
 
 def test_finished_runs_are_not_run_again(castfem, tmp_path):

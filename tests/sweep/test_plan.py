@@ -163,6 +163,11 @@ def test_refused(base, assignments, message):
         ("speed [m/min],sped [m/min]\n1,2\n", "column sped: no table"),
         ("speed [m/min],casting.speed [m/min]\n1,2\n", "two columns have the same key"),
         ("speed [m/min],superheat [K]\n1\n", "run 1 has 1 cells, the header 2"),
+        ("name,order\na,{ a=1, b=2 }\n", "run 1 has 3 cells, the header 2 (a cell with commas"),
+        ("name;order\na;1;2\n", "run 1 has 3 cells, the header 2"),
+        ("name,order\na,1\nb,2\na,2\n", "two rows are named a"),
+        ("name,speed [m/min]\na,3\nb,3 kg\n", "run 2 (b): casting.speed: "),
+        ("speed [m/min]\n3 kg\n", "run 1: casting.speed: "),
     ],
 )
 def test_bad_table(base, tmp_path, text, message):
@@ -171,6 +176,42 @@ def test_bad_table(base, tmp_path, text, message):
     (problem,) = _problems(base, table=table)
     assert message in problem
     assert problem.startswith(f"{table}: ")
+
+
+TAPERS = {
+    "semicolons": """
+name; mould.taper
+single; 1 %/m
+double; [{ to = "30 mm", taper = "2 %/m" }, { taper = "0.8 %/m" }]
+parabola; { top = "2 %/m", exit = "0.4 %/m" }
+""",
+    "doubled quotes": """
+name, mould.taper
+single, 1 %/m
+double, "[{ to = ""30 mm"", taper = ""2 %/m"" }, { taper = ""0.8 %/m"" }]"
+parabola, "{ top = ""2 %/m"", exit = ""0.4 %/m"" }"
+""",
+}
+
+
+@pytest.mark.parametrize("text", TAPERS.values(), ids=TAPERS)
+def test_tapers_of_several_values(tmp_path, text):
+    table = tmp_path / "runs.csv"
+    table.write_text(text)
+    found = plan(castfem.load("billet125/taper_0"), [], table)
+    tapers = [v.case.mould.taper.face.stretches for v in found]
+    assert [[(s.end, s.top, s.bottom) for s in taper] for taper in tapers] == [
+        [(None, 0.01, 0.01)],
+        [(0.03, 0.02, 0.02), (None, 0.008, 0.008)],
+        [(None, 0.02, 0.004)],
+    ]
+
+
+def test_values_of_table_and_set_are_told_where_they_stand(base, tmp_path):
+    table = tmp_path / "runs.csv"
+    table.write_text("speed [m/min]\n3\n4 kg\n")
+    problems = _problems(base, "superheat=20 K,-5 K", table=table)
+    assert [p.partition(": casting")[0] for p in problems] == ["sweep", f"{table}: run 2"]
 
 
 def test_key_in_table_and_behind_set(base, tmp_path):
