@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from castfem.case import checks, document, names, problems, tensile
+from castfem.case import checks, document, names, plausible, problems, tensile
 from castfem.case.base import LENIENT
 from castfem.case.model import Case
 from castfem.case.tensile import TensileCase
@@ -32,6 +32,7 @@ class Reading:
             test, where its material was.
         law: The same for the law of the mechanics ("billet.toml: mechanics.law").
         elasticity: The same for its elasticity.
+        doubts: What a sound case has that was probably not meant, one line each.
     """
 
     case: AnyCase | None
@@ -39,6 +40,7 @@ class Reading:
     steel: str = "steel"
     law: str = "mechanics.law"
     elasticity: str = "mechanics.elasticity"
+    doubts: tuple[str, ...] = ()
 
 
 def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
@@ -123,10 +125,14 @@ def _validate(written: document.Document) -> Reading:
     case, found = _build(kind, written.data)
     found += list(tensile.check(case) if isinstance(case, TensileCase) else checks.check(case))
     lines = [*written.faults, *(_line(written, problem) for problem in found)]
-    table, key = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
-    steel = f"{written.origin((table, key))}: {table}"
-    laws = [f"{written.origin(('mechanics', k))}: mechanics.{k}" for k in ("law", "elasticity")]
-    return Reading(case, tuple(dict.fromkeys(lines)), steel, *laws)
+    table, name = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
+    steel = f"{written.origin((table, name))}: {table}"
+    law, elasticity = (
+        f"{written.origin(('mechanics', key))}: mechanics.{key}" for key in ("law", "elasticity")
+    )
+    odd = plausible.doubts(case) if isinstance(case, Case) and not lines else ()
+    doubts = tuple(_line(written, problem) for problem in odd)
+    return Reading(case, tuple(dict.fromkeys(lines)), steel, law, elasticity, doubts)
 
 
 def _kind(written: document.Document) -> type[AnyCase]:

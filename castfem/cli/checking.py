@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from castfem import log
 from castfem.case import AnyCase, Case, Reading, TensileCase, read_case
 from castfem.errors import InputError
 from castfem.units import convert
@@ -19,7 +20,8 @@ def problems_of(
 ) -> tuple[AnyCase | None, Steel | None, list[str]]:
     """Return a case, its steel and all the problems of both, laws too; None for what is not sound.
 
-    A tensile test has a law instead of a steel.
+    A tensile test has a law instead of a steel. What a sound case has that was probably not meant
+    goes to the log.
     """
     reading = read_case(path, overrides)
     problems = list(reading.problems)
@@ -32,6 +34,8 @@ def problems_of(
             _try_mechanics(reading, steel)
     except InputError as error:
         problems += error.problems
+    for doubt in () if problems else reading.doubts:
+        log.logger.warning("%s", doubt)
     return (None if problems else reading.case), steel, problems
 
 
@@ -80,7 +84,11 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
     Raises:
         InputError: All problems.
     """
-    case, steel, problems = problems_of(path, overrides)
+    log.setup()
+    try:
+        case, steel, problems = problems_of(path, overrides)
+    finally:
+        log.close()
     if problems or case is None:
         raise InputError(problems)
     if isinstance(case, TensileCase):

@@ -19,6 +19,18 @@ def test_run_hands_over_the_case(castfem, engine, case_file):
     assert outcome.out == "table of out, figures True\nresults in out\n"
 
 
+NEW = {"run": ("-o", "other"), "check": ()}
+
+
+@pytest.mark.parametrize("words", [("run", "-q"), ("check",)])
+def test_a_value_that_was_hardly_meant_is_told_and_taken(castfem, engine, case_file, words):
+    outcome = castfem(*words, case_file, "--set", "casting.speed=360 m/min")
+    assert outcome.status == 0
+    (line,) = outcome.err.splitlines()
+    assert line.startswith("castfem: warning: --set: casting.speed: (360 m/min) is far beyond")
+    assert castfem(*words, case_file, "--set", "casting.speed=6 m/min", *NEW[words[0]]).err == ""
+
+
 def test_figures_are_left_out_if_the_case_says_so(castfem, engine, case_file):
     outcome = castfem("run", case_file, "-o", "out", "--set", "output.figures=false")
     assert "table of out, figures False" in outcome.out

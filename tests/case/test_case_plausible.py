@@ -1,0 +1,71 @@
+"""Values that a case may have, but that were probably not meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from castfem import catalogue
+from castfem.case import read_case
+
+TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
+ROUGH = 'mould.friction={ law = "coulomb", coefficient = %s }'
+TWO = 'mould.taper=[{ to = "100 mm", taper = "%s" }, { taper = "0.5 %%/m" }]'
+WALL = 'mould.taper={ position = [0, 600], position_unit = "mm", value = [0, %s], unit = "mm" }'
+
+
+def _doubts(*changes: str) -> tuple[str, ...]:
+    reading = read_case(TAPERED, changes)
+    assert not reading.problems
+    return reading.doubts
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("mould.taper=20 %/m", "mould.taper: the mould closes by 12 %; did you mean 2 %/m?"),
+        ("mould.taper=-20 %/m", "mould.taper: the mould opens by 12 %; did you mean -2 %/m?"),
+        ("mould.taper=50 %/m", "mould.taper: the mould closes by 30 %"),
+        (
+            'mould.taper={ face = "1 %/m", narrow_face = "15 %/m" }',
+            "mould.taper: narrow_face: the mould closes by 9 %; did you mean 1.5 %/m?",
+        ),
+        # 62.5 mm / 57.5 mm
+        (WALL % 5, "mould.taper: the mould closes by 8.7 %"),
+        ("casting.speed=360 m/min", "casting.speed: (360 m/min) is far beyond"),
+        (ROUGH % 30, "(30) is more than 2 times the pressure; did you mean 0.3?"),
+        (ROUGH % 2.5, "(2.5) is more than 2 times the pressure"),
+    ],
+)
+def test_what_was_hardly_meant(change: str, said: str) -> None:
+    (line,) = _doubts(change)
+    assert line.startswith("--set: ")
+    assert said in line
+    assert ("did you mean" in line) == ("did you mean" in said)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "mould.taper=10 %/m",
+        "mould.taper=-10 %/m",
+        TWO % "20 %/m",  # steep, but 2.3 % in all
+        WALL % 3,
+        "casting.speed=18 m/min",
+        ROUGH % 1,
+    ],
+)
+def test_what_may_be_meant(change: str) -> None:
+    assert _doubts(change) == ()
+
+
+@pytest.mark.parametrize("path", catalogue.shipped().values(), ids=catalogue.shipped())
+def test_shipped_cases_are_meant(path: Path) -> None:
+    assert read_case(path).doubts == ()
+
+
+def test_a_faulty_case_has_other_worries() -> None:
+    reading = read_case(TAPERED, ["mould.taper=20 %/m", "casting.length=3"])
+    assert len(reading.problems) == 1
+    assert reading.doubts == ()
