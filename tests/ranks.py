@@ -13,6 +13,7 @@ from mpi4py import MPI
 import pytest
 
 _LAUNCHER = ("OMPI_", "PMIX_", "PMI_", "PRTE_")
+_KEPT = ("OMPI_MCA_btl", "OMPI_MCA_mpi_yield_when_idle")  # the user's choice, not the launcher's
 _ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 
 needs_mpirun = pytest.mark.skipif(
@@ -33,7 +34,11 @@ def python_on(
         timeout: After which the test has failed, s.
     """
     # What the launcher of this process has left would be taken for the new one's.
-    clean = {key: value for key, value in os.environ.items() if not key.startswith(_LAUNCHER)}
+    clean = {
+        key: value
+        for key, value in os.environ.items()
+        if key in _KEPT or not key.startswith(_LAUNCHER)
+    }
     launcher = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
     return subprocess.run(
         [*launcher, sys.executable, *words],

@@ -18,6 +18,7 @@ _LAUNCHERS = (
     ("SLURM_PROCID", "SLURM_NTASKS"),
 )
 _PATIENCE = 5.0  # s for the other ranks to arrive at the same failure
+_DRAINED = 0.3  # s for the launcher to pass on what was printed
 
 
 def launched() -> tuple[int, int]:
@@ -64,13 +65,15 @@ def rank_of(comm: MPI.Intracomm | None) -> int:
 def settle() -> None:
     """Wait a little for the other ranks, so that rank 0 has printed before the first one ends.
 
-    A launcher ends all ranks as soon as one leaves with an exit status.
+    A launcher ends all ranks as soon as one leaves with an exit status, and may then leave unread
+    what was just printed: it gets a moment for that.
     """
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     comm = communicator()
     if comm is not None:
         _all_arrive(comm)
+        time.sleep(_DRAINED)
 
 
 def _all_arrive(comm: MPI.Intracomm) -> bool:
