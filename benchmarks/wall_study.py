@@ -1,4 +1,4 @@
-"""What holds a strand in its mould: the penalty's factor, the cells at the wall, springs beside it.
+"""What holds a strand in its mould: the penalty's factor, friction, cells at the wall, springs.
 
 Writes tables of docs/contact.md and docs/mechanics.md. All runs are shipped billets, in memory.
 """
@@ -17,7 +17,7 @@ from mpi4py import MPI
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.billet_run import CASES, COARSE, QUIET, touch
+from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, touch
 from benchmarks.report import Output, table
 from castfem import mechanical_scene
 from castfem.case import load_case
@@ -117,6 +117,49 @@ def factors(output: Output, quick: bool) -> None:
     output.insert("contact factor", table(rows, head, {"newton": ".2f", "seconds": ".2f", **forms}))
 
 
+# Laws of friction.
+
+P0 = 'yield_stress="10 MPa"'
+CAST = 'speed="3.6 m/min"'
+LAWS = {
+    "Coulomb 0.3": 'law="coulomb", coefficient=0.3',
+    "the same, limited": f'law="limited", coefficient=0.3, {P0}',
+    "Tresca, share 0.05": f'law="tresca", share=0.05, {P0}',
+    "Tresca, share 0.3": f'law="tresca", share=0.3, {P0}',
+    "viscous, 1 MPa beyond Coulomb 0.3": (
+        f'law="viscous", coefficient=0.3, stress="1 MPa", {CAST}, {P0}'
+    ),
+    "lubricant, 20 kPa at the speed of casting": f'law="viscous", stress="20 kPa", {CAST}',
+}
+
+
+def frictions(output: Output, quick: bool) -> None:
+    """Iterations and results by the law of friction."""
+    rows = []
+    for name, law in list(LAWS.items())[: 1 if quick else None]:
+        for mould in ("taper_1", "taper_0"):
+            found = march(mould, (*COARSE, f"mould.friction={{{law}}}"))
+            values = found.values
+            rows.append(
+                {
+                    "law": name,
+                    "mould": NAMES[mould],
+                    "newton": found.newton,
+                    "cut": found.cut,
+                    "heat": values["heat_removed_slice"] / 1e3,
+                    "peak": values["von_mises_max"] / 1e6,
+                    "pull": values["mould_pull"] / 1e3,
+                }
+            )
+    output.csv("contact_friction", rows)
+    head = {
+        "law": "law (p0 = 10 MPa)", "mould": "mould", "newton": "Newton", "cut": "cut back",
+        "heat": "heat [kJ]", "peak": "peak stress [MPa]", "pull": "pull on the strand [kN]",
+    }  # fmt: skip
+    forms = {"heat": ".1f", "peak": ".1f", "pull": ".2f"}
+    output.insert("contact friction", table(rows, head, forms))
+
+
 # Quadrilaterals and triangles.
 
 SIZES = (1.2, 0.8, 0.5, 0.35, 0.2)
@@ -206,10 +249,10 @@ def springs(output: Output, quick: bool) -> None:
     output.insert("springs", table(rows, head, forms))
 
 
-PARTS: Sequence[Any] = (springs, factors, cells)
+PARTS: Sequence[Any] = (springs, frictions, factors, cells)
 
 
 def main(output: Output, quick: bool) -> None:
-    """All three."""
+    """All of them."""
     for part in PARTS:
         part(output, quick)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from castfem.output.results import result
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
 from castfem.timestep import same_instant
 
@@ -12,9 +14,6 @@ if TYPE_CHECKING:
     from castfem.march import March
     from castfem.measure import Reading
     from castfem.mechanical_measure import MechanicalReading
-
-
-PROBES = {"mid_face": "mid-face", "narrow_face": "narrow face", "corner": "corner"}
 
 
 def summarise(march: March, status: str) -> Summary:
@@ -86,28 +85,25 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
     found = {
         "solidus": Quantity(scene.steel.solidus, "degC", "solidus"),
         "liquidus": Quantity(scene.steel.liquidus, "degC", "liquidus"),
-        "position": Quantity(reading.position, "m", "position"),
-        "time": Quantity(reading.time, "s", "time"),
+        **_told(position=reading.position, time=reading.time),
     }
     for name, profile in reading.profiles.items():
-        where = PROBES.get(name, name.replace("_", " "))
-        surface = float(profile.temperature[0])
-        found |= {
-            f"shell_{name}": Quantity(reading.shell[name], "mm", f"shell, {where}"),
-            f"liquidus_depth_{name}": Quantity(reading.liquidus[name], "mm", f"liquidus, {where}"),
-            f"surface_temperature_{name}": Quantity(surface, "degC", f"surface, {where}"),
-            f"heat_flux_{name}": Quantity(reading.flux[name], "kW/m^2", f"heat flux, {where}"),
-        }
+        found |= _told(
+            name,
+            shell=reading.shell[name],
+            liquidus_depth=reading.liquidus[name],
+            surface_temperature=float(profile.temperature[0]),
+            heat_flux=reading.flux[name],
+        )
     removed = reading.removed
     found |= {
-        "heat_removed": Quantity(removed, "MJ/m", "heat removed per m"),
-        "cooling_power": Quantity(removed * speed, "kW", "cooling power to here"),
+        **_told(heat_removed=removed, cooling_power=removed * speed),
         "heat_removed_slice": Quantity(
             removed / whole * speed,
             "kJ",
             "heat removed in 1 s of casting, modelled part",
         ),
-        "temperature_max": Quantity(reading.temperature_range[1], "degC", "highest temperature"),
+        **_told(temperature_max=reading.temperature_range[1]),
     }
     if reading.mechanics is not None:
         found |= _mechanical_quantities(reading.mechanics)
@@ -156,25 +152,27 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
 
 def _mechanical_quantities(reading: MechanicalReading) -> dict[str, Quantity]:
     """Stress and shape of the slice."""
-    x, y = (1e3 * c for c in reading.peak_at)
-    found = {
-        "von_mises_max": Quantity(
-            reading.peak, "MPa", f"largest von Mises stress, at x = {x:.1f}, y = {y:.1f} mm"
-        )
-    }
+    found = {"von_mises_max": result("von_mises_max", reading.peak, _place(reading.peak_at))}
     for name, stress in reading.surface_stress.items():
-        where = PROBES.get(name, name.replace("_", " "))
-        found[f"von_mises_{name}"] = Quantity(stress, "MPa", f"von Mises stress, {where}")
-        found[f"displacement_{name}"] = Quantity(
-            reading.moved[name], "mm", f"outward displacement, {where}"
-        )
+        found |= _told(name, von_mises=stress, displacement=reading.moved[name])
     for name, size in reading.across.items():
-        what = "diagonal" if name == "corner" else f"size at {PROBES.get(name, name)}"
-        found[f"size_{name}"] = Quantity(size, "mm", what)
-    found["axial_strain"] = Quantity(reading.strain, "-", "axial strain")
+        found |= _told(name, size=size)
+    found |= _told(axial_strain=reading.strain)
     if reading.contact is not None:
         found |= _contact_quantities(reading, reading.contact)
     return found
+
+
+def _told(probe: str = "", **values: float) -> dict[str, Quantity]:
+    """Results by name, at a probe or of the whole slice."""
+    names = {f"{name}_{probe}" if probe else name: value for name, value in values.items()}
+    return {name: result(name, value) for name, value in names.items()}
+
+
+def _place(at: Iterable[float]) -> str:
+    """A place of the section."""
+    x, y = (1e3 * c for c in at)
+    return f"at x = {x:.1f}, y = {y:.1f} mm"
 
 
 def _friction(reading: MechanicalReading, whole: int) -> dict[str, Quantity]:
@@ -191,25 +189,17 @@ def _friction(reading: MechanicalReading, whole: int) -> dict[str, Quantity]:
 
 def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> dict[str, Quantity]:
     """How the slice touches the mould."""
-    found = {}
+    found: dict[str, Quantity] = {}
     for name, gap in reading.gap.items():
-        where = PROBES.get(name, name.replace("_", " "))
-        found[f"gap_{name}"] = Quantity(gap, "mm", f"gap to the mould, {where}")
-    x, y = (1e3 * c for c in contact.widest)
-    widest = f"largest gap, at x = {x:.1f}, y = {y:.1f} mm" if contact.gap else "largest gap"
-    x, y = (1e3 * c for c in contact.highest)
-    highest = "largest contact pressure"
-    highest += f", at x = {x:.1f}, y = {y:.1f} mm" if contact.pressure else ""
+        found |= _told(name, gap=gap)
     if contact.sticking is not None:
-        label = "share of the surface that sticks to the mould"
-        found["contact_sticking"] = Quantity(contact.sticking, "percent", label)
+        found |= _told(contact_sticking=contact.sticking)
+    widest = _place(contact.widest) if contact.gap else ""
+    highest = _place(contact.highest) if contact.pressure else ""
     return found | {
-        "gap_max": Quantity(contact.gap, "mm", widest),
-        "contact_pressure_max": Quantity(contact.pressure, "MPa", highest),
-        "penetration": Quantity(
-            contact.penetration, "um", "penetration of the mould here, at most"
-        ),
-        "contact_share": Quantity(contact.share, "percent", "share of the surface in contact"),
+        "gap_max": result("gap_max", contact.gap, widest),
+        "contact_pressure_max": result("contact_pressure_max", contact.pressure, highest),
+        **_told(penetration=contact.penetration, contact_share=contact.share),
     }
 
 

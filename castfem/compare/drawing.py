@@ -15,7 +15,8 @@ from castfem.compare.figures import Definition, Panel, figures
 from castfem.compare.runs import Run
 from castfem.compare.sections import draw_sections
 from castfem.output.plot_history import plain_unit
-from castfem.output.style import Course, dress, look, new_panels, probe_label, save
+from castfem.output.results import probe_label
+from castfem.output.style import Course, dress, look, new_panels, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

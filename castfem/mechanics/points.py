@@ -164,6 +164,8 @@ class Points:
         at_vertex = np.zeros(self.vertex.shape[1], np.int64)
         at_vertex[np.asarray(section.vertex_space.dofmap.list)[:, :corners]] = nodes
         self._vertex_nodes = at_vertex[: section.owned]
+        places = section.vertex_space.tabulate_dof_coordinates()
+        self._vertex_heights = np.array(places[: section.owned, 1])
 
     def _operator(self, expression: object, space: fem.FunctionSpace) -> sparse.csr_matrix:
         """Sparse matrix of a linear expression of a space's functions, rows by point."""
@@ -239,8 +241,8 @@ class Points:
             modes: Generalized strains (4,).
         """
         found = self.nodal(displacement)
-        places = self.section.vertex_space.tabulate_dof_coordinates()[: len(found)]
-        return found + np.outer(modes[3] * places[:, 1], [0.0, 1.0])
+        found[:, 1] += modes[3] * self._vertex_heights
+        return found
 
     def to_vertices(self, density: Array) -> Array:
         """Integral of a density at the deviator's points times each vertex' hat function, (owned,).

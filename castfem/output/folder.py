@@ -50,6 +50,9 @@ FIGURES_NAME = "figures"
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 TENSILE_FIGURES = ("tensile",)
+# What filelock raises on a file system that has no locks (flock fails with ENOSYS), as some network
+# mounts; the name is Python's own for what has not been written yet, which is not meant here.
+_NO_LOCKS = NotImplementedError
 _LOCK_NAME = ".castfem.lock"
 _FORMAT = "castfem run"
 # The checkpoint is the first to go: of what is left of a run nothing is resumed.
@@ -235,9 +238,7 @@ class OutputFolder(Closing):
             probe.acquire()
         except Timeout:
             return True
-        except (OSError, NotImplementedError):
-            # No right to the file, or a file system that has no locks, of which filelock says
-            # NotImplementedError: no run can be told to be at work.
+        except (OSError, _NO_LOCKS):  # no right to the file, or no locks: nobody can be told of
             return False
         probe.release()
         return False
@@ -253,8 +254,7 @@ class OutputFolder(Closing):
             raise InputError(
                 f"{self.path}: another run is writing here; wait for it, or choose another folder"
             ) from error
-        except NotImplementedError:
-            # What filelock says of a file system without locks: run.json alone has to do.
+        except _NO_LOCKS:  # two runs can then not be kept apart; run.json alone has to do
             return
         self._lock = lock
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from castfem.output.plot_section import Steel
 from castfem.output.plot_tensile import draw_tensile
+from castfem.output.results import probe_label
 from castfem.output.style import (
     CELSIUS,
     LIQUIDUS_COLOUR,
@@ -17,7 +18,6 @@ from castfem.output.style import (
     dress,
     new_panels,
     probe_colours,
-    probe_label,
 )
 
 if TYPE_CHECKING:

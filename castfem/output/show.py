@@ -13,8 +13,8 @@ from castfem.output.advice import remarks
 from castfem.output.fields import Fields
 from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
-from castfem.output.last import last_quantities
 from castfem.output.plot_history import plain_unit
+from castfem.output.results import last_quantities
 from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.output.xdmf import HDF5_NAME
 

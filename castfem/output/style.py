@@ -219,11 +219,6 @@ def _palette(maps: tuple[str, ...]) -> Image.Image:
     return palette
 
 
-def probe_label(probe: str) -> str:
-    """The name of a probe in a legend."""
-    return probe.replace("mid_face", "mid-face").replace("_", " ")
-
-
 def probe_colours(probes: list[str]) -> dict[str, str]:
     """One colour a probe."""
     others = [probe for probe in probes if probe not in _COLOURS]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ from mechanics import scenes
 
 from castfem.contact.contact import Contact
 from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.supports import Held, SurfacePressure, Traction
+from castfem.meshes import SectionMesh
 from castfem.mould.wall import Array, Reach
 
 PLANE_STRAIN = PlainPlanes(free=())
@@ -89,3 +92,42 @@ class TwoWalls:
 
     def temperature(self, position: float) -> float:
         return 400.0
+
+
+FOOT = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
+
+
+def dragged_block(
+    mesh: SectionMesh,
+    law: Any,
+    contact: Contact,
+    pressure: float,
+    top: Callable[[float], float],
+    shear: Callable[[float], float],
+) -> scenes.SliceScene:
+    """A block (groups left, foot, right, top) pressed on a wall and drawn along it by its top.
+
+    Args:
+        mesh: The block.
+        law: What it is made of, without lateral contraction.
+        contact: With the wall below its foot.
+        pressure: On its top, Pa.
+        top: Displacement of that over time, m.
+        shear: Stress that its sides carry over time, Pa: then it is sheared evenly.
+    """
+    return scenes.SliceScene(
+        mesh,
+        law,
+        given={
+            "planes": PLANE_STRAIN,
+            "held": (Held(("top",), 0, lambda x, t: np.full(len(x), top(t))),),
+            "loads": (
+                SurfacePressure(("top",), lambda t: pressure),
+                Traction(("right",), lambda t: (0.0, shear(t))),
+                Traction(("left",), lambda t: (0.0, -shear(t))),
+            ),
+            "pin": False,
+            "contact": contact,
+        },
+        tolerance=1e-10,
+    )

@@ -13,8 +13,8 @@ from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous, return
 from castfem.contact.outcome import summary
 from castfem.contact.state import SLIP, STICK
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure, Traction
-from contact.scenes import LineWall
+from castfem.mechanics.supports import Held, SurfacePressure
+from contact.scenes import FOOT, dragged_block
 
 METHODS = ("penalty", "nitsche")
 CELLS = ("quadrilateral", "triangle")
@@ -28,7 +28,6 @@ LAWS: dict[str, Any] = {
     "light": (Tresca(0.5, P0, steepest=0.4), 0.4 * PRESSURE),
     "sticky": (Coulomb(MU, cohesion=1e6, steepest=0.1), (MU + 0.1) * PRESSURE),
 }
-FOOT = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
 
 
 class Spring:
@@ -60,22 +59,8 @@ def sliding_block(law: Any, method: str, cell: str, spring: Spring, factor: floa
     """A block pressed on a wall; its top is moved sideways, its sides carry the shear of it."""
     groups = ("left", "foot", "right", "top")
     contact = Contact(FOOT, ("foot",), method=method, friction=law, factor=factor)  # type: ignore
-    return SliceScene(
-        mapped(3, 2, skewed(WIDTH, HEIGHT, 0.05), cell, groups=groups),
-        elastic(YOUNG, 0.0),
-        given={
-            "planes": PlainPlanes(()),
-            "held": (Held(("top",), 0, lambda x, t: np.full(len(x), spring.sweep(t))),),
-            "loads": (
-                SurfacePressure(("top",), lambda t: PRESSURE),
-                Traction(("right",), lambda t: (0.0, spring(t))),
-                Traction(("left",), lambda t: (0.0, -spring(t))),
-            ),
-            "pin": False,
-            "contact": contact,
-        },
-        tolerance=1e-10,
-    )
+    mesh = mapped(3, 2, skewed(WIDTH, HEIGHT, 0.05), cell, groups=groups)
+    return dragged_block(mesh, elastic(YOUNG, 0.0), contact, PRESSURE, spring.sweep, spring)
 
 
 @pytest.mark.parametrize("law", list(LAWS))

@@ -15,12 +15,11 @@ from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
 from castfem.contact.outcome import summary
 from castfem.contact.state import SLIP, STICK
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure, Traction
-from contact.scenes import LineWall
+from castfem.mechanics.supports import Held, SurfacePressure
+from contact.scenes import FOOT, LineWall, dragged_block
 
 METHODS = ("penalty", "nitsche")
 YOUNG, WIDTH, HEIGHT, PRESSURE = 40e9, 20e-3, 10e-3, 5e6
-FOOT = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
 FACTOR = 100.0
 COMPLIANCE = HEIGHT / (YOUNG / 2) + HEIGHT / 2 / (FACTOR * YOUNG / 3)  # block and K_tau in series
 SPEED, DRAG, STEP, STEPS = 1e-4, 1.0, 0.1, 20  # of the top: dragged for a second, then held
@@ -68,22 +67,8 @@ class Dashpot:
 def dragged(law: Any, method: str, spring: Dashpot) -> SliceScene:
     """A block pressed on a wall; its top is drawn along, its sides carry the shear of it."""
     contact = Contact(FOOT, ("foot",), method=method, friction=law, factor=FACTOR)  # type: ignore
-    return SliceScene(
-        mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
-        elastic(YOUNG, 0.0),
-        given={
-            "planes": PlainPlanes(()),
-            "held": (Held(("top",), 0, lambda x, t: np.full(len(x), spring.top(t))),),
-            "loads": (
-                SurfacePressure(("top",), lambda t: PRESSURE),
-                Traction(("right",), lambda t: (0.0, spring(t))),
-                Traction(("left",), lambda t: (0.0, -spring(t))),
-            ),
-            "pin": False,
-            "contact": contact,
-        },
-        tolerance=1e-10,
-    )
+    mesh = mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top"))
+    return dragged_block(mesh, elastic(YOUNG, 0.0), contact, PRESSURE, spring.top, spring)
 
 
 LINEAR = Lubricant(2e10, 1.0)

@@ -20,13 +20,14 @@ COARSE = (
     'mesh.face_size="12 mm"',
     'mesh.core_size="18 mm"',
     'coupling.interval="0.2 s"',
-    'casting.length="96 mm"',
+    'casting.length="120 mm"',
     "output.fields=[]",
 )
 RUBBING = (
-    "mould.contact=nitsche", "mould.friction.law=coulomb", "mould.friction.coefficient=0.3",
-    "casting.length=72 mm",
-)  # fmt: skip
+    "mould.contact=nitsche",
+    "mould.friction.law=coulomb",
+    "mould.friction.coefficient=0.3",
+)
 
 
 @lru_cache
@@ -56,7 +57,7 @@ def ends(*changes: str) -> dict[str, float]:
 @pytest.mark.parametrize("symmetry", ["half", "whole"])
 def test_quarter_half_and_whole_are_one(symmetry: str, touch: tuple[str, ...]) -> None:
     part, more = (ends(f'section.symmetry="{name}"', *touch) for name in ("quarter", symmetry))
-    assert part["gap"] > 1e-7 and (part["friction"] < 0.0) == bool(touch)
+    assert part["gap"] > 1e-6 and (part["friction"] < 0.0) == bool(touch)
     for name, value in part.items():
         times = (2, 4)[symmetry == "whole"] if name == "friction" else 1  # of the part modelled
         assert more[name] == pytest.approx(times * value, rel=1e-6), name

@@ -1,13 +1,12 @@
-"""The last row of a history in the words and units of the table of a finished run."""
+"""Label and unit of each result, by its name in the summary and in the history."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from castfem.output.style import probe_label
 from castfem.output.summary import Quantity, to_si
 
-# Column to label and unit; columns of a finished run's table alone, not those of its march.
+# Of the whole slice.
 _WHOLE = {
     "position": ("position", "m"),
     "time": ("time", "s"),
@@ -23,7 +22,7 @@ _WHOLE = {
     "penetration": ("penetration of the mould here, at most", "um"),
     "size_corner": ("diagonal", "mm"),
 }
-# The same for columns of a probe, which stands behind them: `shell_mid_face`.
+# At a probe, whose name stands behind: `shell_mid_face`.
 _AT_PROBES = {
     "shell": ("shell, {}", "mm"),
     "liquidus_depth": ("liquidus, {}", "mm"),
@@ -36,25 +35,48 @@ _AT_PROBES = {
 }
 
 
+def probe_label(probe: str) -> str:
+    """Return what a probe is called."""
+    return probe.replace("mid_face", "mid-face").replace("_", " ")
+
+
+def result(name: str, value: float, place: str = "") -> Quantity:
+    """Return a result, in SI, with its label and the unit in which it is shown.
+
+    Args:
+        name: Of the result.
+        value: In SI.
+        place: Where it was found, behind the label.
+
+    Raises:
+        KeyError: There is no such result.
+    """
+    known = _known(name)
+    if known is None:
+        raise KeyError(name)
+    label, unit = known
+    return Quantity(value, unit, f"{label}, {place}" if place else label)
+
+
 def last_quantities(row: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Quantity]:
     """Return the quantities of a row by name, in the order of its columns; position and time first.
 
     Args:
-        row: Column to value; those that are in no table of a finished run are left out.
+        row: Column to value; what is no result is left out.
         units: Of the values.
     """
     found = {}
     for name in sorted(row, key=lambda column: column not in ("position", "time")):
-        known = _WHOLE.get(name) or _at_probe(name)
-        if known is not None:
-            label, unit = known
-            found[name] = Quantity(to_si(row[name], units[name]), unit, label)
+        if _known(name) is not None:
+            found[name] = result(name, to_si(row[name], units[name]))
     return found
 
 
-def _at_probe(column: str) -> tuple[str, str] | None:
-    """Label and unit of a column of a probe; None if it is none, or in no table."""
+def _known(name: str) -> tuple[str, str] | None:
+    """Label and unit of a result; None if there is none of that name."""
+    if name in _WHOLE:
+        return _WHOLE[name]
     for prefix, (label, unit) in _AT_PROBES.items():
-        if column.startswith(f"{prefix}_"):
-            return label.format(probe_label(column.removeprefix(f"{prefix}_"))), unit
+        if name.startswith(f"{prefix}_"):
+            return label.format(probe_label(name.removeprefix(f"{prefix}_"))), unit
     return None

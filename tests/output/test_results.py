@@ -13,7 +13,7 @@ from castfem.case import load_case
 from castfem.catalogue import find
 from castfem.output.chief import plain_label
 from castfem.output.folder import RunRecord
-from castfem.output.last import last_quantities
+from castfem.output.results import last_quantities
 from castfem.output.show import show
 
 from .strained import write_strained
