@@ -6,6 +6,6 @@ Nothing here knows MPI or DOLFINx; h5py, pandas and matplotlib are imported when
     xdmf        fields over time for ParaView;  fields  reads them back
     history     one row a step
     checkpoint  the state to resume from
-    summary     results beside references;  show  prints them
+    summary     results beside references;  results  names them;  show  prints them
     figures     pictures, from the files alone
 """
