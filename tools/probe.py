@@ -15,7 +15,7 @@ import sys
 LOWEST = (0, 9)
 BEYOND = (0, 12)
 # Beside pyproject.toml's own list: these come from the distribution where it has them.
-FROM_DISTRIBUTION = ("gmsh>=4.11", "numba>=0.59", "pyvista>=0.44")
+FROM_DISTRIBUTION = ("gmsh>=4.11", "numba>=0.59")
 
 
 def release(version: str) -> tuple[int, ...]:

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Checks castfem inside the environment HOME: lint, types, the parallel tests on two ranks, then all
-# tests on one rank, last, so that pytest's count closes the output. Status 0 only if all passed.
+# tests on one rank each, spread over the cores, last, so that pytest's count closes the output.
+# Status 0 only if all passed.
 #
 #   tools/test.sh HOME all [PYTEST ARGUMENT ...]
 #   tools/test.sh HOME lint
@@ -63,7 +64,7 @@ fi
 printf '== summary so far\n'
 printf '%s\n' "${summary[@]}"
 if [[ $what == all ]]; then
-  step 'pytest, 1 rank' inside python -m pytest "$@"
+  step 'pytest, 1 rank' inside python -m pytest -n "$(nproc)" --dist worksteal "$@"
 fi
 if [[ ${#failed[@]} -gt 0 ]]; then
   printf '== FAILED:'

@@ -26,8 +26,6 @@ CONDA = {
     "libopenblas0-serial": "libopenblas",
     "python3-h5py-mpi": "h5py",
     "python3-venv": None,
-    "xvfb": None,
-    "xauth": None,
 }
 ONLY_CONDA = {"python", "petsc"}  # Debian's petsc4py-real brings both
 

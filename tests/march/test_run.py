@@ -197,7 +197,7 @@ from castfem.case import load_case
 from castfem import march
 march.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2])
 unwanted = [m for m in sys.modules if m.startswith(("castfem.mechanics", "castfem.laws"))]
-unwanted += [m for m in ("gmsh", "matplotlib", "pyvista", "vtk", "pandas") if m in sys.modules]
+unwanted += [m for m in ("gmsh", "matplotlib", "pandas") if m in sys.modules]
 print("LOADED", unwanted)
 """
 
