@@ -30,6 +30,8 @@ _KINDS = ("shape", "law")
 _MANY_SIDED: tuple[Keys, ...] = (("mechanics",),)
 # What may be written in several ways that do not mix.
 _UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"),)
+# A table that one word may stand for, and the key that the word is the value of.
+_ONE_WORD: dict[Keys, str] = {("mould", "contact"): "method"}
 PROPERTY_FILES: tuple[tuple[str, str], ...] = (
     ("steel", "name"),
     ("mechanics", "law"),
@@ -179,6 +181,8 @@ def _merge(
         document.origins[path] = label
     for key, value in over.items():
         here = (*path, key)
+        if isinstance(value, dict):
+            _write_out(document, under, here)
         tables = isinstance(value, dict) and isinstance(under.get(key), dict)
         if tables and here not in _UNDIVIDED:
             _merge(document, under[key], value, here, label)
@@ -186,6 +190,14 @@ def _merge(
             _forget(document, here)
             document.origins[here] = label
             under[key] = value
+
+
+def _write_out(document: Document, under: dict[str, Any], path: Keys) -> None:
+    """Make a table of a word that stands for one, for keys that come to join it."""
+    word = under.get(str(path[-1]))
+    if path in _ONE_WORD and isinstance(word, str):
+        under[str(path[-1])] = {_ONE_WORD[path]: word}
+        document.origins[(*path, _ONE_WORD[path])] = document.origin(path)
 
 
 def _forget(document: Document, path: Keys) -> None:
@@ -253,9 +265,11 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
             document.faults.append(f"{label}: {key}: {_no_entry(place, path, part)}")
             return
         path = (*path, step)
-        if isinstance(place, dict) and step not in place:
-            place[step] = {}
-            document.origins[path] = label
+        if isinstance(place, dict):
+            _write_out(document, place, path)
+            if step not in place:
+                place[step] = {}
+                document.origins[path] = label
         place = place[step]
     document.changes.append((key, value))
     last = _step(place, parts[-1])

@@ -162,15 +162,30 @@ def test_bad_override(write, assignment, said):
     assert said in str(caught.value)
 
 
-def test_a_table_that_one_word_stands_for_has_no_keys(write, sound):
+MOULD_WORD = "[mould]\ncontact = %s\n"
+
+
+def test_keys_join_the_method_of_contact_that_one_word_gave(write, tmp_path):
+    """In the same case, and in one that extends it: the method stays."""
+    nitsche = [*MOULD, "mould.contact=nitsche"]
+    touch = load_case(write(), [*nitsche, "mould.contact.factor=8"]).mould.contact
+    assert (touch.method, touch.factor) == ("nitsche", 8.0)
+    base = load_case(write(), nitsche)
+    (tmp_path / "base.toml").write_text(base.resolved_toml())
+    inherits = tmp_path / "more.toml"
+    for text, method in [("factor = 8", "nitsche"), ('factor = 8\nmethod = "penalty"', "penalty")]:
+        base_text = MOULD_WORD % '"nitsche"'
+        inherits.write_text(f'extends = "word.toml"\n[mould.contact]\n{text}\n')
+        (tmp_path / "word.toml").write_text(f'extends = "base.toml"\n{base_text}')
+        touch = load_case(inherits).mould.contact
+        assert (touch.method, touch.factor) == (method, 8.0)
+    inherits.write_text('extends = "word.toml"\n[mould.contact]\nfactor = 2\n')
+    with pytest.raises(InputError, match="factor: too small for Nitsche"):
+        load_case(inherits)
+
+
+def test_a_word_that_stands_for_no_table_is_told_what_does(write):
     """What the message proposes can be used."""
-    written = [*MOULD, 'mould.contact = "nitsche"']
-    with pytest.raises(InputError) as caught:
-        load_case(write(), [*written, "mould.contact.factor=8"])
-    (line,) = caught.value.problems
-    said, _, mend = line.partition("; give a table, such as ")
-    assert said.endswith("mould.contact is a single value, it has no keys")
-    assert load_case(write(), [*written, mend]).mould.contact.factor == 100.0
     with pytest.raises(InputError) as caught:
         load_case(write(), [*MOULD, "mould.friction=coulomb"])
     (line,) = caught.value.problems
