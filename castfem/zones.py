@@ -23,6 +23,9 @@ if TYPE_CHECKING:
     from castfem.materials import Steel
 
 Array = npt.NDArray[np.float64]
+Row = tuple[list[int], laws.SurfaceLaw]
+
+CROSSING = (given.Radiation, given.Convection)  # a gap; a spray is on the strand itself
 
 
 class Zones:
@@ -122,6 +125,8 @@ class Zones:
         span = self.spans[index]
         cooling = Cooling([], [])
         section = self._surface.section
+        rows: list[Row] = []
+        crossing: set[int] = set()
         for names, law in span.laws:
             tags = self._tags(names)
             if not tags:
@@ -129,13 +134,47 @@ class Zones:
                     f"cooling zone '{span.name}': no boundary group is named {', '.join(names)}; "
                     f"this section has {', '.join(section.outer_groups)}"
                 )
-            patch = self._surface.patch(tags)
             made = surface_law(law, self._steel, self._wall)
             if isinstance(made, laws.PrescribedTemperature):
-                cooling.prescribed.append((patch, made))
+                cooling.prescribed.append((self._surface.patch(tags), made))
             else:
-                cooling.laws.append((patch, made))
+                crossing |= {len(rows)} if isinstance(law, CROSSING) else set()
+                rows.append((tags, made))
+        for tags, made in across_gaps(rows, crossing):
+            cooling.laws.append((self._surface.patch(tags), made))
         return cooling
+
+
+def across_gaps(rows: list[Row], crossing: set[int]) -> list[Row]:
+    """The laws of a zone; those that cross a gap stand beside the contact that has it, (35)-(36).
+
+    Args:
+        rows: Tags of boundary groups, and the law that holds on them.
+        crossing: Rows of the laws that cross the gap of a contact law on the same group; of two
+            contact laws there the first has the gap.
+    """
+    found: list[Row] = []
+    met: set[int] = set()
+    for tags, law in rows:
+        if not isinstance(law, laws.Contact):
+            continue
+        parts: dict[tuple[int, ...], list[int]] = {}
+        for tag in tags:
+            here = [] if tag in met else [i for i in sorted(crossing) if tag in rows[i][0]]
+            parts.setdefault(tuple(here), []).append(tag)
+        met |= set(tags)
+        for numbers, part in parts.items():
+            found.append((part, replace(law, beside=tuple(_crosses(rows[i][1]) for i in numbers))))
+    for i, (tags, law) in enumerate(rows):
+        free = [tag for tag in tags if tag not in met] if i in crossing else tags
+        if free and not isinstance(law, laws.Contact):
+            found.append((free, law))
+    return found
+
+
+def _crosses(law: laws.SurfaceLaw) -> laws.Convection | laws.Radiation:
+    assert isinstance(law, laws.Convection | laws.Radiation)
+    return law
 
 
 def _of_temperature(value: float | Table) -> float | Callable[[Array], Array]:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS
-from castfem.case.cooling import MOULD, Contact, Flux, PrescribedTemperature, Zone
+from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
 from castfem.case.mechanics import Motions
 from castfem.case.model import Case
 from castfem.case.problems import Problem
@@ -264,6 +264,11 @@ def _complete(section: Any) -> bool:
         getattr(section, "symmetry", "whole"),
         getattr(section, "corner_radius", 0.0),
     )
+
+
+def law_groups(section: Any, law: HeatLaw) -> set[str]:
+    """Return the boundary groups of a sound section on which a heat law holds."""
+    return set(_matching(law.on or cooled_groups(section), outer_groups(section)))
 
 
 def _matching(on: tuple[str, ...], known: tuple[str, ...]) -> list[str]:

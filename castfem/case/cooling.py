@@ -73,7 +73,7 @@ class Contact(Law):
 
 
 class Convection(Law):
-    """Convection: coefficient times the difference to the surroundings (eq. 30, 35)."""
+    """Convection to the ambient (eq. 30); beside contact, across its gap alone."""
 
     law: Literal["convection"]
     coefficient: CoefficientOfTemperature = Field(description="heat transfer coefficient")
@@ -83,7 +83,7 @@ class Convection(Law):
 
 
 class Radiation(Law):
-    """Radiation to the surroundings, or through a gap to a wall (eq. 32, 33)."""
+    """Radiation to the ambient (eq. 32, 33); beside contact, across its gap alone."""
 
     law: Literal["radiation"]
     emissivity: EmissivityOfTemperature | None = Field(
@@ -99,7 +99,12 @@ class Radiation(Law):
     absorption: InverseLength = Field(
         written("0 1/m"), description="absorption of what fills the gap"
     )
-    gap: Distance = Field(written("0 mm"), description=_GAP, examples=["0.2 mm"])
+    gap: Distance | None = Field(
+        None,
+        description=_GAP + "; by default that of a contact law on the same boundary group, none "
+        "without one",
+        examples=["0.2 mm"],
+    )
 
 
 class Flux(Law):
@@ -152,7 +157,11 @@ HeatLaw = Annotated[
 
 
 class Zone(TableModel):
-    """A stretch of the machine with its heat laws; laws on one boundary group add up (eq. 36)."""
+    """A part of the machine with its heat laws, which add up on a boundary group (eq. 36).
+
+    Beside contact, radiation and convection cross its gap: where the strand touches there is
+    contact alone (eq. 35).
+    """
 
     name: str = Field(min_length=1, description="name of the zone, unique in the case")
     to: Length | None = Field(

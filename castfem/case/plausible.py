@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from castfem.case.checks import law_groups
+from castfem.case.cooling import Contact, Convection, HeatLaw, Radiation, Zone
 from castfem.case.model import Case
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
@@ -33,6 +35,12 @@ def doubts(case: Case) -> Iterator[Problem]:
     if case.mould is not None:
         yield from _taper(case.mould, case.section)
         yield from _friction(case.mould)
+    start = 0.0
+    for index, zone in enumerate(case.cooling):
+        yield from _wasted(case, zone, ("cooling", index))
+        if case.mould is not None and start < case.mould.length:
+            yield from _fixed(case, zone, ("cooling", index))
+        start = case.casting.length if zone.to is None else zone.to
 
 
 def _taper(mould: Mould, section: Any) -> Iterator[Problem]:
@@ -77,3 +85,42 @@ def _friction(mould: Mould) -> Iterator[Problem]:
             ("mould", "friction", "coefficient"),
             f"({coefficient:g}) is more than {_ROUGHEST:g} times the pressure{near}",
         )
+
+
+def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield radiation and convection beside contact that has no gap for them to cross."""
+    touching: set[str] = set()
+    for law in zone.surface:
+        if isinstance(law, Contact) and (law.gap == 0.0 or (law.gap is None and not case.mould)):
+            touching |= law_groups(case.section, law)
+    for index, law in enumerate(zone.surface):
+        if isinstance(law, Radiation | Convection) and touching & law_groups(case.section, law):
+            yield Problem(
+                (*path, "surface", index),
+                f"{law.law} has no effect beside contact without a gap: where the strand touches "
+                "there is contact alone (eq. 35); what is meant as a mean of both is convection "
+                "with a mean coefficient",
+            )
+
+
+def _fixed(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield heat in the mould that the gap which opens there does not change."""
+    following = [law for law in zone.surface if isinstance(law, Contact) and law.gap is None]
+    met = {group for law in following for group in law_groups(case.section, law)}
+    for index, law in enumerate(zone.surface):
+        if law in following or _crosses(law, law_groups(case.section, law), met):
+            continue
+        own = "contact with a gap of its own" if isinstance(law, Contact) else f"a given {law.law}"
+        yield Problem(
+            (*path, "surface", index),
+            f"{_OF_LAW.get(law.law, own)} is not changed by the gap that opens in the mould; heat "
+            'that is to follow it is law = "contact" without the key gap',
+        )
+
+
+_OF_LAW = {"spray": "a spray", "radiation": "radiation", "convection": "convection"}
+
+
+def _crosses(law: HeatLaw, groups: set[str], met: set[str]) -> bool:
+    """Return whether a law crosses the gap of contact wherever it holds."""
+    return isinstance(law, Radiation | Convection) and groups <= met

@@ -7,7 +7,7 @@ handed in, and the range of ambient temperatures it can drive the surface to.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -51,10 +51,19 @@ class Convection:
         """See `SurfaceLaw.ambient_range`."""
         return self.ambient, self.ambient
 
+    def across(self, gap: float | Array) -> Convection:
+        """The law that holds across a gap: the same."""
+        return self
+
 
 @dataclass
 class Contact:
     """Contact with the mould through a gap d (301): h = h_c k_g / (k_g + h_c d).
+
+    Radiation and convection beside it cross the gap in parallel with its conduction, and with it
+    in series with the resistance of contact 1/h_c (Fig. 90): where the strand touches there is
+    contact alone (35), elsewhere they add up across the gap (36), and the flux does not jump in
+    between.
 
     Attributes:
         coefficient: h_c at d = 0, W/m2K.
@@ -62,6 +71,7 @@ class Contact:
         gap_conductivity: k_g, W/mK.
         gap: d, m; a number or one per surface node.
         follows: Whether the gap is that of the mechanics, which set it before each interval.
+        beside: What else crosses the gap.
     """
 
     coefficient: float
@@ -69,6 +79,7 @@ class Contact:
     gap_conductivity: float
     gap: float | Array = 0.0
     follows: bool = False
+    beside: tuple[Convection | Radiation, ...] = ()
 
     def heat_transfer(self) -> Array:
         """Overall coefficient h(d) of (301), W/m2K."""
@@ -80,12 +91,36 @@ class Contact:
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""
-        h = np.broadcast_to(self.heat_transfer(), temperature.shape)
-        return h * (temperature - self._wall(time)), np.array(h)
+        h = np.array(np.broadcast_to(self.heat_transfer(), temperature.shape))
+        flux = h * (temperature - self._wall(time))
+        if not self.beside or not self.coefficient > 0.0:
+            return flux, h
+        # The gap's share of the resistance of contact and gap: 0 where the strand touches.
+        share = 1.0 - h / self.coefficient
+        crossing, slope, conductance, its_slope = np.zeros((4, *temperature.shape))
+        for law in self.beside:
+            law = law.across(self.gap)
+            q, dq = law.flux(temperature, time)
+            c, dc = _conductance(q, dq, temperature - law.ambient)
+            crossing, slope = crossing + q, slope + dq
+            conductance, its_slope = conductance + c, its_slope + dc
+        both = flux + share * crossing
+        less = 1.0 + share * conductance / self.coefficient
+        by_less = both / less * share * its_slope / self.coefficient
+        return both / less, (h + share * slope - by_less) / less
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""
-        return self._wall(time), self._wall(time)
+        met = [self._wall(time), *(law.ambient for law in self.beside)]
+        return min(met), max(met)
+
+
+def _conductance(flux: Array, slope: Array, excess: Array) -> tuple[Array, Array]:
+    """Flux over the difference of temperature `excess` (34), W/m2K, and its derivative."""
+    near = np.abs(excess) < _DT
+    by = np.where(near, 1.0, excess)
+    conductance = np.where(near, slope, flux / by)
+    return conductance, np.where(near, 0.0, (slope - conductance) / by)
 
 
 @dataclass(frozen=True)
@@ -94,6 +129,14 @@ class Radiation:
 
     gamma = m^2 sigma / (0.75 a d + 1/eps_strand + 1/eps_wall - 1); eps_wall = 1 and d = 0 (the
     defaults) leave eps_strand sigma, a small body in wide surroundings.
+
+    Attributes:
+        emissivity: eps_strand; a number or a function of the temperature, K.
+        ambient: Ta, K.
+        wall_emissivity: eps_wall, likewise.
+        refractive_index: m.
+        absorption: a, 1/m.
+        gap: d, m; a number or one per surface node; None: none, or that of the contact beside it.
     """
 
     emissivity: float | Callable[[Array], Array]
@@ -101,7 +144,11 @@ class Radiation:
     wall_emissivity: float | Callable[[Array], Array] = 1.0
     refractive_index: float = 1.0
     absorption: float = 0.0
-    gap: float = 0.0
+    gap: float | Array | None = None
+
+    def across(self, gap: float | Array) -> Radiation:
+        """The law that holds across a gap, m: the given one, if the law has none of its own."""
+        return self if self.gap is not None else replace(self, gap=gap)
 
     def factor(self, temperature: Array) -> Array:
         """Gamma of (33), W/m2K4, at surface temperatures (n,)."""
@@ -109,7 +156,10 @@ class Radiation:
         wall = self.wall_emissivity
         if callable(wall):  # the wall is as warm as the surroundings it stands for
             wall = float(wall(np.array([self.ambient]))[0])
-        resistance = 0.75 * self.absorption * self.gap + 1.0 / strand + 1.0 / wall - 1.0
+        resistance = 1.0 / strand + 1.0 / wall - 1.0
+        if self.absorption and self.gap is not None:
+            gap = np.maximum(self.gap, 0.0)
+            resistance = resistance + 0.75 * self.absorption * gap
         return np.broadcast_to(
             self.refractive_index**2 * STEFAN_BOLTZMANN / resistance, temperature.shape
         )

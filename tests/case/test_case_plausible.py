@@ -45,6 +45,45 @@ def test_what_was_hardly_meant(change: str, said: str) -> None:
     assert ("did you mean" in line) == ("did you mean" in said)
 
 
+HEAT = "cooling.mould.surface=[%s]"
+CONTACT = (
+    '{law="contact", coefficient="1600 W/(m^2 K)", gap_conductivity="0.15 W/(m K)", '
+    'wall="160 degC"%s}'
+)
+RADIATION = '{law="radiation", emissivity=0.8, ambient="160 degC"%s}'
+FOLLOWS = 'is not changed by the gap that opens in the mould; heat that is to follow it is law = "c'
+
+
+@pytest.mark.parametrize(
+    ("laws", "said"),
+    [
+        (['{law="flux", value="1 MW/m^2"}'], "0: a given flux " + FOLLOWS),
+        (['{law="temperature", value="1000 degC"}'], "0: a given temperature " + FOLLOWS),
+        ([CONTACT % ', gap="0 mm"'], "0: contact with a gap of its own " + FOLLOWS),
+        ([CONTACT % "", '{law="flux", value="1 MW/m^2"}'], "1: a given flux " + FOLLOWS),
+        ([CONTACT % ', on=["wide"]', RADIATION % ""], "1: radiation " + FOLLOWS),
+    ],
+)
+def test_heat_that_the_gap_does_not_change(laws: list[str], said: str) -> None:
+    (line,) = _doubts(HEAT % ", ".join(laws))
+    assert f"cooling.0.surface.{said}" in line.replace(' (zone "mould")', "")
+
+
+def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
+    thermal = TAPERED.with_name("thermal.toml")
+    both = HEAT % ", ".join([CONTACT % "", RADIATION % ""])
+    (line,) = read_case(thermal, [both]).doubts
+    assert "surface.1" in line
+    assert "radiation has no effect beside contact without a gap" in line
+    assert (
+        read_case(thermal, [HEAT % ", ".join([CONTACT % ', gap="1 mm"', RADIATION % ""])]).doubts
+        == ()
+    )
+    apart = [CONTACT % ', on=["wide"]', RADIATION % ', on=["narrow"]']
+    assert read_case(thermal, [HEAT % ", ".join(apart)]).doubts == ()
+    assert _doubts(both) == ()  # there is a mould, and its gap
+
+
 @pytest.mark.parametrize(
     "change",
     [

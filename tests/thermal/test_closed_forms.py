@@ -175,6 +175,41 @@ def test_gap_factor_of_radiation() -> None:
     )
 
 
+BESIDE = (laws.Radiation(0.8, 420.0, 0.4, 1.5, 400.0), laws.Convection(50.0, 300.0))
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-6, 1e-4, 1e-3, np.inf])
+def test_what_crosses_a_gap_beside_its_conduction(gap: float) -> None:
+    """Contact alone where the strand touches (35), beyond it three in parallel (36).
+
+    The temperature between the resistance of contact and the gap is found by its own balance.
+    """
+    t, conduction = 1500.0, 0.15 / gap if gap else np.inf
+    gamma = laws.Radiation(0.8, 420.0, 0.4, 1.5, 400.0, gap).factor(np.array([t]))[0]
+    h = gamma * (t**2 + 420.0**2) * (t + 420.0)  # (34)
+
+    def balance(m: float) -> float:
+        crossing = conduction * (m - 433.15) + h * (m - 420.0) + 50.0 * (m - 300.0)
+        return 1600.0 * (t - m) - crossing
+
+    between = brentq(balance, 300.0, t, xtol=1e-12) if gap else 433.15
+    law = laws.Contact(1600.0, 433.15, 0.15, gap, beside=BESIDE)
+    assert law.flux(np.array([t]), 0.0)[0][0] == pytest.approx(1600.0 * (t - between), rel=1e-10)
+    assert law.ambient_range(0.0) == (300.0, 433.15)
+
+
+def test_a_gap_that_opens_never_takes_more_heat() -> None:
+    """Nor does the flux jump where contact is lost."""
+    gap = np.concatenate([[-1e-5, 0.0], np.geomspace(1e-9, 1e-1, 200)])
+    law = laws.Contact(1600.0, 433.15, 0.15, gap, beside=(laws.Radiation(0.8, 433.15),))
+    flux, _ = law.flux(np.full(len(gap), 1500.0), 0.0)
+    alone = laws.Contact(1600.0, 433.15, 0.15, gap).flux(np.full(len(gap), 1500.0), 0.0)[0]
+    assert flux[0] == flux[1] == alone[0]
+    assert flux[2] == pytest.approx(flux[1], rel=1e-4)
+    assert (np.diff(flux[1:]) < 0.0).all()
+    assert (flux[2:] > alone[2:]).all()
+
+
 @pytest.mark.parametrize(
     "law",
     [
@@ -182,6 +217,7 @@ def test_gap_factor_of_radiation() -> None:
         laws.Contact(1600.0, 433.15, 0.15, 0.2e-3),
         laws.Radiation(lambda t: 0.6 + 1e-4 * t, 300.0),
         laws.Radiation(0.8, 300.0, 0.5, 1.2, 300.0, 1e-3),
+        *(laws.Contact(1600.0, 433.15, 0.15, gap, beside=BESIDE) for gap in (0.0, 2e-4, np.inf)),
     ],
 )
 def test_slope_of_the_flux(law: laws.SurfaceLaw) -> None:
