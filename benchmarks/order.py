@@ -11,7 +11,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from benchmarks.billet_study import CASES, COARSE, QUIET
+from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.march import March
