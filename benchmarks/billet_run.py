@@ -17,7 +17,6 @@ from castfem.errors import CastfemError
 from castfem.march import March
 from castfem.measure import Reading
 from castfem.output.advice import OPEN, spells
-from castfem.output.summary import from_si
 from castfem.report import quantities
 from castfem.scene import build_scene
 
@@ -188,14 +187,14 @@ def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> 
     seconds = process_time() - start
     assert march.reading is not None
     summary = quantities(march, march.reading)
-    values = {n: from_si(q.value, q.unit) for n, q in summary.items()}
+    values = {n: q.shown for n, q in summary.items()}
     values |= _on_the_way(listener, scene.steel.solidus, scene.steel.liquidus)
     cells = scene.section.mesh.topology.index_map(2).size_global
     iterations = 0 if scene.mechanics is None else scene.mechanics.problem.iterations
     scene.destroy()
     found = Found(
         values, seconds, cells, failure, march.counts.cut_back, iterations,
-        {n: q.label for n, q in summary.items()}, {n: q.unit for n, q in summary.items()},
+        {n: q.label for n, q in summary.items()}, {n: q.shown_unit for n, q in summary.items()},
     )  # fmt: skip
     print(f"  {mould} {' '.join(changes)}: {seconds:.1f} s {failure}", flush=True)
     return found

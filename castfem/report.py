@@ -73,7 +73,9 @@ def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, 
         come = r.at is not None or same_instant(march.state.time, end, end)
         if here is not None and come:
             inner = None if r.at is None or same_instant(r.at, length, length) else r.at
-            reference = Reference(r.quantity, r.si, r.unit or "-", r.source, inner, r.kind, r.note)
+            reference = Reference(
+                r.quantity, r.si, r.unit or "-", r.source, inner, r.kind, r.note, r.changed or ()
+            )
             found += compare([reference], here)
     return tuple(found)
 

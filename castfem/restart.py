@@ -91,7 +91,7 @@ def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> No
 
 def _plain(found: Named) -> dict[str, list[Any]]:
     """Quantities as a checkpoint holds them."""
-    return {name: [q.value, q.unit, q.label] for name, q in found.items()}
+    return {name: [q.value, q.shown_unit, q.label] for name, q in found.items()}
 
 
 def _named(found: dict[str, list[Any]]) -> Named:

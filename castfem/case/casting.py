@@ -106,6 +106,12 @@ class Reference(TableModel):
         examples=["600 mm"],
     )
     note: str = Field("", description="remark printed with it")
+    changed: tuple[str, ...] | None = Field(
+        None,
+        description="keys that were changed since, by a file that extends this one, `--set` or a "
+        "script: castfem writes them, and takes no difference from a number of the unchanged case",
+        examples=[["casting.speed"]],
+    )
 
     @property
     def si(self) -> float:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from castfem.case import outdated
 from castfem.case.mould import EXAMPLES
 from castfem.units import nearest
 from castfem.wording import dotted, shown
@@ -84,7 +85,9 @@ def _read(path: Path, label: str, chain: tuple[Path, ...]) -> Document:
             document.faults.append(f"{label}: extends: must be the path of a case file")
         else:
             _extend(document, path, base, (*chain, path.resolve()))
+    inherited = copy.deepcopy(document.data)
     _merge(document, document.data, data, (), label)
+    outdated.mark(inherited, document.data)
     return document
 
 
@@ -216,6 +219,7 @@ def override(
         assignments: As the user wrote them.
         meant: The dotted key that one without dots stands for; raises ValueError if none does.
     """
+    before = copy.deepcopy(document.data)
     for assignment in assignments:
         key, equals, text = assignment.partition("=")
         if not equals or not key.strip():
@@ -233,6 +237,7 @@ def override(
             document.faults.append(f"--set: {key.strip()}: {error}")
             continue
         put(document, full, value, "--set")
+    outdated.mark(before, document.data)
     entitle(document)
 
 

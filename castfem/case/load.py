@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from castfem.case import checks, document, names, plausible, problems, tensile
+from castfem.case import checks, document, names, outdated, plausible, problems, tensile
 from castfem.case.base import LENIENT
 from castfem.case.model import Case
 from castfem.case.tensile import TensileCase
@@ -98,7 +98,8 @@ def changed(
         label: Where the changes were written, for messages.
         labels: The same by key, of those that were written elsewhere.
     """
-    written = document.Document(case.document(), "case")
+    before = case.document()
+    written = document.Document(copy.deepcopy(before), "case")
     for key, value in changes.items():
         where = (labels or {}).get(key, label)
         try:
@@ -107,6 +108,7 @@ def changed(
             written.faults.append(f"{where}: {key}: {error}")
             continue
         document.put(written, full, value, where)
+    outdated.mark(before, written.data)
     document.entitle(written)
     return _or_raise(_validate(written))
 

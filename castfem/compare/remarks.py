@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, Line
 from castfem.output.chief import plain_label
-from castfem.output.show import shown, unit_shown
+from castfem.output.show import UNCHANGED, shown, unit_shown
 from castfem.output.summary import unit_of_difference
 
 _SEPARATOR = "; "  # between the parts of a note
@@ -23,6 +23,10 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
     who = dict.fromkeys(c.reference.source for run in runs for c in run.summary.references)
     if who:
         found.append(f"references: {'; '.join(who)}")
+    for run in runs:
+        keys = dict.fromkeys(k for c in run.summary.references for k in c.reference.changed)
+        if keys:
+            found.append(f"references of {run.label} are {UNCHANGED}: {', '.join(keys)} differs")
     found += _bounds(runs, table)
     notes: dict[str, dict[str, None]] = {}
     for run in runs:

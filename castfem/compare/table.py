@@ -123,13 +123,14 @@ def _line(
         for comparison in run.summary.references:
             reference = comparison.reference
             if reference.quantity == name and reference.at == at and not comparison.missing:
-                expected, kind = reference.value, reference.kind
                 value = comparison.ours
-        ours.append(from_si(value, quantity.unit))
-        theirs.append(from_si(expected, quantity.unit))
+                if not reference.changed:
+                    expected, kind = reference.value, reference.kind
+        ours.append(from_si(value, quantity.shown_unit))
+        theirs.append(from_si(expected, quantity.shown_unit))
         kinds.append(kind)
     label = plain_label(quantity) + ("" if at is None else f", at {1e3 * at:.6g} mm")
-    return Line(label, quantity.unit, tuple(ours), tuple(theirs), tuple(kinds), is_gap(name))
+    return Line(label, quantity.shown_unit, tuple(ours), tuple(theirs), tuple(kinds), is_gap(name))
 
 
 def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> float:
@@ -169,7 +170,7 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
     """Return the tables for the terminal: equally many runs in each, as they fit side by side.
 
     References stand in a column of their own if all runs have the same ones, else in brackets
-    behind our values.
+    behind our values; those of an unchanged case are left out.
 
     Args:
         runs: As in `lines`.
@@ -178,7 +179,8 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
     """
     labels = ["\n".join(textwrap.wrap(line.label, 26)) for line in table]
     first = [("quantity", labels), ("unit", [unit_shown(line.unit) for line in table])]
-    alone = have_common_references(table)
+    changed = any(c.reference.changed for run in runs for c in run.summary.references)
+    alone = not changed and have_common_references(table)
     if alone:
         cells = []
         for line in table:

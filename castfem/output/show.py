@@ -26,6 +26,8 @@ _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 _BRIEF = 0.01  # of the wall time; a stage that takes less is not named
 _LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
 _SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
+UNCHANGED = "of the unchanged case"
+"""What stands in place of a difference where the case is not that of the reference any more."""
 _DECIMALS = {"degC": 1, "K": 1, "mm": 2}
 
 
@@ -90,7 +92,7 @@ def small_gap(value: float, unit: str) -> str | None:
 
 def _told(name: str, quantity: Quantity) -> tuple[str, str]:
     """Value and unit of a quantity as the table of a run prints them."""
-    value, unit = quantity.shown, quantity.unit
+    value, unit = quantity.shown, quantity.shown_unit
     if is_gap(name) and (small := small_gap(value, unit)) is not None:
         return small, unit_shown("um")
     return shown(value, unit), unit_shown(unit)
@@ -162,12 +164,19 @@ def _print_summary(out: Console, summary: Summary) -> None:
     for source, mark in sources.items():
         for line in _wrapped(out, source, f"{mark} "):
             _print(out, line)
+    keys = dict.fromkeys(k for c in summary.references for k in c.reference.changed)
+    if keys:
+        text = f"the case of these references had other values of {', '.join(keys)}"
+        for line in _wrapped(out, text, f"{UNCHANGED}: "):
+            _print(out, line)
     out.print()
     for name, terms in summary.balances.items():
         table = _table(f"Balance of {name.replace('_', ' ')}", "term", "value", "unit")
         for quantity in terms.values():
             table.add_row(
-                quantity.label, shown(quantity.shown, quantity.unit), unit_shown(quantity.unit)
+                quantity.label,
+                shown(quantity.shown, quantity.shown_unit),
+                unit_shown(quantity.shown_unit),
             )
         out.print(table, "", highlight=False)
 
@@ -262,7 +271,7 @@ def unit_shown(unit: str) -> str:
 def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str]) -> tuple[str, ...]:
     """A row in the unit of the reference."""
     reference = comparison.reference
-    unit = reference.unit
+    unit = reference.shown_unit
     if reference.at is not None:
         label += f", at {1e3 * reference.at:.6g} mm"
     theirs = shown(from_si(reference.value, unit), unit)
@@ -275,10 +284,12 @@ def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str])
 
 def _difference(comparison: Comparison, theirs: str) -> str:
     """How far ours is from theirs, to the digits of theirs; how far a bound is missed."""
-    value, relative = comparison.difference, 100 * comparison.relative
+    if comparison.reference.changed:
+        return UNCHANGED
+    value, relative = comparison.shown_difference, 100 * comparison.relative
     if not math.isfinite(value):
         return ""
-    unit, digits = comparison.reference.unit, len(theirs.partition(".")[2])
+    unit, digits = comparison.reference.shown_unit, len(theirs.partition(".")[2])
     sign, before = "+", ""
     if comparison.met is False:
         sign, before, value, relative = "", "missed by ", abs(value), abs(relative)

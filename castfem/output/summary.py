@@ -3,17 +3,19 @@
     {"title": ..., "status": "finished" | "failed",
      "quantities": {NAME: {"value": 4.75, "unit": "mm", "label": "shell, mid-face"}, ...},
      "references": [{"quantity": NAME, "value": 4.75, "unit": "mm", "kind": "value",
-                     "source": ..., "note": ..., "at": null, "ours": 4.9, "difference": 0.15,
-                     "relative": 0.032, "met": null, "missing": ""}, ...],
+                     "source": ..., "note": ..., "at": null, "changed": [], "ours": 4.9,
+                     "difference": 0.15, "relative": 0.032, "met": null, "missing": ""}, ...],
      "balances": {NAME: {NAME: {"value", "unit", "label"}, ...}, ...},
      "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
      "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...]}
 
-In the file each value is in the unit beside it, in Python in SI; zones and `at` (null: the end of
-the run) are in metres below the meniscus. A value that does not exist is null there, NaN here. The
-difference of two temperatures is in K and has no relative size: where the zero of a scale lies is a
-convention. `met` tells whether a bound holds, of a value it is null. Summaries without `kind` were
-written when all references were values; their `note` is what is now in `missing`.
+In the file each value is in the unit beside it. In Python `value` and `unit` are SI, `shown` and
+`shown_unit` what the file has. Zones and `at` (null: the end of the run) are in metres below the
+meniscus. A value that does not exist is null there, NaN here. The difference of two temperatures is
+in K and has no relative size: where the zero of a scale lies is a convention. `met` tells whether a
+bound holds, of a value it is null. Where keys of the case were `changed` since a reference was
+written it is a number of the unchanged case, and no difference is taken. Summaries without `kind`
+were written when all references were values; their `note` is what is now in `missing`.
 """
 
 from __future__ import annotations
@@ -44,18 +46,30 @@ class Quantity:
 
     Attributes:
         value: In SI; NaN when it does not exist.
-        unit: In which it is shown, "-" for none.
+        shown_unit: In which it is shown, "-" for none.
         label: What it is, for tables.
     """
 
     value: float
-    unit: str
+    shown_unit: str
     label: str
 
     @property
+    def unit(self) -> str:
+        """The unit of `value`, in SI; "-" for none."""
+        return _si_shown(self.shown_unit)
+
+    @property
     def shown(self) -> float:
-        """The value in its unit."""
-        return from_si(self.value, self.unit)
+        """The value in `shown_unit`."""
+        return from_si(self.value, self.shown_unit)
+
+    def __repr__(self) -> str:
+        shown = f"{self.shown:.6g} {self.shown_unit}"
+        return (
+            f"Quantity(value={self.value!r}, unit={self.unit!r}, label={self.label!r}, "
+            f"shown={shown!r})"
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,20 +79,27 @@ class Reference:
     Attributes:
         quantity: Name of ours.
         value: In SI.
-        unit: In which it is shown.
+        shown_unit: In which it is shown, "-" for none.
         source: Who has found it.
         at: Where it holds, below the meniscus [m]; None at the end of the run.
         kind: What it says of ours: its value, or a bound.
         note: What a reader must know of it.
+        changed: Keys of the case that were changed since: it is a number of the unchanged case.
     """
 
     quantity: str
     value: float
-    unit: str
+    shown_unit: str
     source: str
     at: float | None = None
     kind: Kind = "value"
     note: str = ""
+    changed: tuple[str, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """The unit of `value`, in SI; "-" for none."""
+        return _si_shown(self.shown_unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,21 +118,27 @@ class Comparison:
 
     @property
     def difference(self) -> float:
-        """Ours less theirs, in the unit of `unit_of_difference`."""
-        unit = unit_of_difference(self.reference.unit)
-        return from_si(self.ours - self.reference.value, unit)
+        """Ours less theirs, in SI; NaN where theirs is a number of the unchanged case."""
+        return math.nan if self.reference.changed else self.ours - self.reference.value
+
+    @property
+    def shown_difference(self) -> float:
+        """The difference in the unit of `unit_of_difference`."""
+        return from_si(self.difference, unit_of_difference(self.reference.shown_unit))
 
     @property
     def relative(self) -> float:
         """The difference as a fraction of theirs; NaN for temperatures and for a zero."""
         theirs = self.reference.value
-        if unit_of_difference(self.reference.unit) != self.reference.unit or theirs == 0:
+        if self.reference.unit == "K" or theirs == 0:
             return math.nan
-        return (self.ours - theirs) / abs(theirs)
+        return self.difference / abs(theirs)
 
     @property
     def met(self) -> bool | None:
-        """Whether ours keeps to a bound; None of a value, or where there is no ours."""
+        """Whether ours keeps to a bound; None of a value, of the unchanged case, without ours."""
+        if self.reference.changed:
+            return None
         return met(self.ours, self.reference.value, self.reference.kind)
 
 
@@ -223,8 +250,8 @@ def compare(
         if quantity is None:
             note = "no such quantity" + units.nearest(reference.quantity, quantities)
             found.append(Comparison(reference, missing=note))
-        elif si_unit(quantity.unit) != si_unit(reference.unit):
-            note = f"{reference.unit} is not a unit of it; it is in {quantity.unit}"
+        elif quantity.unit != reference.unit:
+            note = f"{reference.shown_unit} is not a unit of it; it is in {quantity.shown_unit}"
             found.append(Comparison(reference, missing=note))
         else:
             found.append(Comparison(reference, quantity.value))
@@ -243,6 +270,12 @@ def met(ours: float, theirs: float, kind: Kind) -> bool | None:
 def si_unit(unit: str) -> str:
     """The SI unit that measures the same as `unit`, "1" for none."""
     return "1" if unit in (_NONE, "", "1") else units.parse_any(f"1 {unit}")[1]
+
+
+def _si_shown(unit: str) -> str:
+    """The SI unit, "-" for none."""
+    found = si_unit(unit)
+    return _NONE if found == "1" else found
 
 
 def from_si(value: float, unit: str) -> float:
@@ -267,7 +300,7 @@ def unit_of_difference(unit: str) -> str:
 
 
 def _quantity_json(quantity: Quantity) -> dict[str, Any]:
-    return {"value": quantity.shown, "unit": quantity.unit, "label": quantity.label}
+    return {"value": quantity.shown, "unit": quantity.shown_unit, "label": quantity.label}
 
 
 def _quantity(content: Mapping[str, Any]) -> Quantity:
@@ -279,14 +312,15 @@ def _comparison_json(comparison: Comparison) -> dict[str, Any]:
     reference = comparison.reference
     return {
         "quantity": reference.quantity,
-        "value": from_si(reference.value, reference.unit),
-        "unit": reference.unit,
+        "value": from_si(reference.value, reference.shown_unit),
+        "unit": reference.shown_unit,
         "kind": reference.kind,
         "source": reference.source,
         "note": reference.note,
         "at": reference.at,
-        "ours": from_si(comparison.ours, reference.unit),
-        "difference": comparison.difference,
+        "changed": list(reference.changed),
+        "ours": from_si(comparison.ours, reference.shown_unit),
+        "difference": comparison.shown_difference,
         "relative": comparison.relative,
         "met": comparison.met,
         "missing": comparison.missing,
@@ -301,7 +335,8 @@ def _comparison(content: Mapping[str, Any]) -> Comparison:
         note, missing = "", note
     if kind not in SIGNS:
         raise ValueError(f"no kind of reference: {kind}")
+    changed = tuple(content.get("changed", ()))
     reference = Reference(
-        content["quantity"], value, unit, content["source"], content.get("at"), kind, note
+        content["quantity"], value, unit, content["source"], content.get("at"), kind, note, changed
     )
     return Comparison(reference, to_si(content["ours"], unit), missing)

@@ -83,7 +83,7 @@ def write_table(path: Path, table: Sequence[Row]) -> None:
         RunFailure: It cannot be written.
     """
     keys, cells = _varied(table)
-    names = {name: q.unit for row in table for name, q in row.quantities.items()}
+    names = {name: q.shown_unit for row in table for name, q in row.quantities.items()}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     results = [f"{name} [{unit}]" for name, unit in names.items()]
@@ -151,8 +151,8 @@ def _chief_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     for name in chief(all_of):
         some = next(q[name] for q in all_of if name in q)
         quantities = [row.quantities.get(name) for row in table]
-        cells = [shown(q.shown, q.unit) if q else "-" for q in quantities]
-        found.append((_header(plain_label(some), f"[{some.unit}]"), cells))
+        cells = [shown(q.shown, q.shown_unit) if q else "-" for q in quantities]
+        found.append((_header(plain_label(some), f"[{some.shown_unit}]"), cells))
     return found
 
 

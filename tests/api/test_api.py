@@ -51,7 +51,7 @@ def test_load_by_name_and_path(tmp_path, monkeypatch):
 def test_quantities_are_in_si(result):
     """They agree with the table in engineers' units."""
     shown = result.summary.quantities["surface_temperature_mid_face"]
-    assert shown.unit == "degC"
+    assert shown.unit == "K" and shown.shown_unit == "degC"
     assert result.quantities["surface_temperature_mid_face"] == shown.value
     assert shown.value - 273.15 == pytest.approx(shown.shown, abs=1e-9)
     assert result.quantities["position"] == pytest.approx(0.06)

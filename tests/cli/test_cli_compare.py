@@ -29,8 +29,25 @@ def runs(tmp_path_factory):
     case = package.load(write_small(root))
     (root / "small.toml").unlink()
     for name, wall in (("cold", "100 degC"), ("warm", "300 degC")):
-        package.run(case.with_(wall=wall), root / name)
+        theirs = [r | {"note": name} for r in case.document()["reference"]]
+        package.run(case.with_(wall=wall, reference=theirs), root / name)
     return root
+
+
+def test_reference_of_the_unchanged_case_is_left_out(castfem, runs, tmp_path):
+    package.run(
+        package.load(runs / "cold" / "case.toml").with_(wall="200 degC"), tmp_path / "other"
+    )
+    outcome = castfem(
+        "compare", runs / "cold", tmp_path / "other", "--no-figures", "-o", tmp_path / "both"
+    )
+    assert "(reference)" in outcome.out
+    told = "references of other are of the unchanged case: cooling.mould.surface.0.wall differs"
+    assert told in " ".join(outcome.out.split())
+    rows = list(csv.reader((tmp_path / "both" / "compare.csv").open()))
+    assert rows[0] == ["quantity", "unit", "cold", "cold: reference", "other"]
+    shown = castfem("show", tmp_path / "other").out
+    assert "of the unchanged case" in shown and " %)" not in shown
 
 
 def test_compare(castfem, runs):

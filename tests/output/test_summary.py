@@ -37,7 +37,7 @@ def test_references_stand_beside_ours_with_the_difference():
         [Reference("shell", 4.75e-3, "mm", "A"), Reference("surface", 1515.15, "degC", "B", 0.3)],
         quantities,
     )
-    assert shell.difference == pytest.approx(0.2375, rel=1e-12)
+    assert shell.shown_difference == pytest.approx(0.2375, rel=1e-12)
     assert shell.relative == pytest.approx(0.05, rel=1e-12)
     assert surface.difference == pytest.approx(10.0, rel=1e-12)
     assert math.isnan(surface.relative)
@@ -144,3 +144,27 @@ def test_json_never_holds_nan(tmp_path):
     text = (tmp_path / "a.json").read_text()
     assert json.loads(text) == {"a": [None, {"b": None}], "c": [1, True, None]}
     assert "NaN" not in text
+
+
+def test_value_and_unit_are_si_and_what_is_shown_has_its_own_unit() -> None:
+    heat = Quantity(9091360.0, "MJ/m", "heat")
+    assert (heat.value, heat.unit) == (9091360.0, "J/m")
+    assert (heat.shown, heat.shown_unit) == (pytest.approx(9.09136), "MJ/m")
+    assert repr(heat) == (
+        "Quantity(value=9091360.0, unit='J/m', label='heat', shown='9.09136 MJ/m')"
+    )
+    assert Quantity(0.79, "percent", "share").unit == "-"
+    theirs = Reference("heat", 9e6, "MJ/m", "thesis")
+    (found,) = compare([theirs], {"heat": heat})
+    assert theirs.unit == "J/m"
+    assert found.difference == pytest.approx(91360.0)
+    assert found.shown_difference == pytest.approx(0.09136)
+
+
+def test_no_difference_is_taken_from_a_number_of_the_unchanged_case() -> None:
+    theirs = Reference("heat", 9e6, "MJ/m", "thesis", kind="at_least", changed=("casting.speed",))
+    (found,) = compare([theirs], {"heat": Quantity(9091360.0, "MJ/m", "heat")})
+    assert math.isnan(found.difference) and math.isnan(found.relative) and found.met is None
+    summary = Summary("t", "finished", references=(found,))
+    (again,) = Summary.from_json(json.loads(json.dumps(plain(summary.to_json())))).references
+    assert again == found
