@@ -23,9 +23,13 @@ def shipped() -> dict[str, Path]:
 def find(name: str) -> Path:
     """Return the file of a case given as a path (with or without .toml) or a shipped name.
 
+    The folder of a run stands for the case in it.
+
     Raises:
         InputError: There is no such case; it names the nearest one.
     """
+    from castfem.output.folder import CASE_NAME
+
     path = Path(name)
     for candidate in (path, path.with_name(path.name + ".toml") if path.name else path):
         if candidate.is_file():
@@ -33,6 +37,10 @@ def find(name: str) -> Path:
     cases = shipped()
     if name in cases:
         return cases[name]
+    if (path / CASE_NAME).is_file():
+        return path / CASE_NAME
+    if path.is_dir():
+        raise InputError(f"{name}: is a folder, not that of a run: there is no {CASE_NAME} in it")
     raise InputError(
         f"{name}: no such case file, and no shipped case of that name (castfem cases lists them)"
         f"{nearest(name, cases)}"

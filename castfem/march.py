@@ -279,15 +279,14 @@ def _leave(march: March, recorder: Recorder, output: OutputFolder, error: BaseEx
     try:
         if march.fall_back():
             recorder.save(march)
-        _finish(march, output, "failed", _reason(error))
+        stopped = isinstance(error, KeyboardInterrupt)
+        _finish(march, output, "interrupted" if stopped else "failed", _reason(error))
     except Exception as other:
         log.logger.warning("the state could not be saved: %s", other)
 
 
 def _reason(error: BaseException) -> str:
     """Why a run ended, one line for run.json."""
-    if isinstance(error, KeyboardInterrupt):
-        return "stopped by the user"
     if isinstance(error, CastfemError):
         return str(error)
     return f"unexpected {type(error).__name__}: {error}"
@@ -313,6 +312,8 @@ def _finish(march: March, output: OutputFolder, status: str, reason: str = "") -
         }
         if status == "finished":
             output.finish(**facts)
+        elif status == "interrupted":
+            output.interrupt(**facts)
         else:
             output.fail(reason, **facts)
 

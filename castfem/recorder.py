@@ -10,11 +10,12 @@ import numpy.typing as npt
 
 from castfem import restart
 from castfem.columns import columns, row
+from castfem.errors import InputError
 from castfem.measure import Reading
 from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
 from castfem.output.folder import OutputFolder
 from castfem.output.history import HISTORY_NAME, History
-from castfem.output.xdmf import FieldWriter
+from castfem.output.xdmf import FieldWriter, same_or_before
 from castfem.parallel import on_root
 from castfem.timestep import same_instant
 
@@ -70,6 +71,13 @@ class Recorder:
             self.folder / CHECKPOINT_NAME, physics=case.physics_hash(), case=case.physics()
         )
         time = float(self.checkpoint[0]["time"])
+        if not same_or_before(time, case.casting.duration):
+            speed, length = case.casting.speed, case.casting.length
+            raise InputError(
+                f"{self.folder / CHECKPOINT_NAME}: casting.length: {length:g} m is asked for, and "
+                f"the run has come to {speed * time:g} m; give at least that, or run without "
+                "--resume into another folder"
+            )
         self._history = History.resume(self.folder / HISTORY_NAME, time, columns(self.scene))
         if names := self.scene.case.output_fields:
             self._fields = FieldWriter.resume(self.folder.path, time, names)

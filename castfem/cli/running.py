@@ -13,6 +13,7 @@ from castfem.case import AnyCase, TensileCase
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
 from castfem.errors import CastfemError, InputError
+from castfem.output.folder import CASE_NAME, RUN_NAME
 from castfem.progress import Progress
 
 if TYPE_CHECKING:
@@ -73,8 +74,7 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     case, target = None, Path()
     problems: list[str] = []
     try:
-        path = catalogue.find(options.name)
-        target = options.folder or catalogue.default_folder(options.name, path)
+        path, target = _place(options)
         case, _, problems = problems_of(path, options.overrides)
     except InputError as error:
         problems = list(error.problems)
@@ -88,6 +88,26 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     if found or case is None:
         raise InputError(found)
     return case, target
+
+
+def _place(options: Options) -> tuple[Path, Path]:
+    """Return the case file and the folder to write into.
+
+    Raises:
+        InputError: There is no such case, or it is not told where its run shall go.
+    """
+    given = Path(options.name)
+    home = given if given.is_dir() else given.parent
+    is_run = (home / RUN_NAME).is_file() and (given == home or given.name == CASE_NAME)
+    if is_run and options.resume:
+        return home / CASE_NAME, options.folder or home
+    path = catalogue.find(options.name)
+    if options.folder is None and path.parent == given:
+        raise InputError(
+            f"{given}: is the folder of a run: `castfem run --resume {given}` goes on with it, "
+            f"`castfem run {given} -o FOLDER` repeats it elsewhere"
+        )
+    return path, options.folder or catalogue.default_folder(options.name, path)
 
 
 def _march(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: Options) -> None:

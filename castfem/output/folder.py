@@ -30,6 +30,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pydantic import TypeAdapter, ValidationError
+
 import castfem
 from castfem.closing import Closing
 from castfem.errors import CastfemError, InputError
@@ -39,6 +41,7 @@ from castfem.output.files import saving, system_reason, temporary_name, write_js
 from castfem.output.history import HISTORY_NAME
 from castfem.output.summary import SUMMARY_NAME, Summary
 from castfem.output.xdmf import XDMF_NAME
+from castfem.wording import dotted
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -47,6 +50,7 @@ CASE_NAME = "case.toml"
 RUN_NAME = "run.json"
 LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
+STOPPED = "stopped by the user"  # or by a batch system whose time is up
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 TENSILE_FIGURES = ("tensile",)
@@ -68,8 +72,9 @@ class RunRecord:
     """What run.json holds.
 
     Attributes:
-        status: "running", "finished" or "failed". A run that was killed stays "running".
-        reason: Why it failed, one line.
+        status: "running", "finished", "failed", or "interrupted" by the user or a batch system. A
+            run that was killed stays "running".
+        reason: Why it failed or stopped, one line.
         started: When the run began, UTC.
         ended: When it ended, empty before.
         resumed: How often it was resumed.
@@ -111,8 +116,21 @@ class RunRecord:
             raise InputError(f"{path}: not written by castfem")
         known = {entry.name for entry in fields(cls)}
         record = {key: value for key, value in content.items() if key in known}
-        record["compiled_forms"] = tuple(record.get("compiled_forms", ()))
-        return cls(**record)
+        for key in ("wall_time", "reached"):  # what was not finite is null there
+            if isinstance(record.get(key), dict):
+                record[key] = {k: v for k, v in record[key].items() if v is not None}
+        try:
+            found = TypeAdapter(cls).validate_python(record)
+        except ValidationError as error:
+            first = error.errors()[0]
+            where = dotted(first["loc"])
+            raise InputError(
+                f"{path}: {where}: {first['msg'].lower()}, it has been changed; put it right, or "
+                "take another folder"
+            ) from error
+        if found.status == "failed" and found.reason == STOPPED:  # so written by castfem 0.1
+            return replace(found, status="interrupted")
+        return found
 
 
 class OutputFolder(Closing):
@@ -195,6 +213,10 @@ class OutputFolder(Closing):
         """Notes in run.json that the run has ended well."""
         self.update(status="finished", reason="", ended=_now(), **changes)
 
+    def interrupt(self, **changes: Any) -> None:
+        """Notes in run.json that the run was stopped, as by Ctrl-C; it may be resumed."""
+        self.update(status="interrupted", reason=STOPPED, ended=_now(), **changes)
+
     def fail(self, reason: str, **changes: Any) -> None:
         """Notes in run.json why the run has failed: the first line, without where the folder is."""
         first = reason.strip().splitlines()[0] if reason.strip() else "unknown reason"
@@ -219,10 +241,11 @@ class OutputFolder(Closing):
             with suppress(CastfemError):
                 self._begin_no_more(*self._before)
         elif self._lock is not None and self.record.status == "running":
-            stopped = isinstance(error, KeyboardInterrupt)
-            reason = "stopped by the user" if stopped else str(error) or type(error).__name__
             with suppress(CastfemError):  # a full disk must not hide what went wrong
-                self.fail(reason)
+                if isinstance(error, KeyboardInterrupt):
+                    self.interrupt()
+                else:
+                    self.fail(str(error) or type(error).__name__)
 
     def is_running(self) -> bool:
         """Whether a run is at work in the folder at this moment."""

@@ -120,7 +120,7 @@ def _status(record: RunRecord, running: bool) -> str:
     if record.resumed:
         times = "once" if record.resumed == 1 else f"{record.resumed} times"
         facts += f", resumed {times}"
-    return f"{how} {facts}" + (f": {record.reason}" if record.status == "failed" else "")
+    return f"{how} {facts}" + (f": {record.reason}" if record.reason else "")
 
 
 def _duration(seconds: float) -> str:

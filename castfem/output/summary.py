@@ -1,6 +1,6 @@
 """summary.json: the results of a run in numbers, beside what others have found.
 
-    {"title": ..., "status": "finished" | "failed",
+    {"title": ..., "status": "finished" | "failed" | "interrupted",
      "quantities": {NAME: {"value": 4.75, "unit": "mm", "label": "shell, mid-face"}, ...},
      "references": [{"quantity": NAME, "value": 4.75, "unit": "mm", "kind": "value",
                      "source": ..., "note": ..., "at": null, "changed": [], "ours": 4.9,
@@ -165,7 +165,7 @@ class Summary:
 
     Attributes:
         title: Of the case.
-        status: "finished" or "failed".
+        status: "finished", "failed" or "interrupted".
         quantities: Name to result; `solidus` and `liquidus` of the steel are among them.
         references: Comparisons, from `compare`.
         balances: Name of what is conserved to its terms.

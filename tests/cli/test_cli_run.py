@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -89,6 +90,58 @@ def test_resume(castfem, engine, case_file):
     other = castfem("run", case_file, "-o", "out", "--resume", "--set", "mesh.order=2")
     assert other.status == 1
     assert "mesh.order: 1 there, 2 here" in other.err
+
+
+def _came_to(folder: Path, position: float, status: str) -> None:
+    """Note in a folder how far its run has come, m."""
+    record = {"format": "castfem run", "status": status, "reached": {"position": position}}
+    (folder / "run.json").write_text(json.dumps(record))
+
+
+def test_a_run_that_has_come_further_is_not_replaced(castfem, engine, case_file):
+    words = ("run", case_file, "-o", "out")
+    assert castfem(*words).status == 0
+    _came_to(Path("out"), 0.6, "finished")
+    shorter = castfem(*words, "--set", "casting.length=50 mm")
+    assert (shorter.status, len(engine.calls)) == (1, 1)
+    assert shorter.err == (
+        "castfem: out: casting.length: 0.05 m is asked for, and the run there has come to 0.6 m; "
+        "choose another folder with -o, or --overwrite it\n"
+    )
+    resumed = castfem(*words, "--set", "casting.length=50 mm", "--resume")
+    assert (resumed.status, len(engine.calls)) == (1, 1)
+    assert "a resumed run goes further down: give at least 0.6 m, or run without" in resumed.err
+    assert castfem(*words).status == 0
+    assert castfem(*words, "--set", "casting.length=50 mm", "--overwrite").status == 0
+
+
+def test_a_run_that_was_not_finished_is_replaced_with_a_word(castfem, engine, case_file):
+    words = ("run", case_file, "-o", "out")
+    assert castfem(*words).err == ""
+    _came_to(Path("out"), 0.1, "interrupted")
+    told = castfem(*words)
+    assert told.status == 0
+    assert "had come to 0.1 m (interrupted) and is replaced; --resume goes on" in told.err
+    _came_to(Path("out"), 0.1, "interrupted")
+    assert castfem(*words, "--resume").err == ""
+
+
+def test_the_folder_of_a_run_stands_for_its_case(castfem, engine, case_file):
+    assert castfem("run", case_file, "-o", "out/mine").status == 0
+    _came_to(Path("out/mine"), 0.1, "interrupted")
+    for named in ("out/mine", "out/mine/case.toml"):
+        resumed = castfem("run", "--resume", named)
+        assert resumed.status == 0, resumed.err
+        assert (engine.calls[-1].folder, engine.calls[-1].resume) == (Path("out/mine"), True)
+    anew = castfem("run", "out/mine")
+    assert (anew.status, len(engine.calls)) == (1, 3)
+    assert "castfem run --resume out/mine" in anew.err and "-o FOLDER" in anew.err
+    assert castfem("run", "out/mine", "-o", "again").status == 0
+    assert engine.calls[-1].folder == Path("again")
+    assert castfem("check", "out/mine").status == 0
+    empty = castfem("run", "--resume", "out")
+    assert empty.status == 1
+    assert "out: is a folder, not that of a run: there is no case.toml in it" in empty.err
 
 
 def test_a_file_in_the_way(castfem, engine, case_file):

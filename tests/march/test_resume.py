@@ -125,7 +125,13 @@ def test_an_interrupted_run_goes_on_from_its_last_step(tmp_path: Path) -> None:
     case = billet("taper_1", "casting.length=90 mm")
     with pytest.raises(KeyboardInterrupt):
         run(case, tmp_path / "cut", progress=Interrupted(4))
-    assert record(tmp_path / "cut")["reason"] == "stopped by the user"
+    found = record(tmp_path / "cut")
+    assert (found["status"], found["reason"]) == ("interrupted", "stopped by the user")
+    summary = Summary.load(tmp_path / "cut")
+    assert summary is not None and summary.status == "interrupted"
+    with pytest.raises(InputError, match=r"casting\.length: 0\.03 m .* has come to 0\.045 m"):
+        run(billet("taper_1", "casting.length=30 mm"), tmp_path / "cut", resume=True)
+    assert record(tmp_path / "cut") == found
     reached = read_history(tmp_path / "cut" / "history.csv")["time"].iloc[-1]
     assert load_checkpoint(tmp_path / "cut" / "checkpoint.h5")[0]["time"] == reached == 0.75
     resumed = run(case, tmp_path / "cut", resume=True)

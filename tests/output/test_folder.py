@@ -227,8 +227,42 @@ def test_an_error_in_the_block_is_noted_as_the_reason(tmp_path, error, reason):
         folder.begin(CASE)
         raise error
     record = RunRecord.load(tmp_path)
-    assert (record.status, record.reason) == ("failed", reason)
+    status = "interrupted" if isinstance(error, KeyboardInterrupt) else "failed"
+    assert (record.status, record.reason) == (status, reason)
     assert record.ended
+
+
+def test_an_older_record_of_a_stopped_run_is_read_as_interrupted(tmp_path):
+    with begun(tmp_path) as folder:
+        folder.fail("stopped by the user")
+    assert RunRecord.load(tmp_path).status == "interrupted"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "said"),
+    [
+        ("wall_time", {"march": "long"}, r"wall_time\.march: input should be a valid number"),
+        ("reached", [1.0], r"reached: input should be a valid dictionary"),
+        ("ranks", None, r"ranks: input should be a valid integer"),
+        ("compiled_forms", 3, r"compiled_forms: input should be a valid tuple"),
+        ("status", 1, r"status: input should be a valid string"),
+    ],
+)
+def test_a_record_with_a_wrong_type_is_told_by_its_key(tmp_path, key, value, said):
+    begun(tmp_path).close()
+    path = tmp_path / "run.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
+    with pytest.raises(InputError, match=rf"run\.json: {said}, .*put it right"):
+        RunRecord.load(tmp_path)
+    for resume in (False, True):
+        with pytest.raises(InputError, match="put it right"):
+            begun(tmp_path, resume=resume)
+
+
+def test_what_was_not_finite_in_a_record_is_left_out(tmp_path):
+    with begun(tmp_path) as folder:
+        folder.finish(wall_time={"march": 1.5, "mesh": np.nan})
+    assert RunRecord.load(tmp_path).wall_time == {"march": 1.5}
 
 
 def test_the_reason_does_not_tell_where_the_folder_is(tmp_path):
