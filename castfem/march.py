@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,7 +20,7 @@ from castfem.marched import Counts, Recorded
 from castfem.measure import Measure, Reading
 from castfem.output.folder import OutputFolder
 from castfem.output.summary import Quantity
-from castfem.parallel import on_root
+from castfem.parallel import Together, on_root
 from castfem.recorder import Recorder
 from castfem.report import quantities, summarise
 from castfem.scene import Scene, build_scene
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Named = dict[str, Quantity]
+
+LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/benchmarks.md)
 
 
 class March:
@@ -223,7 +226,8 @@ def run(
     Raises:
         InputError: The case, the folder or the checkpoint cannot be used.
         RunFailure: The run cannot go on; the last good state is on disk.  It is so, too, after
-            any other error of a run on one rank.
+            any other error of a run on one rank.  What one of several ranks meets alone ends all:
+            it is told on stderr, and the last checkpoint is on disk.
     """
     comm = MPI.COMM_WORLD if comm is None else comm
     output = OutputFolder(folder)
@@ -236,20 +240,37 @@ def run(
         return goes_on
 
     resume = bool(comm.bcast(on_root(comm, begin)))
-    with output:
+    # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
+    with output, ExitStack() as freed, Together(comm, (RunFailure, Stopped)) as together:
         scene = build_scene(case, comm)
-        try:
-            return _march(scene, output, resume, profile, progress)
-        finally:
-            scene.destroy()
+        freed.callback(scene.destroy)
+        _tell_of_idle_ranks(scene)
+        recorder = Recorder(scene, output, resume)
+        freed.callback(recorder.close)
+        return _march(scene, output, recorder, together, profile, progress)
+
+
+def _tell_of_idle_ranks(scene: Scene) -> None:
+    """Say that a small section is slower on several ranks (collective)."""
+    comm = scene.section.comm
+    each = reductions.total(comm, scene.section.owned) / comm.size
+    if comm.size > 1 and each < LEAST_VERTICES and comm.rank == 0:
+        log.logger.info(
+            "%.0f vertices on each of %d ranks: so few are slower than one rank, which waits for "
+            "no other (docs/benchmarks.md); several runs at once: castfem sweep", each, comm.size,
+        )  # fmt: skip
 
 
 def _march(
-    scene: Scene, output: OutputFolder, resume: bool, profile: bool, progress: Progress | None
+    scene: Scene,
+    output: OutputFolder,
+    recorder: Recorder,
+    together: Together,
+    profile: bool,
+    progress: Progress | None,
 ) -> Summary:
     """March a built scene with its files open."""
     comm, watch = scene.section.comm, scene.watch
-    recorder = Recorder(scene, output, resume)
     interrupt = Interrupt(comm)
     march = March(scene, recorder, progress, interrupt)
     if recorder.checkpoint is not None:
@@ -260,13 +281,12 @@ def _march(
         with interrupt, watch.section("march"):
             march.run()
     except BaseException as error:
-        # Saving takes all ranks.  Failures and stops they raise together; of anything else one
-        # rank does not know whether the others have it: then the checkpoint before must do.
-        if isinstance(error, RunFailure | Stopped) or comm.size == 1:
+        # Saving takes all ranks.  Failures and stops they raise together; after anything else they
+        # may stand at different places: then the checkpoint before must do.
+        if together.meet(error):
             _leave(march, recorder, output, error)
         raise
-    finally:
-        recorder.close()
+    recorder.close()
     if scene.case.output.checkpoint_every:
         recorder.save(march)
     if profile and comm.rank == 0:

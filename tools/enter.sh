@@ -36,6 +36,21 @@ set_defaults() {
   fi
 }
 
+# Leaves out of stderr what a launcher adds when a rank has ended with an exit status: castfem has
+# said why. No option of Open MPI does it that keeps the status. What a rank that was killed, or
+# aborted, makes it say stays. (PMIX_ERR_UNREACH: it has told the end to a rank that was gone.)
+without_status() {
+  trap '' INT TERM # Ctrl-C goes to all in the terminal; what is left to say is passed on
+  exec sed -u -e '/PMIX ERROR: PMIX_ERR_UNREACH in file/d' -e '/^-\{60,\}$/{
+    N
+    /exited with non-zero status\|terminated normally, but/!{ P; D }
+    :block
+    /\n-\{60,\}$/d
+    N
+    b block
+  }'
+}
+
 # Runs "$@" with the Python that has DOLFINx already; nothing to enter.
 run_on_host() {
   local folder=${python%/*}
@@ -152,6 +167,7 @@ fi
 [[ $# -gt 0 ]] || die "nothing to run"
 
 set_defaults
+[[ $1 == mpirun ]] && exec 2> >(without_status >&2)
 [[ $kind == userland ]] || run_on_host "$@"
 inside=${CASTFEM_INSIDE:-}
 bwrap=$(command -v bwrap)

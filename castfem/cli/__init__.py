@@ -69,17 +69,15 @@ def execute(arguments: Sequence[str] | None = None) -> int:
         return _status(error)
 
 
-def report(
-    error: Exception, *, verbose: bool = False, prefix: str = "castfem: ", hint: str = ""
-) -> int:
+def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
     """Print an error for the user and return the exit status it stands for.
 
     Args:
         error: What was raised.
         verbose: Print the traceback of an error that was not raised on purpose.
-        prefix: In front of the first line.
         hint: How to get the traceback of an error that was not raised on purpose.
     """
+    prefix = "castfem: "
     if isinstance(error, InputError):
         count = len(error.problems)
         if count > 1:

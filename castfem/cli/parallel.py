@@ -1,10 +1,11 @@
-"""Ranks: who prints, and how; how all agree on the mistakes of the user, and end together."""
+"""Ranks: who prints, and how; how all agree on the mistakes of the user."""
 
 from __future__ import annotations
 
 import os
 import sys
 import time
+from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ _LAUNCHERS = (
     ("PMI_RANK", "PMI_SIZE"),
     ("SLURM_PROCID", "SLURM_NTASKS"),
 )
-_PATIENCE = 5.0  # s for the other ranks to arrive at the same failure
 _DRAINED = 0.3  # s for the launcher to pass on what was printed
 
 
@@ -72,39 +72,16 @@ def settle() -> None:
         stream.flush()
     comm = communicator()
     if comm is not None:
-        _all_arrive(comm)
+        from castfem.parallel import all_arrive
+
+        all_arrive(comm)
         time.sleep(_DRAINED)
 
 
-def _all_arrive(comm: MPI.Intracomm) -> bool:
-    """Return whether all ranks come here within a few seconds."""
-    request = comm.Ibarrier()
-    end = time.monotonic() + _PATIENCE
-    while not request.Test():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.01)
-    return True
+def together(comm: MPI.Intracomm | None) -> AbstractContextManager[object]:
+    """Return a block in which an error that one rank meets alone ends all (collective)."""
+    if comm is None:
+        return nullcontext()
+    from castfem.parallel import Together
 
-
-class Together:
-    """Tells whether all ranks have failed at the same place, so that they can end in order.
-
-    A rank that fails alone leaves the others waiting for it for ever: it must abort them all.
-
-    Args:
-        comm: All ranks, or None (collective).
-    """
-
-    def __init__(self, comm: MPI.Intracomm | None) -> None:
-        self._world = comm
-        self._comm = None if comm is None else comm.Dup()
-
-    def failed(self) -> bool:
-        """Wait a little for the other ranks; return whether they all came here, too."""
-        return self._comm is None or _all_arrive(self._comm)
-
-    def abort(self, status: int) -> None:
-        """End all ranks at once with an exit status."""
-        if self._world is not None:
-            self._world.Abort(status)
+    return Together(comm)

@@ -53,15 +53,14 @@ def run_case(options: Options) -> None:
     comm = parallel.communicator()
     rank = parallel.rank_of(comm)
     log.setup(options.verbosity, rank)
-    case, target = _validated(comm, options)
-    together = parallel.Together(comm)
     try:
-        _march(case, target, comm, options)
-    except Exception as error:
-        _told_to_file(error)
-        if not together.failed():
-            _fail_alone(error, rank, together)
-        raise
+        with parallel.together(comm):
+            case, target = _validated(comm, options)
+            try:
+                _march(case, target, comm, options)
+            except Exception as error:
+                _told_to_file(error)
+                raise
     finally:
         log.close()
 
@@ -153,12 +152,3 @@ def _told_to_file(error: Exception) -> None:
     known = isinstance(error, CastfemError)
     text = str(error) if known else "".join(traceback.format_exception(error))
     log.logger.error("%s", text, extra=log.FILE_ONLY)
-
-
-def _fail_alone(error: Exception, rank: int, together: parallel.Together) -> None:
-    """End all ranks after an error that only this one met."""
-    from castfem.cli import HINT, report
-
-    status = report(error, prefix=f"castfem: on rank {rank}: ", hint=HINT)
-    log.close()
-    together.abort(status)

@@ -230,7 +230,9 @@ class ThermalProblem:
             self.iterations += outcome.iterations
         self.stages += 1
         solution = solver.x.getArray(readonly=True)
-        if not np.array_equal(solution, self._state.enthalpy):
+        # One rank's part may be the same, and another's not (a NaN never is); it takes them all.
+        moved = not np.array_equal(solution, self._state.enthalpy)
+        if reductions.any_of(self.section.comm, moved):
             self._state = self._evaluate(solution)
         return self._close(solution, outcome)
 

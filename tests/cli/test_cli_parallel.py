@@ -13,7 +13,7 @@ pytestmark = needs_mpirun
 
 ENGINE = """
 import sys, types
-from castfem.cli import parallel
+import castfem.parallel as together
 from castfem.errors import InputError, RunFailure
 def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):
     {body}
@@ -71,7 +71,7 @@ def test_usage_error_is_told_once(tmp_path):
 
 def test_failure_on_all_ranks_is_told_once(tmp_path):
     """And at once: nobody waits for ranks that have all come."""
-    body = "parallel._PATIENCE = 1e3; raise RunFailure('step too small')"
+    body = "together.PATIENCE = 1e3; raise RunFailure('step too small')"
     done = _mpirun(tmp_path, body, *RUN)
     assert done.returncode == 2
     assert done.stderr.count("castfem: step too small") == 1

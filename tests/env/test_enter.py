@@ -47,6 +47,45 @@ def test_own_programs_come_first(home: Path) -> None:
     assert enter(home, "tool").stdout == "own tool\n"
 
 
+LINE = 74 * "-"
+STATUS = f"""[host:16207] PMIX ERROR: PMIX_ERR_UNREACH in file server.c at line 3184
+{LINE}
+prterun detected that one or more processes exited with non-zero status,
+thus causing the job to be terminated. The first process to do so was:
+
+   Process name: [prterun-host-16207@1,1]
+   Exit code:    1
+{LINE}
+"""
+STATUS_4 = f"""{LINE}
+Primary job  terminated normally, but 1 process returned
+a non-zero exit code. Per user-direction, the job has been aborted.
+{LINE}
+{LINE}
+mpirun detected that one or more processes exited with non-zero status, thus causing
+the job to be terminated.
+{LINE}
+"""
+ABORT = f"""{LINE}
+MPI_ABORT was invoked on rank 1 in communicator MPI_COMM_WORLD
+{LINE}
+{LINE}
+"""
+
+
+@pytest.mark.parametrize("more", [STATUS, STATUS_4])
+def test_a_launcher_does_not_repeat_the_status(home: Path, more: str) -> None:
+    """What it says of an abort, and of anything else, stays; so do status and output."""
+    launcher = home / "venv/bin/mpirun"
+    said = f"castfem: a.toml: bad\n{ABORT}and more\n"
+    launcher.write_text(f"#!/bin/sh\ncat\ncat >&2 <<'END'\n{said}{more}END\nexit 3\n")
+    launcher.chmod(0o755)
+    done = enter(home, "mpirun", "-n", "2", input=STATUS)
+    assert (done.returncode, done.stdout, done.stderr) == (3, STATUS, said)
+    launcher.rename(home / "venv/bin/other")
+    assert enter(home, "other", input="").stderr == said + more
+
+
 def test_defaults_give_way_to_the_user(home: Path) -> None:
     bare = {key: value for key, value in os.environ.items() if key != "OMP_NUM_THREADS"}
     show = ("sh", "-c", "echo $OMP_NUM_THREADS $PETSC_OPTIONS")
