@@ -29,6 +29,7 @@ def summarise(march: March, status: str) -> Summary:
         steps=_steps(march),
         wall_time=dict(scene.watch.seconds),
         zones=tuple(Zone(s.name, s.start, s.end, s.whole) for s in scene.zones.spans),
+        mould_exit=scene.case.mould_exit(),
     )
 
 

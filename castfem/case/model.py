@@ -22,7 +22,7 @@ from castfem.case.casting import (
     Reference,
     Steel,
 )
-from castfem.case.cooling import HeatLaw, Zone
+from castfem.case.cooling import Contact, HeatLaw, Zone
 from castfem.case.document import PROPERTY_FILES
 from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
@@ -39,6 +39,8 @@ _NOT_PHYSICS: Any = {
     "thermal": {"solver"},
     "mechanics": {"solver"},
 }
+
+_MOULD = "mould"  # in the name of a zone
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,20 @@ class Case(TableModel):
             if end >= self.casting.length:
                 break
         return tuple(spans)
+
+    def mould_exit(self) -> float | None:
+        """Return where the mould ends, from the meniscus, m; None if the case has none.
+
+        That is mould.length. Without [mould] it is the end of the zones, from the meniscus on, that
+        are called a mould or, if the first is not, that cool by contact with a wall.
+        """
+        if self.mould is not None:
+            return self.mould.length
+        named = [_MOULD in zone.name.lower() for zone in self.cooling]
+        walled = [any(isinstance(law, Contact) for law in zone.surface) for zone in self.cooling]
+        of_mould = named if named[0] else walled
+        last = next((i for i, part in enumerate(of_mould) if not part), len(of_mould)) - 1
+        return None if last < 0 else self.cooling[last].to
 
     @property
     def output_fields(self) -> tuple[FieldName, ...]:

@@ -1,6 +1,6 @@
 """What to look at in a run: where the shell is thin, hot, stressed, or off the mould.
 
-It is read off the columns of history.csv, with the mould's exit from the zones of the summary, and
+It is read off the columns of history.csv, with the mould's exit from the summary, and
 off the fields where the surface is worse off than at the probes; what a run has not is left out.
 """
 
@@ -77,7 +77,7 @@ def remarks(
 
     Args:
         table: Of `castfem.output.history.read_history`.
-        summary: Its zones tell where the mould ends; None of a run that has not finished.
+        summary: Tells where the mould ends; None of a run that has not finished.
         fields: Tell of weak spots between the probes.
     """
     if len(table) < 2 or not has_values(table, "position"):
@@ -260,10 +260,9 @@ def _instead(probe: Remark, value: float, spot: Spot, where: str) -> Remark:
 
 def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
     """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
-    for zone in summary.zones if summary is not None else ():
-        reached = zone.whole and zone.end <= position[-1] * (1 + 1e-9)
-        if "mould" in zone.name.lower() and reached:
-            return zone.end, "mould exit"
+    ends = None if summary is None else summary.mould_exit
+    if ends is not None and ends <= position[-1] * (1 + 1e-9):
+        return ends, "mould exit"
     return float(position[-1]), "end of the run"
 
 

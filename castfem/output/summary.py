@@ -7,12 +7,13 @@
                      "difference": 0.15, "relative": 0.032, "met": null, "missing": ""}, ...],
      "balances": {NAME: {NAME: {"value", "unit", "label"}, ...}, ...},
      "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
-     "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...]}
+     "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...],
+     "mould_exit": 0.6}
 
 In the file each value is in the unit beside it. In Python `value` and `unit` are SI, `shown` and
 `shown_unit` what the file has. Zones and `at` (null: the end of the run) are in metres below the
-meniscus. A value that does not exist is null there, NaN here. The difference of two temperatures is
-in K and has no relative size: where the zero of a scale lies is a convention. `met` tells whether a
+meniscus, and so is `mould_exit`, the end of the mould (null without one). A value that does not
+exist is null there, NaN here. The difference of two temperatures is in K and has no relative size: where the zero of a scale lies is a convention. `met` tells whether a
 bound holds, of a value it is null. Where keys of the case were `changed` since a reference was
 written it is a number of the unchanged case, and no difference is taken. Summaries without `kind`
 were written when all references were values; their `note` is what is now in `missing`.
@@ -172,6 +173,8 @@ class Summary:
         steps: Counts and sizes [s] of the march.
         wall_time: Stage to seconds.
         zones: The cooling, in casting order.
+        mould_exit: Where the mould ends, below the meniscus [m], though the run may end before;
+            None if there is no mould.
     """
 
     title: str
@@ -182,6 +185,7 @@ class Summary:
     steps: Mapping[str, float] = field(default_factory=dict)
     wall_time: Mapping[str, float] = field(default_factory=dict)
     zones: tuple[Zone, ...] = ()
+    mould_exit: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file, for `castfem.output.files.write_json`."""
@@ -197,6 +201,7 @@ class Summary:
             "steps": dict(self.steps),
             "wall_time": dict(self.wall_time),
             "zones": [asdict(zone) for zone in self.zones],
+            "mould_exit": self.mould_exit,
         }
 
     @classmethod
@@ -218,6 +223,7 @@ class Summary:
             steps=content["steps"],
             wall_time=content["wall_time"],
             zones=tuple(Zone(**zone) for zone in content["zones"]),
+            mould_exit=content.get("mould_exit"),
         )
 
     @classmethod

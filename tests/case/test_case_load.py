@@ -38,6 +38,26 @@ def test_zones_are_cut_at_the_followed_length(write, sound):
     assert (within.end, within.whole) == (0.4, False)
 
 
+def test_the_mould_ends_where_its_table_or_its_zones_say(write, sound):
+    assert load_case(write()).mould_exit() == 0.6
+    assert load_case(write(), MOULD).mould_exit() == 0.6
+    deeper = load_case(write(), ["casting.length=0.4 m", *MOULD[1:], "mould.length=800 mm"])
+    assert deeper.mould_exit() == 0.8  # its end lies beyond the run
+    parts = "".join(
+        f'[[cooling]]\nname = "{name}"\nto = "{to} mm"\n[[cooling.surface]]\nlaw = "{law}"\n'
+        for name, to, law in (
+            *((f"mould {i}", 150 * i, 'flux"\nvalue = "2 MW/m^2') for i in (1, 2, 3, 4)),
+            ("foot rolls", 700, 'contact"\ncoefficient = "900 W/(m^2 K)"\nwall = "90 degC'),
+            ("mould of another name", 900, 'flux"\nvalue = "1 MW/m^2'),
+        )
+    )
+    zones = sound[: sound.index("[[cooling]]")] + parts
+    assert load_case(write(zones)).mould_exit() == 0.6
+    # Without the name it is the wall that tells, without a wall there is no mould.
+    assert load_case(write(), ["cooling.0.name=A"]).mould_exit() == 0.6
+    assert load_case(write(zones), ["cooling.0.name=A"]).mould_exit() is None
+
+
 def test_sharp_corners_have_no_corner_group(write, sound):
     case = load_case(write(sound.replace('corner_radius = "5 mm"\n', "")))
     assert case.zones()[0].laws[0][0] == ("wide_face", "narrow_face")

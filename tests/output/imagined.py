@@ -127,6 +127,7 @@ def summary(status: str = "finished") -> Summary:
         steps={"accepted": 412, "rejected": 3, "newton": 1204},
         wall_time={"mesh": 0.21, "march": 2.54},
         zones=(Zone("mould", 0.0, 0.6),),
+        mould_exit=0.6,
     )
 
 

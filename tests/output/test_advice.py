@@ -60,15 +60,15 @@ def test_remarks_name_what_is_worth_a_look(table):
     assert of(found, "largest von Mises stress").value == pytest.approx(12.0)
 
 
-def test_the_mould_ends_where_its_zone_does_and_reheating_is_named(table):
+def test_the_mould_ends_where_the_summary_says_and_reheating_is_named(table):
     zones = (Zone("mould", 0.0, 0.3), Zone("spray", 0.3, 2.0))
     units = table.attrs["units"]
     late = table["position"] > 0.4
     table.loc[late, "surface_temperature_corner"] += 100.0
     table.attrs["units"] = units
-    found = remarks(table, Summary("x", "finished", zones=zones))
+    found = remarks(table, Summary("x", "finished", zones=zones, mould_exit=0.3))
     assert of(found, "thinnest shell").where.endswith("mould exit at 300 mm")
-    within = Summary("x", "finished", zones=(Zone("mould", 0.0, 0.6, whole=False),))
+    within = Summary("x", "finished", zones=(Zone("mould", 0.0, 0.6),), mould_exit=0.8)
     assert of(remarks(table, within), "thinnest shell").where.endswith("end of the run at 600 mm")
     z, shell = table["position"], table["shell_mid_face"]
     assert of(found, "thinnest shell").value == pytest.approx(np.interp(0.3, z, shell))
@@ -76,7 +76,7 @@ def test_the_mould_ends_where_its_zone_does_and_reheating_is_named(table):
     assert reheated.unit == "K"
     assert 50.0 < reheated.value < 100.0
     assert reheated.where.startswith("corner, from ")
-    found = remarks(table, Summary("x", "finished", zones=(Zone("mould", 0.0, 0.8),)))
+    found = remarks(table, Summary("x", "finished", zones=(Zone("mould", 0.0, 0.6),)))
     assert of(found, "thinnest shell").where.endswith("end of the run at 600 mm")
 
 
@@ -144,7 +144,7 @@ def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, 
         assert remark.where.endswith(
             "mould exit at 600 mm; of the probes mid-face and corner, 1327"
         )
-        later = Summary("x", "finished", zones=(Zone("mould", 0.0, 0.45),))
+        later = Summary("x", "finished", mould_exit=0.45)
         remark = of(remarks(table, later, fields), "thinnest shell")  # no field at 450 mm
         assert (remark.value, remark.where) == (
             pytest.approx(6.2575),

@@ -117,6 +117,7 @@ def test_the_file_reads_back(tmp_path):
     assert once == again
     assert math.isnan(found.quantities["metallurgical_length"].value)
     assert found.zones == summary().zones
+    assert found.mould_exit == 0.6
 
 
 @given(
