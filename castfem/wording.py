@@ -33,6 +33,11 @@ def choices(names: Iterable[object]) -> str:
     return ", ".join(str(name) for name in names)
 
 
+def grouped(count: float) -> str:
+    """Return a count with its thousands apart: 10 000 000; far beyond that as a power of ten."""
+    return f"{count:,.0f}".replace(",", " ") if count < 1e13 else f"{count:.0e}"
+
+
 _NAMED = 5  # differences of two cases in a message
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from castfem.case import effort
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
 from castfem.case.mechanics import Motions
@@ -39,6 +40,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _zones(case)
     yield from _laws(case)
     yield from _stepping(case)
+    yield from effort.too_many(case)
     yield from _mechanics(case)
     yield from check_mould(case.mould, case.section)
     yield from _mould_and_zones(case)

@@ -285,11 +285,14 @@ def identify(
     softening: Annotated[
         str, typer.Option(help="p1: positive (0 or more), free, or none (0).")
     ] = "positive",
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace a law and a picture of these names.")
+    ] = False,
 ) -> None:
     """Fit the modified Norton-Hoff law (163) to tensile curves."""
     from castfem.cli.identifying import identify_law
 
-    identify_law(data, output, degree, softening)
+    identify_law(data, output, degree, softening, overwrite)
 
 
 @app.command()

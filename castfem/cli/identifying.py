@@ -5,12 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from castfem.errors import InputError
+from castfem.errors import InputError, RunFailure
 
 Softening = Literal["positive", "free", "none"]
 
 
-def identify_law(data: Path, output: Path | None, degree: int | None, softening: str) -> None:
+def identify_law(
+    data: Path, output: Path | None, degree: int | None, softening: str, overwrite: bool = False
+) -> None:
     """Fit the law to the curves in `data`; write NAME.toml and NAME.png and print the report.
 
     Args:
@@ -18,23 +20,33 @@ def identify_law(data: Path, output: Path | None, degree: int | None, softening:
         output: The material file; by default the data's name with .toml.
         degree: Of the polynomials over temperature; None fits each temperature by itself.
         softening: Bounds of p1, see `castfem.laws.identify.IdentifyOptions`.
+        overwrite: Replace a material file and a picture that are there.
 
     Raises:
-        InputError: The data cannot be used, or a file cannot be written.
+        InputError: The data cannot be used, a file is there already, or cannot be written.
     """
     if softening not in get_args(Softening):
         raise InputError(f"--softening '{softening}': one of {', '.join(get_args(Softening))}")
     if degree is not None and degree < 0:
         raise InputError(f"--degree {degree}: a number from 0 on, or leave it out")
+    target = output or Path(data.name).with_suffix(".toml")
+    there = [p for p in (target, target.with_suffix(".png")) if p.exists() and not overwrite]
+    if there:
+        raise InputError(
+            f"{there[0]}: is there already; choose another file with -o, or give --overwrite"
+        )
     from castfem.laws.identify import IdentifyOptions, identify
+    from castfem.output.files import write_text
 
     options = IdentifyOptions(degree=degree, softening=cast(Softening, softening))
     found = identify(data, options)
-    target = output or Path(data.name).with_suffix(".toml")
     try:
-        target.write_text(found.to_toml(), encoding="utf-8")
+        write_text(target, found.to_toml())
+    except RunFailure as error:
+        raise InputError(str(error).partition(";")[0]) from None
+    try:
         picture = found.plot(target.with_suffix(".png"))
     except OSError as error:
-        raise InputError(f"{target}: cannot be written ({error.strerror})") from None
+        raise InputError(f"{target}: cannot be drawn ({error.strerror})") from None
     print(found.report())
     print(f"law in {target}, drawn in {picture}")

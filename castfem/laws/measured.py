@@ -154,7 +154,8 @@ def _header(
         elif name in places:
             problems.append(f"{where}: the column '{name}' stands there twice")
         else:
-            places[name], units[name] = place, rest.rpartition("]")[0].strip().replace("-", "", 1)
+            unit = rest.rpartition("]")[0].strip()
+            places[name], units[name] = place, "" if unit == "-" else unit
             problems += _unit_problem(where, name, units[name])
     missing = [name for name in COLUMNS if name not in places]
     if missing and not problems:

@@ -34,6 +34,18 @@ def test_identify_writes_the_law_it_finds(castfem, tmp_path):
     np.testing.assert_allclose(found, [0.13, 0.14], atol=1e-3)
 
 
+def test_identify_replaces_no_file_unasked(castfem, tmp_path):
+    target = tmp_path / "law.toml"
+    target.write_text("mine")
+    outcome = castfem("identify", tensile_file(tmp_path), "-o", target, "--softening", "none")
+    assert outcome.status == 1
+    assert "law.toml: is there already" in outcome.err and "--overwrite" in outcome.err
+    assert target.read_text() == "mine"
+    outcome = castfem("identify", tensile_file(tmp_path), "-o", target, "--overwrite")
+    assert outcome.status == 0 and "norton_hoff" in target.read_text()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["gleeble.csv", "law.png", "law.toml"]
+
+
 def test_identify_refuses_what_it_cannot_read(castfem, tmp_path):
     outcome = castfem("identify", tmp_path / "none.csv")
     assert outcome.status == 1

@@ -216,6 +216,18 @@ def test_identify_takes_a_path(tmp_path: Path) -> None:
     assert law.used.name == "curves.csv"
 
 
+def test_a_unit_with_a_negative_power_is_what_it_says(tmp_path: Path) -> None:
+    path = tmp_path / "curves.csv"
+    for unit in ("1/s", "s^-1", "s-1"):
+        path.write_text(
+            f"temperature [K], strain rate [{unit}], strain [-], stress [MPa]\n1200, 1e-3, 0.1, 20"
+        )
+        assert read_tensile(path).rate == pytest.approx([1e-3])
+    path.write_text("temperature [K], strain rate [s], strain [-], stress [MPa]\n1200,1,0.1,20")
+    with pytest.raises(InputError, match="column 'strain rate'"):
+        read_tensile(path)
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [

@@ -1,0 +1,44 @@
+"""Cases of millions of steps are refused with their number, long ones are told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from castfem.case import read_case
+
+TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "count"),
+    [
+        ("coupling.interval=1e-9 s", "coupling.interval", "10 000 000 000 intervals"),
+        ("coupling.interval=1e-12 s", "coupling.interval", "1e+13 intervals"),
+        ("coupling.mechanical_step=1e-9 s", "coupling.mechanical_step", "mechanical steps"),
+        ("thermal.time.step=1 us", "thermal.time.step", "10 000 000 thermal steps"),
+        (
+            'thermal.time.adaptive={largest="1 us"}',
+            "thermal.time.adaptive.largest",
+            "10 000 000 thermal steps",
+        ),
+        ("output.every=1e-9 s", "output.every", "10 000 000 000 states of the fields"),
+        ("casting.speed=1 um/min", "coupling.interval", "intervals"),
+    ],
+)
+def test_a_run_without_end_is_refused_with_its_count(change: str, key: str, count: str) -> None:
+    found = [line for line in read_case(TAPERED, [change]).problems if f": {key}: " in line]
+    assert len(found) == 1 and count in found[0] and "at most" in found[0], found
+
+
+def test_output_that_is_not_written_makes_no_states() -> None:
+    assert not read_case(TAPERED, ["output.every=1e-9 s", "output.fields=[]"]).problems
+
+
+def test_a_long_run_is_told_with_its_time() -> None:
+    (line,) = read_case(TAPERED, ["coupling.mechanical_step=50 us"]).doubts
+    assert "(5e-05 s) makes 200 000 mechanical steps" in line
+    assert line.endswith("5.6 hours")
+    (line,) = read_case(TAPERED, ["output.every=1 ms"]).doubts
+    assert "10 000 states of the fields" in line
