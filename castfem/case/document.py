@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import os
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -174,9 +174,7 @@ def _merge(
     document: Document, under: dict[str, Any], over: dict[str, Any], path: Keys, label: str
 ) -> None:
     """Merge the table `over`, which stands in the file `label`, into `under` at `path`."""
-    for where, one, other in _EXCLUSIVE:
-        if path == where and (one in over) != (other in over):
-            under.pop(other if one in over else one, None)
+    _exclude(under, over, path)
     changed = any(kind in over and over[kind] != under.get(kind) for kind in _KINDS)
     if changed and path not in _MANY_SIDED:
         under.clear()
@@ -201,6 +199,13 @@ def _write_out(document: Document, under: dict[str, Any], path: Keys) -> None:
     if path in _ONE_WORD and isinstance(word, str):
         under[str(path[-1])] = {_ONE_WORD[path]: word}
         document.origins[(*path, _ONE_WORD[path])] = document.origin(path)
+
+
+def _exclude(under: dict[str, Any], keys: Collection[str], path: Keys) -> None:
+    """Drop from the table `under` at `path` what new keys in it exclude."""
+    for where, one, other in _EXCLUSIVE:
+        if path == where and (one in keys) != (other in keys):
+            under.pop(other if one in keys else one, None)
 
 
 def _forget(document: Document, path: Keys) -> None:
@@ -269,6 +274,8 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
         if step is None:
             document.faults.append(f"{label}: {key}: {_no_entry(place, path, part)}")
             return
+        if isinstance(place, dict):
+            _exclude(place, (str(step),), path)
         path = (*path, step)
         if isinstance(place, dict):
             _write_out(document, place, path)

@@ -58,6 +58,24 @@ def test_the_mould_ends_where_its_table_or_its_zones_say(write, sound):
     assert load_case(write(zones), ["cooling.0.name=A"]).mould_exit() is None
 
 
+def test_tables_left_out_have_their_keys_by_bare_names(write):
+    case = load_case(write(), ["figures=false", "every=1 s", "largest=1 s"])
+    assert not case.output.figures and case.output.every == 1.0
+    assert case.thermal.time.adaptive.largest == 1.0
+    with pytest.raises(InputError, match=r"did you mean mould\.friction"):
+        load_case(write(), ["friction=1"])
+    with pytest.raises(InputError, match=r"did you mean coupling\.interval"):
+        load_case(write(), ["interval=1 s"])
+
+
+def test_a_key_of_the_adaptive_step_takes_the_place_of_a_fixed_one(write, sound):
+    text = sound + '[thermal.time]\nstep = "1 s"\n'
+    case = load_case(write(text), ['thermal.time.adaptive.tolerance="0.3 K"'])
+    assert case.thermal.time.step is None
+    assert case.thermal.time.adaptive.tolerance == 0.3
+    assert load_case(write(text), ["tolerance=0.3 K", "step=2 s"]).thermal.time.adaptive is None
+
+
 def test_sharp_corners_have_no_corner_group(write, sound):
     case = load_case(write(sound.replace('corner_radius = "5 mm"\n', "")))
     assert case.zones()[0].laws[0][0] == ("wide_face", "narrow_face")
