@@ -103,7 +103,11 @@ class Kind(Notation):
         return units.format(value, self.unit, self.shown, difference=self.difference)
 
     def _text(self, bound: float) -> str:
-        return f"{bound:g}" if self.unit == "1" else f"{bound:g} {self.unit}"
+        if self.unit == "1":
+            return f"{bound:g}"
+        shown = self.shown or self.unit
+        number = units.convert(bound, self.unit, shown, difference=self.difference)
+        return f"{round(number, 9) + 0.0:g} {shown}"
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -167,6 +171,11 @@ WaterFlow = Annotated[
 ]
 Time = Annotated[float, Kind("s", "s", above=0.0)]
 Temperature = Annotated[float, Kind("K", "degC")]
+# Of liquid water in the open.
+WaterTemperature = Annotated[
+    float,
+    Kind("K", "degC", least=273.15, most=373.15, label="temperature of water", sample="25 degC"),
+]
 PositiveDifference = Annotated[float, Kind("K", "K", difference=True, above=0.0)]
 Superheat = Annotated[float, Kind("K", "K", difference=True, least=0.0)]
 HeatTransferCoefficient = Annotated[float, Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0)]

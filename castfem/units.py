@@ -13,7 +13,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -221,6 +221,8 @@ def parse(
             absolute zero of temperature. The text says what is wrong and how to write it.
     """
     name, example = kind or describe(unit, difference)
+    if isinstance(text, Mapping | Sequence) and not isinstance(text, str):
+        raise ValueError(f'a single {name} is needed here, such as "{example}"; no table or list')
     if isinstance(text, bool) or not isinstance(text, str | int | float):
         raise ValueError(f'{_a(name)} is needed, such as "{example}"')
     if not isinstance(text, str):

@@ -17,6 +17,7 @@ from castfem.quantities import (
     PositiveNumber,
     Temperature,
     WaterFlow,
+    WaterTemperature,
 )
 from castfem.table import Curve, CurveOr, Table
 
@@ -126,7 +127,7 @@ class Spray(Law):
 
     law: Literal["spray"]
     water: WaterFlow = Field(description="water flow per surface area")
-    water_temperature: Temperature = Field(
+    water_temperature: WaterTemperature = Field(
         description="temperature of the water", examples=["25 degC"]
     )
     correlation: Literal["nozaki", "ishiguro", "bolle", "mizikar", "sasaki", "wendelstorf"] = Field(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from pydantic import ValidationError
 from castfem.case import checks, document, names, outdated, plausible, problems, tensile
 from castfem.case.base import LENIENT
 from castfem.case.model import Case
+from castfem.case.problems import Problem
 from castfem.case.tensile import TensileCase
 from castfem.errors import InputError
 
@@ -33,6 +35,7 @@ class Reading:
         law: The same for the law of the mechanics ("billet.toml: mechanics.law").
         elasticity: The same for its elasticity.
         doubts: What a sound case has that was probably not meant, one line each.
+        line: Puts where it was written before what was found later.
     """
 
     case: AnyCase | None
@@ -41,6 +44,7 @@ class Reading:
     law: str = "mechanics.law"
     elasticity: str = "mechanics.elasticity"
     doubts: tuple[str, ...] = ()
+    line: Callable[[Problem], str] = str
 
 
 def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
@@ -134,7 +138,8 @@ def _validate(written: document.Document) -> Reading:
     )
     odd = plausible.doubts(case) if isinstance(case, Case) and not lines else ()
     doubts = tuple(_line(written, problem) for problem in odd)
-    return Reading(case, tuple(dict.fromkeys(lines)), steel, law, elasticity, doubts)
+    line = partial(_line, written)
+    return Reading(case, tuple(dict.fromkeys(lines)), steel, law, elasticity, doubts, line)
 
 
 def _kind(written: document.Document) -> type[AnyCase]:

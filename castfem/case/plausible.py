@@ -7,20 +7,28 @@ computed.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from castfem.case import effort
 from castfem.case.checks import law_groups
-from castfem.case.cooling import Contact, Convection, HeatLaw, Radiation, Zone
+from castfem.case.cooling import Contact, Convection, HeatLaw, Radiation, Spray, Zone
 from castfem.case.model import Case
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
 from castfem.mould.taper import Course
-from castfem.units import convert
+from castfem.thermal.sprays import HELD, RANGES
+from castfem.units import convert, format
+from castfem.wording import Path
+
+if TYPE_CHECKING:
+    from castfem.materials import Steel
 
 _FASTEST = 20.0 / 60.0  # m/s; billets are cast at some 6 m/min, thin slabs at some 8
 _CLOSED = 0.07  # of the section, beyond what cases made to be extreme have (10 %/m over 0.6 m)
 _USUAL_TAPER = 0.03  # 1/m, single
 _ROUGHEST = 2.0  # friction coefficient
+_COLDEST = 200.0  # K
+_SAME_CARBON = 0.03  # wt%
 
 
 def doubts(case: Case) -> Iterator[Problem]:
@@ -32,6 +40,9 @@ def doubts(case: Case) -> Iterator[Problem]:
             f"({convert(speed, 'm/s', 'm/min'):.4g} m/min) is far beyond what strands are cast at; "
             "are number and unit right?",
         )
+    yield from effort.many(case)
+    yield from _cold(case)
+    yield from _sprays(case)
     if case.mould is not None:
         yield from _taper(case.mould, case.section)
         yield from _friction(case.mould)
@@ -41,6 +52,88 @@ def doubts(case: Case) -> Iterator[Problem]:
         if case.mould is not None and start < case.mould.length:
             yield from _fixed(case, zone, ("cooling", index))
         start = case.casting.length if zone.to is None else zone.to
+
+
+def doubts_with(case: Case, steel: Steel, law_carbon: float | None = None) -> Iterator[Problem]:
+    """Yield what a sound case has that does not fit its steel.
+
+    Args:
+        case: The case.
+        steel: Its steel.
+        law_carbon: wt% C of the steel whose numbers its mechanical law has; None if none is stated.
+    """
+    if steel.left_out:
+        names = ", ".join(steel.left_out)
+        yield Problem(
+            ("steel", "composition"),
+            f"there are no data for {names}; the steel is computed without",
+        )
+    start = case.casting.temperature
+    if start is not None and start < steel.liquidus:
+        yield Problem(
+            ("casting", "temperature"),
+            f"({format(start, 'K', 'degC')}) lies below the liquidus of {steel.name} "
+            f"({convert(steel.liquidus, 'K', 'degC'):.6g} degC): the slice begins with "
+            f"{100.0 * float(steel.solid_fraction(start)):.3g} % of solid",
+        )
+    # A steel computed from its carbon is meant by it; a set of fixed numbers stands for a class.
+    carbon = case.steel.composition.get("C")
+    if case.mechanics is None or carbon is None or law_carbon is None:
+        return
+    if abs(carbon - law_carbon) > _SAME_CARBON:
+        name = str(case.mechanics.law).rpartition("/")[2]
+        yield Problem(
+            ("mechanics", "law"),
+            f'("{name}") has the numbers of a steel of {law_carbon:g} %C, {steel.name} has '
+            f'{carbon:g} %C; "kozlowski_zhu" goes by the carbon of the steel',
+        )
+
+
+def _cold(case: Case) -> Iterator[Problem]:
+    """Yield surroundings and starts colder than any winter: a number of degC with the unit K."""
+    given: list[tuple[Path, Any]] = [(("casting", "temperature"), case.casting.temperature)]
+    if case.mould is not None:
+        given.append((("mould", "wall_temperature"), case.mould.wall_temperature))
+    for i, zone in enumerate(case.cooling):
+        for j, law in enumerate(zone.surface):
+            keys = ("ambient", "wall", *(("value",) if law.law == "temperature" else ()))
+            given += [
+                (("cooling", i, "surface", j, key), getattr(law, key))
+                for key in keys
+                if hasattr(law, key)
+            ]
+    for path, value in given:
+        if isinstance(value, float) and value < _COLDEST:
+            written = format(value, "K", "K").removesuffix(" K")
+            yield Problem(
+                path,
+                f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
+                f'"{written} degC"?',
+            )
+
+
+def _sprays(case: Case) -> Iterator[Problem]:
+    """Yield sprays outside of what their correlation was measured for, and without radiation."""
+    for i, zone in enumerate(case.cooling):
+        sprays = [(j, law) for j, law in enumerate(zone.surface) if isinstance(law, Spray)]
+        for j, law in sprays:
+            low, high = RANGES[law.correlation].water
+            if low <= law.water <= high or law.water == 0.0:
+                continue
+            reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
+            held = HELD.get(law.correlation)
+            how = "extrapolated" if held is None or law.water < low else held
+            yield Problem(
+                ("cooling", i, "surface", j, "water"),
+                f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured "
+                f"for, {reach} L/(m^2 s): {how}",
+            )
+        if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
+            yield Problem(
+                ("cooling", i),
+                "a spray without radiation; the correlation is of the water alone, add a surface "
+                'with law = "radiation"',
+            )
 
 
 def _taper(mould: Mould, section: Any) -> Iterator[Problem]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem import log
-from castfem.case import AnyCase, Case, Reading, TensileCase, read_case
+from castfem.case import AnyCase, Case, Reading, TensileCase, plausible, read_case
 from castfem.errors import InputError
 from castfem.units import convert
 
@@ -25,18 +25,28 @@ def problems_of(
     """
     reading = read_case(path, overrides)
     problems = list(reading.problems)
-    steel = None
+    steel, law_carbon = None, None
     try:
         if isinstance(reading.case, TensileCase):
             _try_law(reading, reading.case)
         else:
             steel = _steel(reading)
-            _try_mechanics(reading, steel)
+            law_carbon = _try_mechanics(reading, steel)
     except InputError as error:
         problems += error.problems
-    for doubt in () if problems else reading.doubts:
-        log.logger.warning("%s", doubt)
+    if not problems:
+        _tell_doubts(reading, steel, law_carbon)
     return (None if problems else reading.case), steel, problems
+
+
+def _tell_doubts(reading: Reading, steel: Steel | None, law_carbon: float | None) -> None:
+    """Log what a sound case has that was probably not meant."""
+    doubts = list(reading.doubts)
+    if isinstance(reading.case, Case) and steel is not None:
+        found = plausible.doubts_with(reading.case, steel, law_carbon)
+        doubts += [reading.line(problem) for problem in found]
+    for doubt in doubts:
+        log.logger.warning("%s", doubt)
 
 
 def _steel(reading: Reading) -> Steel | None:
@@ -55,14 +65,16 @@ def _steel(reading: Reading) -> Steel | None:
     )
 
 
-def _try_mechanics(reading: Reading, steel: Steel | None) -> None:
-    """Make the law of the slice, if the case has one and all of it is sound."""
+def _try_mechanics(reading: Reading, steel: Steel | None) -> float | None:
+    """Make the law of the slice, if the case has one and all is sound; return its carbon, wt%."""
     table = reading.case.mechanics if isinstance(reading.case, Case) else None
     if table is None or steel is None or reading.problems:
-        return
+        return None
+    from castfem.laws.library import law_carbon
     from castfem.mechanical_law import build_law
 
     build_law(table, steel, reading.law, reading.elasticity)
+    return law_carbon(table.law)
 
 
 def _try_law(reading: Reading, case: TensileCase) -> None:
@@ -119,12 +131,16 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
         f"{name}: sound",
         f"  {case.title}",
         f"  {casting.length:g} m at {casting.speed * 60.0:.4g} m/min, {casting.duration:.4g} s",
-        f"  steel {steel.name}: solidus {solidus:.5g} degC, liquidus {liquidus:.5g} degC",
+        f"  steel {steel.name}: solidus {solidus:.6g} degC, liquidus {liquidus:.6g} degC",
         f"  mesh of {cells} cells",
     ]
     if case.mechanics is not None:
+        from castfem.laws.library import law_carbon
+
         walls = "free" if case.mould is None else "in a rigid mould"
-        lines.append(f"  mechanics: {Path(case.mechanics.law).stem}, {walls}")
+        carbon = law_carbon(case.mechanics.law)
+        of = "" if carbon is None else f" (numbers of a steel of {carbon:g} %C)"
+        lines.append(f"  mechanics: {Path(case.mechanics.law).stem}{of}, {walls}")
     for span in case.zones():
         laws = ", ".join(law.law for _, law in span.laws) or "insulated"
         lines.append(f"  {span.start:7.3f} - {span.end:7.3f} m  {span.name}: {laws}")

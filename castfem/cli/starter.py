@@ -54,6 +54,11 @@ water_temperature = "25 degC"
 correlation = "nozaki"
 machine_factor = 4
 
+[[cooling.surface]]                   # the spray is the water's alone
+law = "radiation"
+emissivity = 0.8
+ambient = "25 degC"
+
 [[cooling]]
 name = "air"                          # the last zone goes on to the end
 

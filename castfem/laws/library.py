@@ -90,6 +90,7 @@ _NUMBERS = {
     "blend": Kind("1", least=0.0, most=1.0, label="share", sample="0.1"),
     "coldest": Kind("K", "degC"),
 }
+_CARBON = "carbon"  # wt% of the steel that the numbers are of
 _TEXTS = ("law", "description", "source", "status", "note")
 _NOTES = ("source", "status", "note")
 
@@ -178,6 +179,18 @@ def load_law(
     return law_from(data, elasticity, label, carbon=carbon, delta_share=delta_share)
 
 
+def law_carbon(name: str, base_dir: str | os.PathLike[str] | None = None) -> float | None:
+    """Carbon of the steel whose numbers a law has, wt%; None if it goes by that of the case's.
+
+    Raises:
+        InputError: As `load_law`.
+    """
+    data, label = _parse(name, Path(base_dir or "."), "law")
+    reader = _Reader(data, label)
+    carbon = reader.number(_CARBON, math.nan)
+    return None if math.isnan(carbon) else carbon
+
+
 def law_from(
     data: Mapping[str, Any],
     elasticity: Elasticity,
@@ -197,7 +210,8 @@ def law_from(
     if name == "unified_steel":
         law: AnyLaw = _unified(reader, elasticity, carbon, delta_share)
     else:
-        reader.unknown((*_TEXTS, *PARAMETERS[name]))
+        reader.unknown((*_TEXTS, _CARBON, *PARAMETERS[name]))
+        reader.number(_CARBON, 0.0)
         law = _with_curves(reader, name, elasticity)
     if reader.problems:
         raise InputError(reader.problems)

@@ -60,6 +60,7 @@ class Workshop:
         name: Name of the steel.
         composition: wt%.
         diagram: Iron-carbon diagram, None without carbon content.
+        left_out: Elements that are stated, but of which nothing is known.
         problems: What was found so far.
     """
 
@@ -67,6 +68,7 @@ class Workshop:
     name: str
     composition: Mapping[str, float]
     diagram: iron_carbon.IronCarbon | None = None
+    left_out: tuple[str, ...] = ()
     problems: list[Problem] = field(default_factory=list)
 
     def fail(self, *path: str, text: str) -> Faulty:
@@ -99,6 +101,7 @@ class Workshop:
             composition=MappingProxyType(dict(self.composition)),
             diagram=self.diagram,
             origins=MappingProxyType(self._origins()),
+            left_out=self.left_out,
         )
         return steel if "enthalpy" not in curves else _with_released_heat(steel)
 

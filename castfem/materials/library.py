@@ -18,6 +18,11 @@ from castfem.materials.steel import Steel
 from castfem.units import nearest
 from castfem.wording import choices, dotted, shown
 
+# Other elements that an analysis of a steel may name.
+TRACES = frozenset((
+    *("H", "Be", "B", "N", "O", "Mg", "Ca", "Ti", "V", "Co", "Zn", "Ga", "Ge", "As", "Se", "Y"),
+    *("Zr", "Nb", "Mo", "Ag", "Sn", "Sb", "Te", "La", "Ce", "Nd", "Hf", "Ta", "W", "Pb", "Bi"),
+))  # fmt: skip
 FOLDER = Path(__file__).parent / "data"
 
 
@@ -58,7 +63,8 @@ def load_steel(
     data = _merged(_parse(path, label), changes)
     given, problems = schema.read(data)
     amounts, faults = _composition(given, composition, path.stem)
-    shop = Workshop(given, path.stem, amounts, problems=problems + faults)
+    left_out = tuple(e for e in {**given.composition, **(composition or {})} if e in TRACES)
+    shop = Workshop(given, path.stem, amounts, left_out=left_out, problems=problems + faults)
     steel = shop.steel()
     if steel is None:
         asked = composition or {}
@@ -156,7 +162,7 @@ def _composition(
         return dict(_sound(given.composition)), [Problem(("composition",), text)]
     for element, value in {**given.composition, **(asked or {})}.items():
         most = MAX_CARBON if element == "C" else MAX_ALLOYING
-        if element not in ELEMENTS:
+        if element not in ELEMENTS and element not in TRACES:
             text = f"no data for this element; known: {choices(ELEMENTS)}"
             text += nearest(element, ELEMENTS)
         elif isinstance(value, bool) or not isinstance(value, int | float):
@@ -164,7 +170,8 @@ def _composition(
         elif not 0.0 <= value <= most:
             text = f"({value:g}) is out of range; 0 to {most:g} weight percent"
         else:
-            amounts[element] = float(value)
+            if element in ELEMENTS:
+                amounts[element] = float(value)
             continue
         problems.append(Problem(("composition", element), text))
     for element in given.from_composition:

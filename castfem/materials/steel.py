@@ -61,6 +61,7 @@ class Steel:
         composition: wt% by element; empty if not stated.
         diagram: Iron-carbon diagram, if a composition is stated.
         origins: Source and status by property.
+        left_out: Elements that were stated, but of whose effect nothing is known here.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Steel:
     composition: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     diagram: IronCarbon | None = None
     origins: Mapping[str, Origin] = field(default_factory=lambda: MappingProxyType({}))
+    left_out: tuple[str, ...] = ()
 
     def has(self, key: str) -> bool:
         """Whether the steel has the property `key` ("emissivity", "thermal_expansion" ...)."""

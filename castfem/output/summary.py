@@ -11,12 +11,13 @@
      "mould_exit": 0.6}
 
 In the file each value is in the unit beside it. In Python `value` and `unit` are SI, `shown` and
-`shown_unit` what the file has. Zones and `at` (null: the end of the run) are in metres below the
-meniscus, and so is `mould_exit`, the end of the mould (null without one). A value that does not
-exist is null there, NaN here. The difference of two temperatures is in K and has no relative size: where the zero of a scale lies is a convention. `met` tells whether a
-bound holds, of a value it is null. Where keys of the case were `changed` since a reference was
-written it is a number of the unchanged case, and no difference is taken. Summaries without `kind`
-were written when all references were values; their `note` is what is now in `missing`.
+`shown_unit` what the file has. Zones, `at` (null: the end of the run) and `mould_exit` (null: there
+is no mould) are in metres below the meniscus. A value that does not exist is null there, NaN here.
+The difference of two temperatures is in K and has no relative size: where the zero of a scale lies
+is a convention. `met` tells whether a bound holds, of a value it is null. Where keys of the case
+were `changed` since a reference was written it is a number of the unchanged case, and no difference
+is taken. Summaries without `kind` were written when all references were values; their `note` is
+what is now in `missing`.
 """
 
 from __future__ import annotations

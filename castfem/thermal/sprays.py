@@ -7,7 +7,9 @@ a correlation extrapolates.  A factor of two between them is what is honestly kn
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +18,22 @@ Array = npt.NDArray[np.float64]
 Correlation = Callable[[float, float, Array], Array]
 
 ZERO_CELSIUS = 273.15
+WENDELSTORF_MOST = 30.0  # L/(m2 s)
+WENDELSTORF_EXCESS = (180.0, 1100.0)  # K
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """What a correlation was measured for.
+
+    Attributes:
+        water: Least and largest flow, L/(m2 s). surface: Coldest and hottest surface, K; of
+            `wendelstorf`, of its excess over the water. excess: Whether it is the excess.
+    """
+
+    water: tuple[float, float] = (0.0, math.inf)
+    surface: tuple[float, float] = (0.0, math.inf)
+    excess: bool = False
 
 
 def nozaki(water: float, water_temperature: float, surface: Array) -> Array:
@@ -53,13 +71,27 @@ def wendelstorf(water: float, water_temperature: float, surface: Array) -> Array
     """Wendelstorf, Spitzer and Wendelstorf (2008), with the rise below the Leidenfrost point.
 
     h = 190 + tanh(W/8) [140 W (1 - W dT/72000) + 3.26 dT^2 (1 - tanh(dT/128))], dT = Ts - Tw from
-    180 to 1100 K, W from 3 to 30; dT is held at the ends of its range.
+    180 to 1100 K, W from 3 to 30.  dT is held at the ends of its range, W at the upper end of its:
+    beyond it the bracket falls with more water, and below zero with much more.
     """
-    dt = np.clip(surface - water_temperature, 180.0, 1100.0)
+    water = min(water, WENDELSTORF_MOST)
+    dt = np.clip(surface - water_temperature, *WENDELSTORF_EXCESS)
     film = 140.0 * water * (1.0 - water * dt / 72000.0)
     boiling = 3.26 * dt**2 * (1.0 - np.tanh(dt / 128.0))
     return np.asarray(190.0 + np.tanh(water / 8.0) * (film + boiling))
 
+
+RANGES: dict[str, Range] = {
+    "nozaki": Range(),
+    "ishiguro": Range(),
+    "bolle": Range((1.0, 7.0), (627.0 + ZERO_CELSIUS, 927.0 + ZERO_CELSIUS)),
+    "mizikar": Range((0.0, 20.3)),
+    "sasaki": Range((1.67, 41.7), (700.0 + ZERO_CELSIUS, 1200.0 + ZERO_CELSIUS)),
+    "wendelstorf": Range((3.0, WENDELSTORF_MOST), WENDELSTORF_EXCESS, excess=True),
+}
+"""Published ranges by name; without bounds where none is published."""
+HELD: dict[str, str] = {"wendelstorf": f"the coefficient is that of {WENDELSTORF_MOST:g}"}
+"""What is taken beyond the largest flow, where the formula is not extrapolated."""
 
 CORRELATIONS: dict[str, Correlation] = {
     "nozaki": nozaki,

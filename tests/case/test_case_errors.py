@@ -96,6 +96,25 @@ MISTAKES = {
         "cooling.1.surface.0.emissivity",
         ["(1.2)", "must not be above 1"],
     ),
+    "water that is ice": (
+        'law = "radiation"\nambient = "25 degC"',
+        'law = "spray"\nwater = "5 L/(m^2 s)"\nwater_temperature = "25 K"\ncorrelation = "nozaki"',
+        "cooling.1.surface.0.water_temperature",
+        ['("25 K")', "must not be below 0 degC"],
+    ),
+    "water that is steam": (
+        'law = "radiation"\nambient = "25 degC"',
+        'law = "spray"\nwater = "5 L/(m^2 s)"\nwater_temperature = "140 degC"\n'
+        'correlation = "nozaki"',
+        "cooling.1.surface.0.water_temperature",
+        ['("140 degC")', "must not be above 100 degC"],
+    ),
+    "a table for a constant": (
+        'speed = "3.6 m/min"',
+        'speed = { time = [0, 1], value = ["3 m/min", "4 m/min"] }',
+        "casting.speed",
+        ['a single speed is needed here, such as "3.6 m/min"; no table'],
+    ),
     "unknown law": (
         '"radiation"',
         '"radiaton"',

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from castfem import catalogue
-from castfem.case import read_case
+from castfem.case import Case, read_case
+from castfem.case.plausible import doubts_with
+from castfem.materials import load_steel
 
 TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
 ROUGH = 'mould.friction={ law = "coulomb", coefficient = %s }'
@@ -97,6 +99,64 @@ def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
 )
 def test_what_may_be_meant(change: str) -> None:
     assert _doubts(change) == ()
+
+
+THERMAL = TAPERED.with_name("thermal.toml")
+SPRAYED = (
+    'cooling.0.surface=[{law="spray",water="%s",water_temperature="25 degC",correlation="%s"},'
+    '{law="radiation",ambient="25 degC",emissivity=0.8}]'
+)
+
+
+@pytest.mark.parametrize(
+    ("water", "correlation", "said"),
+    [
+        ("72 L/(m^2 s)", "wendelstorf", "measured for, 3 to 30 L/(m^2 s): the coefficient is that"),
+        ("1 L/(m^2 s)", "wendelstorf", "3 to 30 L/(m^2 s): extrapolated"),
+        ("9 L/(m^2 s)", "bolle", "1 to 7 L/(m^2 s): extrapolated"),
+        ("25 L/(m^2 s)", "mizikar", "at most 20.3 L/(m^2 s): extrapolated"),
+        ("1 L/(m^2 s)", "sasaki", "1.67 to 41.7"),
+        ("0 L/(m^2 s)", "bolle", None),
+        ("5 L/(m^2 s)", "wendelstorf", None),
+        ("50 L/(m^2 s)", "nozaki", None),
+    ],
+)
+def test_water_beyond_what_was_measured_is_told(water, correlation, said) -> None:
+    found = read_case(THERMAL, [SPRAYED % (water, correlation)]).doubts
+    assert len(found) == (said is not None)
+    assert all(said in line and "cooling.0.surface.0.water" in line for line in found)
+
+
+def test_a_spray_without_radiation_is_told() -> None:
+    alone = SPRAYED.replace(',{law="radiation",ambient="25 degC",emissivity=0.8}', "")
+    (line,) = read_case(THERMAL, [alone % ("5 L/(m^2 s)", "nozaki")]).doubts
+    assert "a spray without radiation" in line
+
+
+def test_kelvin_for_degrees_is_told() -> None:
+    (line,) = read_case(THERMAL, ["cooling.mould.surface.0.wall=160 K"]).doubts
+    assert '(160 K) is -113.2 degC; did you mean "160 degC"?' in line
+
+
+def _with(steel: dict[str, object], law_carbon: float | None, *changes: str) -> list[str]:
+    written = ", ".join(f"{element} = {share}" for element, share in steel.items())
+    named = ("steel.name=plain_carbon", f"steel.composition={{ {written} }}")
+    reading = read_case(TAPERED, [*named, *changes])
+    assert isinstance(reading.case, Case) and not reading.problems
+    made = load_steel("plain_carbon", composition=steel)
+    return [problem.text for problem in doubts_with(reading.case, made, law_carbon)]
+
+
+def test_what_does_not_fit_the_steel_is_told() -> None:
+    assert _with({"C": 0.1}, 0.1) == []
+    assert _with({"C": 0.2}, None) == []
+    (line,) = _with({"C": 0.2}, 0.1)
+    assert "numbers of a steel of 0.1 %C, plain_carbon has 0.2 %C" in line
+    (line,) = _with({"C": 0.1, "V": 0.05, "Nb": 0.02}, 0.1)
+    assert line == "there are no data for V, Nb; the steel is computed without"
+    cold = ("casting.temperature=1500 degC",)
+    (line,) = _with({"C": 0.1}, 0.1, *cold)
+    assert "lies below the liquidus of plain_carbon" in line and "% of solid" in line
 
 
 @pytest.mark.parametrize("path", catalogue.shipped().values(), ids=catalogue.shipped())

@@ -78,7 +78,7 @@ def test_difference_of_temperatures_is_written_in_kelvin():
         ("1e999 m", "m", "too large"),
         (True, "1", "is needed"),
         (None, "m", "a length is needed"),
-        ([1], "m", "a length is needed"),
+        ([1], "m", "a single length is needed"),
         ("-300 degC", "K", "absolute zero"),
         ("5 m^", "m", "not known"),
         ("5 ((m", "m", "not known"),

@@ -39,6 +39,9 @@ def test_both_sets_are_told_at_once(castfem) -> None:
 
 
 def test_check_tells_the_mechanics(castfem) -> None:
-    assert "mechanics: norton_hoff_kozlowski, free" in castfem("check", "billet125/idealised").out
+    assert (
+        "mechanics: norton_hoff_kozlowski (numbers of a steel of 0.1 %C), free"
+        in castfem("check", "billet125/idealised").out
+    )
     assert ", in a rigid mould" in castfem("check", "billet125/taper_1").out
     assert "mechanics" not in castfem("check", "billet125/thermal").out

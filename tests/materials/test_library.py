@@ -265,6 +265,17 @@ def test_problems_of_a_file(write, old, new, told):
     assert any("own.toml" in line and told in line for line in found), found
 
 
+def test_elements_without_data_are_left_out():
+    plain = load_steel("plain_carbon", composition={"C": 0.2, "Mn": 0.6})
+    steel = load_steel("plain_carbon", composition={"C": 0.2, "Mn": 0.6, "V": 0.05, "N": 0.01})
+    assert steel.left_out == ("V", "N") and plain.left_out == ()
+    assert dict(steel.composition) == {"C": 0.2, "Mn": 0.6}
+    assert steel.liquidus == plain.liquidus
+    assert "composition.V: (-1) is out of range" in only(
+        "plain_carbon", composition={"C": 0.2, "V": -1}
+    )
+
+
 def test_entry_must_be_one_thing(write):
     both = changed(
         'value = "7200 kg/m^3"', 'value = "7200 kg/m^3"\nformula = "jimbo_cramb_density"'
@@ -326,9 +337,9 @@ def test_composition_of_a_case():
     assert only("plain_carbon", origin="a.toml: steel").startswith(
         "a.toml: steel.composition.C: is needed by plain_carbon"
     )
-    found = problems("plain_carbon", composition={"C": 0.2, "Mo": 0.1, "mn": 1.0, "Si": -1.0})
+    found = problems("plain_carbon", composition={"C": 0.2, "Mu": 0.1, "mn": 1.0, "Si": -1.0})
     assert [line.split(":")[0] for line in found] == [
-        "steel.composition.Mo",
+        "steel.composition.Mu",
         "steel.composition.mn",
         "steel.composition.Si",
     ]
