@@ -29,7 +29,8 @@ Array = npt.NDArray[np.float64]
 
 FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
 TINY = 1e-300
-SHORTEST = 0.05  # of the interval: cut back no further for a gap that does not settle
+SHORTEST = 0.05  # of the interval: cut back no further for a gap that does not settle, or for a
+# state beyond the range of the model: a shorter interval ends there, too
 COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
 
 
@@ -269,19 +270,22 @@ def take_interval(
     A gap that does not settle cuts an interval back as well, but ends no run.
 
     Raises:
-        RunFailure: At the smallest interval.
+        RunFailure: At the smallest interval, or where the model ends (`mechanics.validity`).
     """
     rejected = 0
     while True:
         end = control.propose(state.time)
         taken = end - state.time
         attempt = coupler.take(state, end)
-        kept = coupler.passes == 1 or taken < SHORTEST * coupler.interval
+        short = taken < SHORTEST * coupler.interval
+        kept = coupler.passes == 1 or short
         if attempt.converged and (attempt.settled or kept):
             control.learn(taken, 0.0)
             return attempt, rejected
         reason = "the gap does not settle" if attempt.converged else attempt.mechanical.reason
         log.logger.debug("t = %.6g s: interval %.3g s: %s", state.time, taken, reason)
+        if attempt.mechanical.refused and short:
+            raise RunFailure(f"mechanics: {reason}")
         try:
             control.failed(taken, reason)
         except RunFailure as error:

@@ -69,11 +69,13 @@ class MechanicalResult:
     """One attempted step, or several that were taken one after another.
 
     Attributes:
-        converged: Whether the solver succeeded; if not, `state` is the old one.
+        converged: Whether the solver succeeded and what it found can be kept; if not, `state` is
+            the old one.
         state: The new state. newton: Newton iterations. reason: The solver's word.
         balance: Forces of the new state; None if not converged.
         dissipation: Viscoplastic work over the step at the deviator's points, J/m3.
         flowing: Share of the section's area that flows.
+        refused: Whether there was equilibrium, in a state that cannot be kept.
     """
 
     converged: bool
@@ -83,6 +85,7 @@ class MechanicalResult:
     balance: Balance | None
     dissipation: Array
     flowing: float
+    refused: bool = False
 
     def before(self, after: MechanicalResult) -> MechanicalResult:
         """Both, `after` being the later: its state, and the work of both."""

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from castfem import reductions
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
+from castfem.mechanics.validity import Validity
 
 Array = npt.NDArray[np.float64]
 
@@ -20,11 +21,19 @@ class MechanicalStepper:
     Args:
         problem: Equilibrium of the section.
         extrapolate: Start Newton's method where the last step's rates lead.
+        judge: Refuse states that the model cannot speak of, see `mechanics.validity`; without,
+            the equations are solved as they are written, as closed forms want it.
     """
 
-    def __init__(self, problem: MechanicalProblem, extrapolate: bool = True) -> None:
+    def __init__(
+        self, problem: MechanicalProblem, extrapolate: bool = True, judge: bool = True
+    ) -> None:
         self.problem, self.extrapolate = problem, extrapolate
         self.comm = problem.section.comm
+        self._validity: Validity | None = None
+        if judge:
+            law, large = problem.slice.law, problem.slice.large_strain
+            self._validity = Validity(problem.points, problem.fields, law, large)
 
     def initial(self, time: float, temperature: Array) -> MechanicalState:
         """Undeformed and free of stress at temperatures of the owned vertices (owned,), K."""
@@ -57,6 +66,11 @@ class MechanicalStepper:
             nothing = np.zeros(problem.points.split)
             return MechanicalResult(False, old, newton, outcome.describe(), None, nothing, 0.0)
         state = self._state(old, time, temperature)
+        if self._validity is not None:
+            refusal = self._validity.refusal(state, problem.at_points(temperature))
+            if refusal:
+                nothing = np.zeros(problem.points.split)
+                return MechanicalResult(False, old, newton, refusal, None, nothing, 0.0, True)
         split = problem.points.split
         flowing = float(problem.points.deviator.volume @ problem.response.flows[:split])
         share = reductions.total(self.comm, flowing) / problem.scales.area

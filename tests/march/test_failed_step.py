@@ -74,7 +74,7 @@ class Attempts:
 
     def _fail(self, coupler: Coupler, old: StrandState, end: float) -> Interval:
         if self._spoil is None:
-            nothing: Any = SimpleNamespace(reason="spoilt")
+            nothing: Any = SimpleNamespace(reason="spoilt", refused=False)
             return Interval(False, old, nothing, nothing, 1)
         with self._patch.context() as patch:
             self._spoil(patch)
@@ -87,7 +87,12 @@ def untried(patch: pytest.MonkeyPatch) -> None:
     def step(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
         nothing = np.zeros(self.problem.points.split)
         return SimpleNamespace(
-            converged=False, state=old, newton=0, reason="spoilt", dissipation=nothing
+            converged=False,
+            state=old,
+            newton=0,
+            reason="spoilt",
+            dissipation=nothing,
+            refused=False,
         )
 
     patch.setattr(MechanicalStepper, "step", step)

@@ -129,6 +129,7 @@ class SliceScene:
     extrapolate: bool = True
     given: dict[str, Any] = field(default_factory=dict)
     springs: float | None = None
+    judge: bool = False  # closed forms hold of the equations, however large the strain
     start: float | Callable[[Array, Array], Array] = 0.0
 
     def __post_init__(self) -> None:
@@ -138,7 +139,7 @@ class SliceScene:
         self.problem = MechanicalProblem(
             self.section, slice_, self.options, self.tolerance, springs=self.springs
         )
-        self.stepper = MechanicalStepper(self.problem, self.extrapolate)
+        self.stepper = MechanicalStepper(self.problem, self.extrapolate, self.judge)
         self.state: MechanicalState = self.stepper.initial(0.0, self.field(self.start))
         self.results: list[MechanicalResult] = []
 

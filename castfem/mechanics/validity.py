@@ -1,0 +1,175 @@
+"""Which mechanical states are kept: those the model can speak of.
+
+Newton's method finds equilibrium of the equations as they are written, wherever that is: a slice of
+negative thickness, a shell that has turned over, a bulge as large as the strand are solutions like
+any other.  So each state is judged before it is accepted.  What is coherent solid is judged
+strictly; the liquid has a stand-in without stiffness that may distort, and is judged only for what
+would make the rest meaningless.  docs/mechanics.md has the limits and their reasons.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+
+from castfem import reductions
+from castfem.compat import Tabulation
+from castfem.forms.finite_strain import deformation
+from castfem.laws.base import Law, equivalent_stress
+from castfem.mechanics.state import MechanicalState
+
+if TYPE_CHECKING:
+    from castfem.mechanics.kinematics import Fields
+    from castfem.mechanics.points import Points
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+FOLDED = 0.1  # what is left of the area of a cell that counts as folded
+COMPRESSED = 0.02  # elastic strain of the mean stress: hundreds of MPa, which no hot steel carries
+LOOK = "look at loads, supports, mould and cooling"
+NO_SHELL = "there is no shell yet that could bear a load: let that begin later, or leave it out"
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How far a description of strain carries.
+
+    Attributes:
+        name: What messages call it. strain: What solid may have borne since it froze.
+        thickness: Smallest and largest thickness e (37) of the slice, over the undeformed one.
+        size: Difference of the displacements of two points along x or y, over the section's extent.
+        rotation: Of the solid, rad. mend: What to do beyond.
+    """
+
+    name: str
+    strain: float
+    thickness: tuple[float, float]
+    size: float
+    rotation: float
+    mend: str
+
+
+SMALL = Limits(
+    "small strain", 0.1, (0.9, 1.1), 0.1, 0.2, f'{LOOK}; mechanics.strain = "large" goes farther'
+)
+LARGE = Limits("large strain", 1.0, (1.0 / 3.0, 3.0), np.inf, np.inf, LOOK)
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """One thing that a state is judged by.
+
+    Attributes:
+        values: On this rank (n,); the larger, the worse. places: Where (n, 2), m.
+        limit: Of the values. told: What to say beyond it, of the value and of its opposite.
+    """
+
+    values: Array
+    places: Array
+    limit: float
+    told: str
+
+
+class Validity:
+    """Judges the states of one section.
+
+    Args:
+        points: Its quadrature points.
+        fields: Displacement and generalized strains as the forms see them.
+        law: Of the material.
+        large: Whether strain is large.
+    """
+
+    def __init__(self, points: Points, fields: Fields, law: Law, large: bool) -> None:
+        self._points, self._law, self._large = points, law, large
+        self._limits = LARGE if large else SMALL
+        self._comm = points.section.comm
+        mesh = points.section.mesh
+        now = deformation(fields.u, fields.modes, mesh)
+        f = now.gradient
+        seen = ufl.as_vector([f[0, 0], f[0, 1], f[1, 0], f[1, 1], now.thickness, *now.position])
+        self._now = Tabulation(mesh, seen, points.deviator.points)
+        names = law.state_names
+        self._flow = names.index("viscoplastic_strain") if "viscoplastic_strain" in names else None
+
+    def refusal(self, state: MechanicalState, temperature: Array) -> str:
+        """Why a newly found state cannot be kept, empty if it can (collective).
+
+        Args:
+            state: Whose displacement the fields hold.
+            temperature: At the points (count,), K.
+        """
+        solid = temperature <= self._law.elasticity.solidity.solidus
+        with np.errstate(invalid="ignore", divide="ignore"):
+            judged = self._judged(state, temperature, solid)
+        found = reductions.largest_of(self._comm, [j.values.max(initial=-np.inf) for j in judged])
+        for one, worst in zip(judged, found, strict=True):
+            if not worst <= one.limit:  # NaN is beyond any limit
+                _, x, y = reductions.peak(self._comm, one.values, one.places)
+                at = f" at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm" if np.isfinite(x) else ""
+                told = f"beyond {self._limits.name}: {one.told.format(worst, -worst)}{at}"
+                shell = reductions.any_of(self._comm, bool(solid.any()))
+                return f"{told}; {self._limits.mend if shell else NO_SHELL}"
+        return ""
+
+    def _judged(self, state: MechanicalState, temperature: Array, coherent: Flags) -> list[Judged]:
+        """All that a state is judged by, what depends on nothing else first (collective)."""
+        limits, place = self._limits, self._points.deviator.position
+        now = self._now.values().reshape(len(place), 7)
+        f, thickness, moved = now[:, :4], now[:, 4], now[:, 5:] - place
+        area = f[:, 0] * f[:, 3] - f[:, 1] * f[:, 2]
+        turned = np.abs(np.arctan2(f[:, 2] - f[:, 1], f[:, 0] + f[:, 3]))
+        solid, mean = coherent[: len(place)], coherent[len(place) :]
+        thinnest, thickest = limits.thickness
+        told = "the slice is {{{}:.3g}} times as thick as it was (at {} {:.2g})"
+        found = [
+            Judged(-thickness, place, -thinnest, told.format(1, "least", thinnest)),
+            Judged(thickness, place, thickest, told.format(0, "most", thickest)),
+            Judged(-area[solid], place[solid], -FOLDED, "the shell folds"),
+        ]
+        if self._large:  # its equations are written on the slice as it is
+            found.append(Judged(-area, place, 0.0, "the liquid folds"))
+        else:
+            told = f"the shell turns by {{0:.2g}} rad (at most {limits.rotation:g})"
+            found.append(Judged(turned[solid], place[solid], limits.rotation, told))
+            shell = reductions.any_of(self._comm, bool(solid.any()))
+            found += self._bulges(place, moved[solid] if shell else moved)
+        borne = self._borne(state, temperature, solid)
+        told = f"the shell is strained by {{0:.2g}} (at most {limits.strain:g})"
+        found.append(Judged(borne, place[solid], limits.strain, told))
+        told = f"its mean stress alone strains the shell by {{0:.2g}} (at most {COMPRESSED:g})"
+        squeezed = self._squeezed(state, temperature, mean)
+        found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, told))
+        return found
+
+    def _bulges(self, place: Array, moved: Array) -> list[Judged]:
+        """How far points of the shell, or of all that is, move apart, over the section's size.
+
+        (Collective.)
+        """
+        ends = [*place.T, *-place.T, *moved.T, *-moved.T]
+        high = reductions.largest_of(self._comm, [v.max(initial=-np.inf) for v in ends])
+        share = (high[4:6] + high[6:]) / (high[:2] + high[2:4])
+        nowhere = np.full((1, 2), np.nan)
+        told = f"bulge or shrinkage is {{0:.2g}} of the section (at most {self._limits.size:g})"
+        return [Judged(share[[i]], nowhere, self._limits.size, told) for i in range(2)]
+
+    def _borne(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
+        """Strain that the solid deviator's points have borne since they froze."""
+        shear = self._law.elasticity.moduli(temperature[: len(solid)][solid])[0]
+        elastic = equivalent_stress(state.stress[: len(solid)][solid]) / (3.0 * shear)
+        if self._flow is None:
+            return np.asarray(elastic)
+        return np.asarray(elastic + state.internal[: len(solid), self._flow][solid])
+
+    def _squeezed(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
+        """Elastic strain along each axis of the mean stress, at solid points of its rule."""
+        split = self._points.split
+        bulk = self._law.elasticity.moduli(temperature[split:][solid])[1]
+        mean = state.stress[split:, :3][solid].mean(axis=1)
+        return np.asarray(np.abs(mean) / (3.0 * bulk))

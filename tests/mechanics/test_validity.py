@@ -1,0 +1,93 @@
+"""States the model cannot speak of are refused: the solid judged strictly, the liquid less."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from castfem.laws.elasticity import Elasticity, Solidity
+from castfem.laws.flow import ThermoElastic
+from mechanics.scenes import SliceScene, box, mapped
+
+SIZE, COLD, HOT = 0.1, 1000.0, 1800.0
+LAW = ThermoElastic(Elasticity.constant(1e10, 0.3, Solidity.between(1700.0, 1750.0)))
+
+
+def refusal(
+    temperature: float, *, large: bool = False, modes: tuple[float, ...] = (0, 0, 0, 0), **u: float
+) -> str:
+    """What is said of a square of 4 x 4 cells whose middle, or all of it, is displaced.
+
+    Args:
+        temperature: Of all of it, K.
+        large: Whether strain is large.
+        modes: Generalized strains.
+        u: "middle": the middle node along x, m; "xx", "xy", "yx": displacement gradients.
+    """
+    given = {"large_strain": large}
+    scene = SliceScene(mapped(4, 4, box(SIZE, SIZE)), LAW, judge=True, given=given)
+    problem, judge = scene.problem, scene.stepper._validity
+    assert judge is not None
+    x, y = problem.space.tabulate_dof_coordinates()[:, :2].T
+    moved = np.column_stack([u.get("xx", 0.0) * x + u.get("xy", 0.0) * y, u.get("yx", 0.0) * x])
+    moved[np.hypot(x - 0.5 * SIZE, y - 0.5 * SIZE) < 1e-9, 0] += u.get("middle", 0.0)
+    problem.fields.u.x.array[:] = moved.ravel()
+    problem.fields.modes.value[:] = modes
+    state = replace(scene.state, displacement=moved.ravel(), modes=np.array(modes, float))
+    return judge.refusal(state, np.full(problem.points.count, temperature))
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_what_is_as_it_was_is_kept(large: bool) -> None:
+    assert refusal(COLD, large=large) == "" == refusal(HOT, large=large)
+    assert refusal(COLD, large=large, xx=-0.02, modes=(-0.02, 0.1, 0.1, 0.01)) == ""
+
+
+def test_liquid_that_folds_means_nothing_at_small_strain() -> None:
+    """Its stand-in may distort; where the equations are those of the slice as it is it may not."""
+    assert refusal(HOT, middle=0.15 * SIZE) == ""
+    assert "the liquid folds" in refusal(HOT, middle=0.15 * SIZE, large=True)
+    for large in (False, True):
+        assert "the shell folds" in refusal(COLD, middle=0.15 * SIZE, large=large)
+
+
+@pytest.mark.parametrize("temperature", [COLD, HOT])
+def test_thickness(temperature: float) -> None:
+    """The planes are those of solid and liquid alike."""
+    for a0, times in ((-1.2, -0.2), (-1.0, 0.0), (-0.15, 0.85), (0.2, 1.2)):
+        assert f"{times:.3g} times as thick" in refusal(temperature, modes=(a0, 0, 0, 0))
+    assert refusal(temperature, modes=(0.2, 0, 0, 0), large=True) == ""
+    assert "as thick" in refusal(temperature, modes=(0, -12.0, 0, 0))
+    assert "as thick" in refusal(temperature, modes=(0, -12.0, 0, 0), large=True)
+    assert "times as thick" in refusal(temperature, modes=(np.nan, 0, 0, 0))
+
+
+def test_small_strain_has_a_range() -> None:
+    """A shell that turns, a section that bulges: at large strain both are what they are."""
+    told = refusal(COLD, xy=-0.25, yx=0.25)
+    assert "the shell turns by 0.24 rad (at most 0.2)" in told and "strain" in told
+    assert refusal(COLD, xy=-0.25, yx=0.25, large=True) == ""
+    assert refusal(HOT, xy=0.05) == ""
+    assert "bulge or shrinkage is 0.15" in refusal(COLD, xx=0.15)
+    assert "look at loads" in refusal(COLD, xx=0.15)
+    assert "there is no shell yet" in refusal(HOT, xx=0.15)
+    assert refusal(HOT, xx=0.15, large=True) == ""
+
+
+def test_strain_that_is_borne() -> None:
+    """A bar drawn out beyond 10 %, and one that is squeezed on all sides, are taken back."""
+    for component, value, told in ((0, 0.15, "strained by 0.15"), (None, -0.03, "mean stress")):
+        scene = SliceScene(mapped(1, 1, box(SIZE, SIZE)), LAW, judge=True, start=COLD)
+        stress = np.zeros((scene.problem.points.count, 4))
+        if component is None:
+            stress[:, :3] = 3.0 * 1e10 / (3.0 * (1.0 - 0.6)) * value
+        else:
+            stress[:, component] = value * 3.0 * 1e10 / 2.6
+        judge = scene.stepper._validity
+        assert judge is not None
+        temperature = np.full(scene.problem.points.count, COLD)
+        state = replace(scene.state, stress=stress)
+        assert told in judge.refusal(state, temperature)
+        assert judge.refusal(state, np.full_like(temperature, HOT)) == ""
