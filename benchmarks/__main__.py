@@ -13,6 +13,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 from benchmarks.report import PAGE, ROOT, Output
 
 BENCHMARKS = {
+    "verification": "benchmarks.verification",
     "accuracy": "benchmarks.accuracy",
     "caster": "benchmarks.caster",
     "latent_heat": "benchmarks.latent_heat",
@@ -31,6 +32,7 @@ BENCHMARKS = {
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
+    "verification": "verification.md",
     "weiner_boley": "benchmarks_mechanics.md",
     "mechanical_cost": "benchmarks_mechanics.md",
     "billet": "billet.md",

@@ -19,7 +19,7 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.slice import Slice
 from castfem.mechanics.supports import Held
 from castfem.thermal.laws import PrescribedTemperature
-from castfem.verification import DIFFUSIVITY, POISSON, SURFACE, YIELD, YOUNG, HalfSpace
+from castfem.verification.half_space import DIFFUSIVITY, POISSON, SURFACE, YIELD, YOUNG, HalfSpace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -21,7 +21,7 @@ What there is, upstream first; nothing knows what comes after it (tests/test_lay
     report columns recorder restart         ... and written
     march                                   from the meniscus to the end
     api sweep/ compare/ cli/                what users call
-    verification tensile_run                closed forms; a tensile test of a law
+    verification verified tensile_run       closed forms, how far off a run is; a tensile test
 """
 
 from __future__ import annotations

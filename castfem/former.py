@@ -17,7 +17,7 @@ from castfem.output.folder import CASE_NAME, RUN_NAME, RunRecord
 from castfem.output.xdmf import same_or_before
 from castfem.wording import differences
 
-_NOT_PHYSICS = ("title", "output", "reference", "casting.length")
+_NOT_PHYSICS = ("title", "output", "reference", "verification", "casting.length")
 
 
 def check(folder: Path, case: AnyCase, *, resume: bool, overwrite: bool) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
+from castfem import verified
 from castfem.output.results import result
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
 from castfem.timestep import same_instant
@@ -78,6 +79,9 @@ def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, 
                 r.quantity, r.si, r.unit or "-", r.source, inner, r.kind, r.note, r.changed or ()
             )
             found += compare([reference], here)
+    exact, time = march.scene.exact, march.state.thermal.time
+    if exact is not None and time > 0.0:
+        found += compare(verified.references(exact, time), final)
     return tuple(found)
 
 
@@ -116,6 +120,8 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
     closed = march.measure.metallurgical_length
     if closed is not None:
         found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")
+    if scene.exact is not None:
+        found |= verified.errors(scene.exact, scene, march.state)
     return found
 
 

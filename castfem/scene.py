@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from castfem import verified
 from castfem.coupling import Coupler
 from castfem.materials.curve import ThermalCurve
 from castfem.parallel import on_root
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from castfem.materials import Steel
     from castfem.mechanics.stepper import MechanicalStepper
     from castfem.meshes import SectionMesh
+    from castfem.verification import ClosedForm
 
 # T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
 ROOM, MARGIN = 280.0, 2.0  # K
@@ -47,6 +49,7 @@ class Scene:
         steps: Thermal steps. mechanics: The mechanical step; None for a case without.
         coupler: Takes intervals of both; likewise.
         start_temperature: At the meniscus, K. watch: Where the time goes.
+        exact: The closed form it is held against, if the case names one.
     """
 
     case: Case
@@ -61,6 +64,7 @@ class Scene:
     coupler: Coupler | None
     start_temperature: float
     watch: Stopwatch
+    exact: ClosedForm | None = None
 
     @property
     def stations(self) -> list[float]:
@@ -99,6 +103,7 @@ def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> S
     with watch.section("setup: steel"):
         steel = case_steel(case)
         start = starting_temperature(case, steel)
+        exact = verified.of_case(case, steel, start)
     with watch.section("setup: mesh"):
         section = Section(comm, on_root(comm, lambda: build_mesh(case)))
     with watch.section("setup: mechanics"):
@@ -123,7 +128,7 @@ def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> S
     steps = ThermalSteps(stepper, thermal)
     coupler = _coupler(case, steps, mechanics, zones)
     made = (case, steel, section, stepper, zones, probes, control, steps, mechanics, coupler)
-    return Scene(*made, start_temperature=start, watch=watch)
+    return Scene(*made, start_temperature=start, watch=watch, exact=exact)
 
 
 def _coupler(

@@ -24,6 +24,7 @@ from castfem.case.section import (
     cooled_groups,
     outer_groups,
 )
+from castfem.case.verification import check_verification
 from castfem.case.wall import check_mould
 from castfem.table import Table
 from castfem.units import format, nearest
@@ -45,6 +46,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from check_mould(case.mould, case.section)
     yield from _mould_and_zones(case)
     yield from _output(case)
+    yield from check_verification(case)
 
 
 def _mm(length: float) -> str:

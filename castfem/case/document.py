@@ -248,7 +248,12 @@ def override(
 
 _NAMED = 3  # changes in a title
 _LESS_NEWS = ("mesh", "thermal", "coupling")  # which change how well it is computed
-_NO_NEWS = ("title", "output", "reference")  # keys, and what is below them, that change no result
+_NO_NEWS = (
+    "title",
+    "output",
+    "reference",
+    "verification",
+)  # keys, and what is below them, that change no result
 
 
 def entitle(document: Document) -> None:

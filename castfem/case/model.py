@@ -28,6 +28,7 @@ from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
 from castfem.case.section import Mesh, Section, cooled_groups
 from castfem.case.thermal import Thermal
+from castfem.case.verification import Verification
 from castfem.mould.taper import stretch_ends
 from castfem.table import Table as TableOfValues
 
@@ -35,6 +36,7 @@ _NOT_PHYSICS: Any = {
     "title": True,
     "output": True,
     "reference": True,
+    "verification": True,
     "casting": {"length"},
     "thermal": {"solver"},
     "mechanics": {"solver"},
@@ -80,6 +82,9 @@ class Case(TableModel):
     )
     coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
     output: Output = Field(default_factory=lambda: Output.model_validate({}))
+    verification: Verification | None = Field(
+        None, description="the closed form it is held against; left out: none"
+    )
     reference: tuple[Reference, ...] = ()
 
     def zones(self) -> tuple[Span, ...]:

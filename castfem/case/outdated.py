@@ -12,6 +12,7 @@ _NO_PHYSICS = (
     ("title",),
     ("output",),
     ("reference",),
+    ("verification",),
     ("mesh",),
     ("thermal",),
     ("coupling",),

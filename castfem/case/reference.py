@@ -37,6 +37,7 @@ from castfem.case.section import BeamBlank, Mesh, Rectangle, Round, Strip, outer
 from castfem.case.taper import TaperMark
 from castfem.case.tensile import Segment, Tensile, TensileOutput
 from castfem.case.thermal import Adaptive, Stepping, Thermal
+from castfem.case.verification import Verification
 from castfem.quantities import Kind
 from castfem.table import Curve, CurveOr
 
@@ -127,6 +128,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ('[mould.friction], law = "tresca"', Tresca),
     ('[mould.friction], law = "viscous"', Viscous),
     ("[output]", Output),
+    ("[verification]", Verification),
     ("[[reference]]", Reference),
     ("[tensile]", Tensile),
     ("[[tensile.segment]]", Segment),

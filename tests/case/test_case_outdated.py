@@ -53,8 +53,10 @@ def test_case_that_extends_another_inherits_its_numbers_as_such(tmp_path: Path) 
     assert marks(load_case(tmp_path / "own.toml")) == {()}
 
 
-def test_number_at_the_end_is_of_the_length_it_was_written_for() -> None:
-    case = load_case(find("verification/alloy_similarity"), ['casting.length="500 mm"'])
+def test_number_at_the_end_is_of_the_length_it_was_written_for(tmp_path: Path) -> None:
+    own = '[[reference]]\nquantity = "time"\nvalue = "10 s"\nsource = "arithmetic"\n'
+    (tmp_path / "own.toml").write_text(f'extends = "{THERMAL}"\n{own}', encoding="utf-8")
+    case = load_case(tmp_path / "own.toml", ['casting.length="500 mm"'])
     assert marks(case) == {("casting.length",)}
 
 

@@ -1,8 +1,7 @@
-"""Runs with mechanics: what they write, what they leave out, and the half-space as a case."""
+"""Runs with mechanics: what they write, and what they leave out."""
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +17,6 @@ from castfem.errors import InputError
 from castfem.output.fields import Fields
 from castfem.output.history import read_history
 from castfem.output.summary import Summary
-from castfem.verification import HalfSpace
 
 CASES = Path(__file__).parents[2] / "cases"
 COARSE = (
@@ -109,20 +107,3 @@ def test_a_thermal_scene_knows_no_mechanics() -> None:
     case = str(CASES / "billet125" / "thermal.toml")
     command = [sys.executable, "-c", code, case, 'mesh.surface_size="2 mm"']
     subprocess.run(command, check=True)
-
-
-def test_half_space_of_weiner_and_boley(tmp_path: Path) -> None:
-    """The case as shipped, coarse: 5 % of 20 MPa at 5 s, and the record of what it needed."""
-    case = load_case(CASES / "verification" / "weiner_boley_coarse.toml", ["casting.length=84 mm"])
-    run(case, tmp_path)
-    exact = HalfSpace()
-    with Fields(tmp_path) as fields:
-        points = fields.points[:, 0]
-        found = fields.values("stress", len(fields.times) - 1)[:, 8]
-        time = fields.times[-1]
-    inside = points < exact.shell(time)
-    error = found[inside] - exact.stress(points[inside], time)
-    # At vertices, which see the mean of both sides of the front.
-    assert np.sqrt(np.mean(error**2)) < 0.06 * 20e6
-    forms = json.loads((tmp_path / "run.json").read_text())["compiled_forms"]
-    assert not any("contact" in name for name in forms)

@@ -19,7 +19,7 @@ from castfem.mechanics.state import MechanicalResult
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import Held
 from castfem.thermal.laws import PrescribedTemperature
-from castfem.verification import POISSON, SURFACE, YIELD, YOUNG, HalfSpace
+from castfem.verification.half_space import POISSON, SURFACE, YIELD, YOUNG, HalfSpace
 
 Array = npt.NDArray[np.float64]
 

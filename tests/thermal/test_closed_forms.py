@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import Neumann, ThreeZones
 from scipy.optimize import brentq
 
 from castfem.probes import Profile
 from castfem.thermal import laws
+from castfem.verification import Neumann, ThreeZones
 from thermal.scenes import ThermalScene, constant_steel, strip
 
 ALLOY = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1000.0, 1450.0, 1500.0, 1540.0)

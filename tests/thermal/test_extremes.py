@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from exact import Neumann, ThreeZones
 
 from castfem import meshes
 from castfem.thermal import laws
+from castfem.verification import Neumann, ThreeZones
 from thermal.scenes import ThermalScene, constant_steel, strip
 
 WALL, CAST = 433.15, 1813.15

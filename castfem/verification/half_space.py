@@ -1,4 +1,4 @@
-"""Closed forms that castfem is held against, by its tests and by its benchmarks."""
+"""Weiner and Boley's solidifying half-space."""
 
 from __future__ import annotations
 
@@ -86,6 +86,10 @@ class HalfSpace:
         zones = [z < self.compressed, z < self.stretched, z < self.front]
         values = [-self._limit(z), self._elastic(z, self.stretched), self._limit(z)]
         return np.asarray(np.select(zones, values, 0.0))
+
+    def flux(self, time: float) -> float:
+        """Heat flux through the surface, W/m2."""
+        return CONDUCTIVITY * self._slope(0.0) / float(2 * np.sqrt(DIFFUSIVITY * time))
 
     def shell(self, time: float) -> float:
         """Thickness of the shell, m."""

@@ -69,10 +69,19 @@ class ThreeZones:
 
     def heat(self, t: float) -> float:
         """Heat that has left through the surface by time t, J/m2."""
+        return 2.0 * t * self.flux(t)
+
+    def flux(self, t: float) -> float:
+        """Heat flux through the surface at time t, W/m2."""
         a, _ = self.diffusivities
         s, _ = self.fronts()
         slope = (self.solidus - self.surface) / (erf(s / np.sqrt(a)) * np.sqrt(np.pi * a))
-        return float(self.conductivity * slope * 2 * np.sqrt(t))
+        return float(self.conductivity * slope / np.sqrt(t))
+
+    def depths(self, t: float) -> tuple[float, float]:
+        """Depth of the solidus and of the liquidus at time t, m."""
+        s, l = self.fronts()  # noqa: E741
+        return 2.0 * s * float(np.sqrt(t)), 2.0 * l * float(np.sqrt(t))
 
 
 @dataclass(frozen=True)
@@ -106,6 +115,12 @@ class Neumann:
             )
 
         return float(brentq(f, 1e-6, 5.0, xtol=1e-15))
+
+    def flux(self, t: float) -> float:
+        """Heat flux through the surface at time t, W/m2."""
+        k, c = self.solid
+        rise = (self.melting - self.surface) / erf(self.root())
+        return float(k * rise / np.sqrt(np.pi * k / (self.density * c) * t))
 
     def front(self, t: float) -> float:
         """Depth of the melting isotherm at time t, m."""
