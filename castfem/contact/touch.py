@@ -172,7 +172,10 @@ class WallContact:
         self._slip = travelled - (contact.stroke(end) - contact.stroke(start))
         temperatures = self._at_points_from(before), self._at_points_from(after)
         # Not the tangent's, which of a point that freezes within the step has a share alone.
-        bulk = solid.law.elasticity.moduli(temperatures[1])[1]
+        # Liquid presses with what its depth gives, not with its stiffness: it is met as the solid
+        # that it becomes, or what it sank into the wall would be pushed out as it freezes.
+        elasticity = solid.law.elasticity
+        bulk = elasticity.moduli(np.minimum(temperatures[1], elasticity.solidity.solidus))[1]
         self.stiffness = contact.strength * bulk / self._height
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)

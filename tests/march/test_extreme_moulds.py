@@ -52,6 +52,17 @@ def test_ten_percent_into_the_shell() -> None:
     assert kept.value("axial_strain") > 0.0
 
 
+def test_a_surface_that_stays_liquid_does_not_sink_into_the_wall() -> None:
+    """80 um on a wall as soft as the liquid's stand-in, to be pushed out as the surface freezes."""
+    slow = "cooling.mould.surface.0.coefficient=250 W/(m^2 K)"
+    liquid = "mechanics.liquid_stiffness=1e-5"
+    kept = sound(marched(billet("taper_1", slow, liquid, "casting.length=90 mm")))
+    assert kept.readings[-1].shell["mid_face"] == 0.0
+    assert contact(kept, "penetration").max() < 1e-9
+    head = 7000.0 * 9.81 * 0.09
+    assert kept.value("contact_pressure_max") == pytest.approx(head, rel=0.1)
+
+
 def test_ten_percent_from_the_meniscus_on() -> None:
     kept = sound(marched(billet("taper_1", "mould.taper=10 %/m", SHORT)))
     assert contact(kept, "share").min() > 0.85
