@@ -26,7 +26,9 @@ Flags = npt.NDArray[np.bool_]
 SQRT3 = 3.0**0.5
 STEEPEST = 1.0  # friction over pressure, where the law itself has friction without pressure
 FINITE = (1e-300, 1e300)
-HALVINGS = 80  # of the bracket in which viscous friction is sought: down to rounding
+ITERATIONS = 60  # for viscous friction, at most: as many halvings as the bracket takes
+FURTHEST = 60.0  # of the logarithm of the rate of slip: what is less is no slip
+CLOSE = 1e-14  # likewise, and beside 1 in the logarithm of stress: rounding
 
 
 class Friction(Protocol):
@@ -231,7 +233,9 @@ def return_friction(
     direction = trial / np.maximum(size, 1e-300)[:, None]
     new, by_pressure, by_size = limit, slope, np.zeros_like(size)
     if law.excess(np.zeros(0)) is not None:
-        new, by_limit = _viscous(law, size, limit, stiffness * dt)
+        new, by_limit = limit.copy(), np.ones_like(size)
+        damping = stiffness[slides] * dt
+        new[slides], by_limit[slides] = _viscous(law, size[slides], limit[slides], damping)
         by_pressure, by_size = by_limit * slope, 1.0 - by_limit
         # Limited by the pressure the excess is the lower of two curves: the root is the lower, too.
         most, rise = limit + law.steepest * pressure, slope + law.steepest
@@ -254,19 +258,44 @@ def return_friction(
 def _viscous(law: Friction, size: Array, limit: Array, damping: Array) -> tuple[Array, Array]:
     """Size of friction beyond the threshold, and its derivative by that, the trial held.
 
-    It solves tau = tau_c + excess((trial - tau) / (K_tau dt)), whose two sides cross once.
+    It solves damping rate + excess(rate) = size - limit for the rate of slip, by Newton's method on
+    the logarithms of both: a power of the rate is a straight line there, and the root is found in
+    some four iterations.  A step that leaves the bracket is halved instead, so that it cannot fail.
+
+    Args:
+        law: Law with viscosity.
+        size: Of the trial friction (n,), Pa, above the limit.
+        limit: Threshold (n,), Pa.
+        damping: Friction that a rate of slip relieves over the step (n,), Pa s/m.
     """
 
-    def excess(tau: Array) -> tuple[Array, Array]:
-        found = law.excess((size - tau) / damping)
+    def excess(log_rate: Array) -> tuple[Array, Array]:
+        found = law.excess(np.exp(log_rate))
         assert found is not None
         return found
 
-    low, high = limit.copy(), np.maximum(size, limit)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        below = middle - limit < excess(middle)[0]
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    tau = 0.5 * (low + high)
-    slope = excess(tau)[1] / damping
-    return tau, np.asarray(1.0 / (1.0 + slope))
+    over = np.log(size - limit)
+    rounding = CLOSE * (1.0 + np.abs(over))
+    high = over - np.log(damping)  # the rate without friction
+    low = high - FURTHEST
+    sticks = excess(low)[0] >= size - limit
+    at = np.where(sticks, low, high - np.log1p(excess(high)[0] / (size - limit)))
+    for _ in range(ITERATIONS):
+        rate = np.exp(at)
+        value, slope = excess(at)
+        whole = damping * rate + value
+        error = np.log(whole) - over
+        low, high = np.where(error < 0.0, at, low), np.where(error > 0.0, at, high)
+        step = error * whole / (rate * (damping + slope))
+        new = at - step
+        new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
+        found = sticks | (np.abs(error) <= rounding)
+        done = found | (np.abs(new - at) <= CLOSE)
+        at = np.where(found, at, new)
+        if done.all():
+            break
+    value, slope = excess(at)
+    slipped = damping * np.exp(at)
+    # The smaller of the two is the more exact; of friction that jumps at rest the latter alone is.
+    tau = np.where(value < slipped, limit + value, size - slipped)
+    return tau, np.asarray(1.0 / (1.0 + slope / damping))

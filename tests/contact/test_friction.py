@@ -196,6 +196,35 @@ def test_viscous_return(law: Any) -> None:
     assert np.abs(cross).max() < 1e-9 * (before**2).max()
 
 
+@pytest.mark.parametrize(
+    "law",
+    [Lubricant(1e5, n) for n in (0.0, 0.02, 0.3, 1.0, 2.0)]
+    + [Viscous(Coulomb(0.3), share, P0, 0.06, n) for share in (0.01, 3.0) for n in (0.1, 0.5, 1.0)],
+)
+def test_the_root_of_viscous_friction_is_found_in_a_few_steps(
+    law: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the halving of a bracket finds it, over many orders of slip, threshold and stiffness."""
+    rng = np.random.default_rng(5)
+    limit, more, stiffness = (10.0 ** rng.uniform(*r, 2000) for r in ((0, 7), (-9, 4), (4, 14)))
+    size, counts = limit * (1.0 + more), []
+    excess = type(law).excess
+    monkeypatch.setattr(type(law), "threshold", lambda self, p: (p, np.ones_like(p)))
+    monkeypatch.setattr(
+        type(law), "excess", lambda self, rate: counts.append(len(rate)) or excess(self, rate)
+    )
+    object.__setattr__(law, "steepest", 1e30)
+    trial = np.column_stack([size, 0.0 * size])
+    found = return_friction(law, trial, limit, stiffness, 0.1).traction[:, 0]
+    assert sum(n > 0 for n in counts) <= 25
+    low, high = limit.copy(), size.copy()
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        below = middle - limit < excess(law, (size - middle) / (0.1 * stiffness))[0]
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    assert found == pytest.approx(0.5 * (low + high), rel=1e-12)
+
+
 def test_derivatives_of_the_return() -> None:
     rng = np.random.default_rng(4)
     trial, pressure = rng.normal(size=(50, 2)) * 3e6, 10.0 ** rng.uniform(3.0, 7.0, 50)
