@@ -21,6 +21,7 @@ def columns(scene: Scene) -> list[tuple[str, str]]:
         found += [
             (f"surface_temperature_{name}", "degC"),
             (f"shell_{name}", "mm"),
+            (f"solidus_cell_{name}", "mm"),
             (f"liquidus_depth_{name}", "mm"),
             (f"heat_flux_{name}", "kW/m^2"),
         ]
@@ -45,10 +46,12 @@ def _mechanical_columns(scene: Scene) -> list[tuple[str, str]]:
     if scene.case.mould is not None:
         for name in scene.probes.lines:
             found += [(f"gap_{name}", "mm"), (f"contact_pressure_{name}", "MPa")]
-        found += [("gap_max", "mm"), ("contact_pressure_max", "MPa"), ("penetration", "um")]
-        found += [("contact_share", "-"), ("friction_force", "kN/m"), ("friction_pull", "kN")]
+        found += [("gap_max", "mm"), ("mean_contact_pressure_max", "MPa")]
+        found += [("contact_pressure_max", "MPa"), ("penetration", "um")]
+        found += [("contact_share", "percent"), ("friction_force", "kN/m"), ("friction_pull", "kN")]
         if _rubs(scene):
-            found.append(("contact_sticking", "-"))
+            found += [("contact_sticking", "percent"), ("mould_friction", "kN/m")]
+            found.append(("mould_pull", "kN"))
     return found
 
 
@@ -60,7 +63,7 @@ def _rubs(scene: Scene) -> bool:
 
 def row(march: March, reading: Reading) -> dict[str, float]:
     """One row of the history in its units."""
-    speed = march.scene.case.casting.speed
+    speed, whole = march.scene.case.casting.speed, march.scene.section.multiplicity
     cells = {
         "time": reading.time,
         "position": reading.position,
@@ -70,6 +73,7 @@ def row(march: March, reading: Reading) -> dict[str, float]:
     for name, profile in reading.profiles.items():
         cells[f"surface_temperature_{name}"] = float(profile.temperature[0]) - CELSIUS
         cells[f"shell_{name}"] = 1e3 * reading.shell[name]
+        cells[f"solidus_cell_{name}"] = 1e3 * reading.cell[name]
         cells[f"liquidus_depth_{name}"] = 1e3 * reading.liquidus[name]
         cells[f"heat_flux_{name}"] = 1e-3 * reading.flux[name]
     core = next((float(p.temperature[-1]) for p in reading.profiles.values()), np.nan)
@@ -82,11 +86,12 @@ def row(march: March, reading: Reading) -> dict[str, float]:
         "temperature_min": low - CELSIUS,
         "temperature_max": high - CELSIUS,
         "energy_error": reading.balance,
-        **(_mechanical_cells(reading.mechanics) if reading.mechanics is not None else {}),
+        **({} if reading.mechanics is None else _mechanical_cells(reading.mechanics, whole)),
     }
 
 
-def _mechanical_cells(reading: MechanicalReading) -> dict[str, float]:
+def _mechanical_cells(reading: MechanicalReading, whole: int) -> dict[str, float]:
+    """Those of the strained slice; `whole` parts like the modelled one make the section."""
     balance = reading.balance
     cells = {
         "newton_mechanics": float(reading.newton),
@@ -105,13 +110,17 @@ def _mechanical_cells(reading: MechanicalReading) -> dict[str, float]:
     if (contact := reading.contact) is not None:
         cells |= {
             "gap_max": 1e3 * contact.gap,
+            "mean_contact_pressure_max": 1e-6 * contact.mean_pressure,
             "contact_pressure_max": 1e-6 * contact.pressure,
             "penetration": 1e6 * contact.penetration,
             # At the meniscus nothing has been pressed against anything yet.
-            "contact_share": contact.share if balance is not None else np.nan,
+            "contact_share": 1e2 * contact.share if balance is not None else np.nan,
             "friction_force": 1e-3 * contact.axial,
             "friction_pull": 1e-3 * reading.pull,
         }
         if contact.sticking is not None:
-            cells["contact_sticking"] = contact.sticking if balance is not None else np.nan
+            sticking = 1e2 * contact.sticking
+            cells["contact_sticking"] = sticking if balance is not None else np.nan
+            cells["mould_friction"] = -1e-3 * contact.axial * whole
+            cells["mould_pull"] = 1e-3 * reading.pull * whole
     return cells

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from castfem import reductions
 from castfem.coupling import StrandState
-from castfem.passage import Passage
+from castfem.passage import Passage, Strained
 from castfem.probes import Profile
 from castfem.scene import Scene
 from castfem.substeps import Leg
@@ -33,6 +33,7 @@ class Reading:
         time: s. position: Below the meniscus, m. step: Length of the last step, s.
         newton: Newton iterations of the step. profiles: Temperature along each probe.
         shell: Depth of the solidus below the surface, by probe, m; liquidus likewise.
+        cell: Size of the cell in which the solidus lies, along the probe's line, m; NaN without.
         flux: Heat flux at the probe's surface point, W/m2.
         removed: Heat removed from the whole section since the meniscus, J per m of strand.
         temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
@@ -46,6 +47,7 @@ class Reading:
     profiles: dict[str, Profile]
     shell: dict[str, float]
     liquidus: dict[str, float]
+    cell: dict[str, float]
     flux: dict[str, float]
     removed: float
     temperature_range: tuple[float, float]
@@ -63,6 +65,7 @@ class Measure:
         metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
             left.
         passage: What the slice has met in its mould; None without one.
+        strained_most: Where its stress was largest.
     """
 
     scene: Scene
@@ -70,6 +73,7 @@ class Measure:
     worst_balance: float = 0.0
     metallurgical_length: float | None = None
     passage: Passage | None = None
+    strained_most: Strained = field(default_factory=Strained)
     _hottest: float = np.inf
     _time: float = 0.0
     _surface: dict[str, int] = field(default_factory=dict)
@@ -123,6 +127,7 @@ class Measure:
             profiles=profiles,
             shell={n: p.isotherm_depth(steel.solidus) for n, p in profiles.items()},
             liquidus={n: p.isotherm_depth(steel.liquidus) for n, p in profiles.items()},
+            cell={n: p.cell_at(steel.solidus) for n, p in profiles.items()},
             flux=self._surface_flux(state),
             removed=state.removed * scene.section.multiplicity,
             temperature_range=state.extremes,
@@ -131,6 +136,7 @@ class Measure:
         )
         if self.passage is not None:
             self.passage.note(reading)
+        self.strained_most.note(reading)
         return reading
 
     def _read_mechanics(
@@ -148,6 +154,7 @@ class Measure:
             "hottest": self._hottest,
             "time": self._time,
             **({} if self.passage is None else self.passage.memory()),
+            **({} if self.mechanics is None else self.strained_most.memory()),
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
@@ -158,6 +165,7 @@ class Measure:
         self._time = memory["time"] or 0.0
         if self.passage is not None:
             self.passage.recall(memory)
+        self.strained_most.recall(memory)
 
     def heat_gained(self, state: ThermalState) -> float:
         """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+from scipy import sparse
 
 from castfem import reductions
 from castfem.contact.outcome import summary
@@ -44,7 +45,7 @@ class MechanicalReading:
         contact: With the mould, all of it together; None without a mould.
         gap: To the wall at the start of each probe, m, NaN where there is none, as below the end
             of the mould; empty without a mould.
-        pressure: Contact pressure there, Pa; likewise.
+        pressure: Contact pressure there, a mean over a length of the surface, Pa; likewise.
     """
 
     newton: int
@@ -82,6 +83,7 @@ class MechanicalMeasure:
         }
         touching = self.problem.contact
         self._gap = None if touching is None else SurfaceGap(touching, self.problem.points)
+        self._starts: sparse.csr_matrix | None = None
 
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalReading:
         """Read the committed `state` (collective)."""
@@ -89,10 +91,14 @@ class MechanicalMeasure:
         stress = equivalent_stress(points.recovered(state.stress))
         places = points.deviator.position
         peak, *where = reductions.peak(self.section.comm, stress, places)
-        moved = self._moved(state)
-        surface = self._at_starts(points.at_vertices(stress))
+        fields = [points.moved(state.displacement, state.modes), points.at_vertices(stress)]
+        fields += (
+            [] if self._gap is None else [self._on_surface(np.minimum(self._gap.at(state), FAR))]
+        )
+        starts = self.probes.starts(np.column_stack(fields))
+        moved = {n: float(outward @ starts[n][:2]) for n, outward in self._outward.items()}
         touching, contact = self.problem.contact, None
-        gap, pressure = self._at_wall(state)
+        gap = {n: float(values[3]) for n, values in starts.items() if len(values) > 3}
         if touching is not None and state.contact is not None:
             contact = summary(touching, state.contact, state.modes)
         return MechanicalReading(
@@ -100,7 +106,7 @@ class MechanicalMeasure:
             flowing=0.0 if result is None else result.flowing,
             peak=peak,
             peak_at=(where[0], where[1]),
-            surface_stress=surface,
+            surface_stress={n: float(values[2]) for n, values in starts.items()},
             moved=moved,
             across=self._across(moved),
             strain=float(state.modes[0]),
@@ -108,30 +114,20 @@ class MechanicalMeasure:
             load=float(self.problem.slice.planes.load(state.time)[0]),
             pull=0.0 if state.contact is None else float(state.contact.pull[0]),
             contact=contact,
-            gap=gap,
-            pressure=pressure,
+            gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
+            pressure=self._pressed(state),
         )
 
-    def _at_wall(self, state: MechanicalState) -> tuple[dict[str, float], dict[str, float]]:
-        """Gap, m, and contact pressure, Pa, at the start of each probe; empty without a mould."""
-        if self._gap is None or state.contact is None:
-            return {}, {}
-        gap = self._at_starts(self._on_surface(np.minimum(self._gap.at(state), FAR)))
-        pressure = self._at_starts(self._on_surface(self._gap.mean(state.contact.pressure)))
-        return {n: g if g < LARGEST else np.nan for n, g in gap.items()}, pressure
-
-    def _at_starts(self, owned: Array) -> dict[str, float]:
-        """A field of the owned vertices at the start of each probe."""
-        return {name: float(values[0]) for name, values in self.probes.along(owned).items()}
-
-    def _moved(self, state: MechanicalState) -> dict[str, float]:
-        """Outward displacement of the start of each probe, m."""
-        moved = self.problem.points.moved(state.displacement, state.modes)
-        parts = [self.probes.along(np.ascontiguousarray(u)) for u in moved.T]
-        return {
-            name: float(sum(n[i] * parts[i][name][0] for i in range(2)))
-            for name, n in self._outward.items()
-        }
+    def _pressed(self, state: MechanicalState) -> dict[str, float]:
+        """Contact pressure around the start of each probe, Pa; empty without a mould."""
+        if self.problem.contact is None or state.contact is None:
+            return {}
+        mean = self.problem.contact.mean
+        if self._starts is None:
+            starts = np.array([start for start, _ in self.probes.lines.values()]).reshape(-1, 2)
+            self._starts = mean.around(starts)
+        pressure = self._starts @ mean.gathered(state.contact.pressure)
+        return {name: float(p) for name, p in zip(self.probes.lines, pressure, strict=True)}
 
     def _across(self, moved: dict[str, float]) -> dict[str, float]:
         """Size of the section through the probes that end in its centre, m."""

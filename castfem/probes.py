@@ -9,11 +9,13 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 from dolfinx import geometry
+from scipy import sparse
 
 from castfem import compat, reductions
 from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
 
 SAMPLES = 401  # along a line, packed towards the surface
 _NEARLY = 1e-2  # of a cell: how far outside a sample may lie (a curved face, cut by straight cells)
@@ -26,10 +28,18 @@ class Profile:
 
     Attributes:
         depth: Distance below the surface (n,), m. temperature: (n,), K.
+        cell: Size along the line of the cell of each sample (n,), m.
     """
 
     depth: Array
     temperature: Array
+    cell: Array | None = None
+
+    def cell_at(self, level: float) -> float:
+        """Size of the cell in which `level` (K) is first crossed, m; NaN where it is not."""
+        hot = self.temperature >= level
+        i = int(np.argmax(hot))
+        return float(self.cell[i]) if i > 0 and self.cell is not None else np.nan
 
     def isotherm_depth(self, level: float) -> float:
         """Depth of the first crossing of `level` (K) from colder to hotter, m.
@@ -72,15 +82,23 @@ class LineProbes:
             np.asarray(start) + inner[:, None] * np.subtract(end, start)
             for start, end in self.lines.values()
         ]
+        unit = [
+            np.subtract(e, s) / np.linalg.norm(np.subtract(e, s)) for s, e in self.lines.values()
+        ]
+        self._along = np.repeat(np.array(unit).reshape(-1, 2), SAMPLES, axis=0)
         self._points = np.vstack(points) if points else np.zeros((0, 2))
-        self._matrix = self._interpolation()
+        rows, columns, weights, sizes = self._locate()
+        self._matrix = self._interpolation(rows, columns, weights)
         self._field, self._samples = self._matrix.createVecs()
+        self._starts = self._rows_of_starts(rows, columns, weights)
+        self._cells = dict(zip(self.lines, self._per_line(self._of_all(rows, sizes)), strict=True))
 
-    def _interpolation(self) -> PETSc.Mat:
+    def _interpolation(
+        self, mine: Indices, columns: list[npt.NDArray[np.int32]], weights: list[Array]
+    ) -> PETSc.Mat:
         """Matrix (samples x vertices) of shape function values."""
         section, comm = self.section, self.section.comm
         n = len(self._points)
-        mine, columns, weights = self._locate()
         size = ((None, n), (section.owned, section.vertex_space.dofmap.index_map.size_global))
         matrix = PETSc.Mat().createAIJ(size, comm=comm)
         matrix.setPreallocationNNZ((4, 4))
@@ -90,9 +108,38 @@ class LineProbes:
         matrix.assemble()
         return matrix
 
-    def _locate(self) -> tuple[npt.NDArray[np.int64], list[npt.NDArray[np.int32]], list[Array]]:
-        """The samples this rank has, the global vertices of the cell of each, and their weights.
+    def _rows_of_starts(
+        self, mine: Indices, columns: list[npt.NDArray[np.int32]], weights: list[Array]
+    ) -> sparse.csr_matrix:
+        """This rank's columns of the samples on the surface: (lines x owned vertices)."""
+        first, last = self._matrix.getOwnershipRangeColumn()
+        found = [
+            (row // SAMPLES, column - first, weight)
+            for part in self.section.comm.allgather(
+                [p for p in zip(mine, columns, weights, strict=True) if p[0] % SAMPLES == 0]
+            )
+            for row, cols, vals in part
+            for column, weight in zip(cols, vals, strict=True)
+            if first <= column < last
+        ]
+        entries = np.array(found, float).reshape(-1, 3)
+        places = (entries[:, 0].astype(int), entries[:, 1].astype(int))
+        return sparse.csr_matrix((entries[:, 2], places), shape=(len(self.lines), last - first))
 
+    def _of_all(self, mine: Indices, values: Array) -> Array:
+        """Values of the samples, each from the rank that has it (n,)."""
+        found = np.full(len(self._points), -np.inf)
+        found[mine] = values
+        return reductions.largest_of(self.section.comm, found)
+
+    def _per_line(self, values: Array) -> list[Array]:
+        """Values of all samples, line by line."""
+        return np.split(values, len(self.lines)) if self.lines else []
+
+    def _locate(self) -> tuple[Indices, list[npt.NDArray[np.int32]], list[Array], Array]:
+        """The samples this rank has; vertices, weights and size of the cell of each.
+
+        The vertices are global ones, the size is that along the line, m.
         Of all cells whose box holds a sample the one is taken in which it lies deepest, on all
         ranks: a sample on an edge, or a rounding outside a face, is found the same way on any
         number of ranks.
@@ -101,6 +148,7 @@ class LineProbes:
         mesh, dofmap = section.mesh, section.vertex_space.dofmap
         best = np.full(n, np.inf)
         cells, shapes = np.full(n, -1), np.zeros((n, 3 if section.cell == "triangle" else 4))
+        sizes, along = np.zeros(n), self._along
         local = mesh.topology.index_map(2).size_local
         if local and n:
             tree = geometry.bb_tree(
@@ -118,12 +166,13 @@ class LineProbes:
                     if outside < best[i]:
                         best[i], cells[i] = outside, cell
                         shapes[i] = _first_order_shapes(section.cell, xi)
+                        sizes[i] = np.ptp(corners @ along[i])
         rows = self._won(best)
         columns = [
             dofmap.index_map.local_to_global(dofmap.cell_dofs(int(cells[i]))).astype(np.int32)
             for i in rows
         ]
-        return rows, columns, [shapes[i] for i in rows]
+        return rows, columns, [shapes[i] for i in rows], sizes[rows]
 
     def _won(self, outside: Array) -> npt.NDArray[np.int64]:
         """The samples that lie deepest in a cell of this rank; a tie goes to the lower rank."""
@@ -137,7 +186,16 @@ class LineProbes:
 
     def sample(self, owned: Array) -> dict[str, Profile]:
         """Temperature profiles of a vertex field (owned,) along every line, on every rank."""
-        return {name: Profile(self.depth[name], v) for name, v in self.along(owned).items()}
+        return {
+            name: Profile(self.depth[name], v, self._cells[name])
+            for name, v in self.along(owned).items()
+        }
+
+    def starts(self, owned: Array) -> dict[str, Array]:
+        """Vertex fields (owned, k) at the start of every line (k,), on every rank: one message."""
+        local = self._starts @ owned
+        values = reductions.totals(self.section.comm, local.ravel()).reshape(local.shape)
+        return dict(zip(self.lines, values, strict=True))
 
     def along(self, owned: Array) -> dict[str, Array]:
         """A vertex field (owned,) along every line, surface first, on every rank."""
@@ -149,7 +207,7 @@ class LineProbes:
             if self.section.comm.size == 1
             else np.concatenate(self.section.comm.allgather(local))
         )
-        pieces = np.split(values, len(self.lines)) if self.lines else []
+        pieces = self._per_line(values)
         return {n: np.array(piece) for n, piece in zip(self.lines, pieces, strict=True)}
 
     def destroy(self) -> None:

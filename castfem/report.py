@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from castfem.march import March
     from castfem.measure import Reading
     from castfem.mechanical_measure import MechanicalReading
+    from castfem.passage import Strained
 
 
 def summarise(march: March, status: str) -> Summary:
@@ -113,7 +114,7 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
         **_told(temperature_max=reading.temperature_range[1]),
     }
     if reading.mechanics is not None:
-        found |= _mechanical_quantities(reading.mechanics)
+        found |= _mechanical_quantities(reading.mechanics, march.measure.strained_most)
         found |= _friction(reading.mechanics, whole)
     if march.measure.passage is not None:
         found |= march.measure.passage.quantities()
@@ -159,9 +160,13 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
     }
 
 
-def _mechanical_quantities(reading: MechanicalReading) -> dict[str, Quantity]:
-    """Stress and shape of the slice."""
-    found = {"von_mises_max": result("von_mises_max", reading.peak, _place(reading.peak_at))}
+def _mechanical_quantities(reading: MechanicalReading, most: Strained) -> dict[str, Quantity]:
+    """Stress and shape of the slice, and the largest stress on the way here."""
+    way = f"{_place((most.x, most.y))}, {1e3 * most.position:.6g} mm below the meniscus"
+    found = {
+        "von_mises_max": result("von_mises_max", reading.peak, _place(reading.peak_at)),
+        "way_von_mises_max": result("way_von_mises_max", most.stress, way),
+    }
     for name, stress in reading.surface_stress.items():
         found |= _told(name, von_mises=stress, displacement=reading.moved[name])
     for name, size in reading.across.items():
@@ -189,11 +194,7 @@ def _friction(reading: MechanicalReading, whole: int) -> dict[str, Quantity]:
     contact = reading.contact
     if contact is None or contact.sticking is None:
         return {}
-    force, pull = -contact.axial * whole, reading.pull * whole
-    return {
-        "mould_friction": Quantity(force, "kN/m", "friction of the mould, whole strand, per m"),
-        "mould_pull": Quantity(pull, "kN", "pull of the mould's friction, whole strand"),
-    }
+    return _told(mould_friction=-contact.axial * whole, mould_pull=reading.pull * whole)
 
 
 def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> dict[str, Quantity]:
@@ -204,9 +205,14 @@ def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> 
     if contact.sticking is not None:
         found |= _told(contact_sticking=contact.sticking)
     widest = _place(contact.widest) if contact.gap else ""
-    highest = _place(contact.highest) if contact.pressure else ""
+    highest, mean = "", ""
+    if contact.pressure:
+        highest, mean = _place(contact.highest), _place(contact.highest_mean)
     return found | {
         "gap_max": result("gap_max", contact.gap, widest),
+        "mean_contact_pressure_max": result(
+            "mean_contact_pressure_max", contact.mean_pressure, mean
+        ),
         "contact_pressure_max": result("contact_pressure_max", contact.pressure, highest),
         **_told(penetration=contact.penetration, contact_share=contact.share),
     }

@@ -17,7 +17,7 @@ from castfem.output.plot_mechanics import CLOSED
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
 _LAST = ("max", "min", "mean")  # places that are none: their panels come after the others
-_NOT_DRAWN = ("time", "position", "step", "cooling_power", "penetration")
+_NOT_DRAWN = ("time", "position", "step", "cooling_power", "penetration", "solidus_cell")
 _STEADY = 1e-6  # relative; what varies by less is the same all the way and in all runs
 _ROUNDING = 1e-6  # kN, kN/m; the solver leaves so much force on a free strand, and less
 _PERCENT = 1.0  # %, the least that the axis of a share spans
@@ -63,13 +63,18 @@ FIGURES = (
     Definition("size", "Size of the section", "size"),
     Definition("gap", "Gap between strand and mould", "gap", zero=True, span=CLOSED),
     Definition("contact_pressure", "Contact pressure", "pressure", True, _HOTTEST),
+    Definition(
+        "mean_contact_pressure", "Contact pressure, mean over 5 mm", "pressure", True, _HOTTEST
+    ),
     Definition("contact_share", "Share of the surface in contact", "share", True, span=_PERCENT),
     Definition(
         "contact_sticking", "Share of the surface that sticks", "share", True, span=_PERCENT
     ),
     Definition("axial_strain", "Axial strain", "strain"),
     Definition("axial_force", "Axial force, modelled part", "force"),
-    Definition("friction_force", "Friction of the mould on the strand", "force per length"),
+    Definition("friction_force", "Friction on the modelled part", "force per length"),
+    Definition("mould_friction", "Friction of the mould on the strand", "force per length"),
+    Definition("mould_pull", "Pull of the mould on the strand", "force"),
     Definition("friction_pull", "Pull of friction handed down the strand", "force"),
 )
 

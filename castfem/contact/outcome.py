@@ -39,10 +39,12 @@ def summary(contact: WallContact, state: ContactState, modes: Array) -> ContactS
     )
     met = np.where(np.isfinite(state.gap), state.gap, -np.inf)
     pressure, *highest = reductions.peak(comm, state.pressure, state.place)
+    mean, mean_at = contact.mean.highest(state.pressure, state.place)
     gap, *widest = reductions.peak(comm, met, state.place)
     deepest = reductions.largest(comm, -state.gap[touches])
     return ContactSummary(
         pressure=max(pressure, 0.0),
+        mean_pressure=max(mean, 0.0),
         penetration=max(deepest, 0.0),
         gap=max(gap, 0.0),
         force=sums[:2],
@@ -52,5 +54,6 @@ def summary(contact: WallContact, state: ContactState, modes: Array) -> ContactS
         sticking=None if contact.contact.friction is None else float(sums[8] / sums[4]),
         points=(int(sums[5]), int(sums[6]), int(sums[7])),
         highest=np.array(highest),
+        highest_mean=mean_at,
         widest=np.array(widest),
     )

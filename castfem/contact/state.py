@@ -67,7 +67,9 @@ class ContactSummary:
     """Contact of the whole section at one moment.
 
     Attributes:
-        pressure: Largest contact pressure, Pa. penetration: Largest, m; 0 if nothing touches.
+        pressure: Largest contact pressure at a point, Pa. mean_pressure: Largest mean over a length
+            of the surface (`castfem.contact.average`), Pa.
+        penetration: Largest, m; 0 if nothing touches.
         gap: Largest gap to a wall that is met, m; 0 if none is open.
         force: Of the wall on the strand, x and y, friction included, N per m of undeformed strand,
             as those of the supports.
@@ -75,10 +77,12 @@ class ContactSummary:
         length: Of surface that touches, m. share: Of the surface that could.
         sticking: Part of the surface that could touch that does and sticks; None without friction.
         points: Numbers of points that are open, stick and slip.
-        highest: Where the pressure is largest (2,), m. widest: Where the gap is (2,), m.
+        highest: Where the pressure is largest (2,), m. highest_mean: Where its mean is (2,), m.
+        widest: Where the gap is (2,), m.
     """
 
     pressure: float
+    mean_pressure: float
     penetration: float
     gap: float
     force: Array
@@ -88,4 +92,5 @@ class ContactSummary:
     sticking: float | None
     points: tuple[int, int, int]
     highest: Array
+    highest_mean: Array
     widest: Array

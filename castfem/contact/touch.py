@@ -6,12 +6,15 @@ Everything is evaluated at the facets' quadrature points with numpy; the forms o
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
 from castfem import nodal, reductions
+from castfem.contact.average import SurfaceMean
 from castfem.contact.contact import Contact
 from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
@@ -334,6 +337,11 @@ class WallContact:
         return reductions.total(
             self.section.comm, float(weights @ (moved * (now.pressure - foreseen)))
         )
+
+    @cached_property
+    def mean(self) -> SurfaceMean:
+        """Means over a length of the surface (collective when it is first asked for)."""
+        return SurfaceMean(self.facets)
 
     def thickness(self, state: ContactState, modes: Array) -> Array:
         """Thickness of the slice at the points over the undeformed one (n,); 1 at small strain."""

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
-from castfem.output.plot_history import curves, has_values, unit_of
+from castfem.output.plot_history import STAIR, curves, has_values, unit_of
 from castfem.output.plot_section import Steel
 from castfem.output.spots import Spot, hottest, thinnest
 from castfem.output.style import CELSIUS
@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 _THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
-_MORE = 0.01  # of the surface; if less of it touches again, only the least is named
+_COARSE = 0.2  # mm; what the shell is off by less is not told
+_MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
 _BULGED = 0.01  # of the section
 _REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
@@ -97,6 +98,7 @@ def remarks(
         *_contact(table, position),
         *_bulging(table, position),
         *weakest.values(),
+        *_stairs(table, position),
         *_reheating(table, position),
         *_stress(table, position),
     ]
@@ -145,7 +147,12 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where)
     yield from _share(table, position)
     yield from _largest(table, position, "gap", "largest gap", least=OPEN)
-    yield from _largest(table, position, "contact_pressure", "highest contact pressure")
+    what = "highest contact pressure"
+    if has_values(table, "mean_contact_pressure_max"):
+        what += ", mean over 5 mm"
+        yield from _largest(table, position, "contact_pressure", what, of="mean_contact_pressure")
+    else:
+        yield from _largest(table, position, "contact_pressure", what)
 
 
 def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
@@ -154,15 +161,36 @@ def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         return
     walls = [table[column].notna().to_numpy() for _, _, column in curves(table, "gap")]
     beside = np.any(walls, axis=0) if walls else np.ones(len(table), dtype=bool)
-    share = np.where(beside, table["contact_share"].to_numpy(), np.nan)  # below the mould: nothing
+    scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
+    percent = scale * table["contact_share"].to_numpy()
+    share = np.where(beside, percent, np.nan)  # below the mould: nothing
     if np.isnan(share).all():
         return
     row = int(np.nanargmin(share))
-    if share[row] < 1.0:
+    if share[row] < 100.0:
         where = f"of the surface, at {_at(float(position[row]), table)}"
         if share[-1] > share[row] + _MORE:
-            where += f"; {100.0 * share[-1]:.3g} % at the end of the run"
-        yield Remark("least contact", 100.0 * float(share[row]), "%", where)
+            where += f"; {share[-1]:.3g} % at the end of the run"
+        yield Remark("least contact", float(share[row]), "%", where)
+
+
+def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The shell where its cells resolve it worst, if one would see it."""
+    worst: tuple[float, str, int, str] | None = None
+    for label, _, column in curves(table, "shell"):
+        name = column.replace("shell_", "solidus_cell_", 1)
+        if not has_values(table, name):
+            continue
+        off = _finite(STAIR * table[name].to_numpy())
+        row = int(np.nanargmax(off))
+        if worst is None or off[row] > worst[0]:
+            worst = float(off[row]), label, row, name
+    if worst is None or worst[0] < _COARSE:
+        return
+    off_, label, row, name = worst
+    where = f"{label}, at {_at(float(position[row]), table)}: its curve has steps, for the solidus"
+    where += f" lies in cells of {table[name].iloc[row]:.2g} mm there"
+    yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where)
 
 
 def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
@@ -185,13 +213,18 @@ def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
 
 
 def _largest(
-    table: pandas.DataFrame, position: Array, prefix: str, what: str, least: float = 0.0
+    table: pandas.DataFrame,
+    position: Array,
+    prefix: str,
+    what: str,
+    least: float = 0.0,
+    of: str = "",
 ) -> Iterator[Remark]:
     """The largest value of the columns `prefix_max`, and which probe has most of it there.
 
-    What is not above `least` is not told.
+    What is not above `least` is not told; `of` is the prefix of the largest where it is another.
     """
-    whole = f"{prefix}_max"
+    whole = f"{of or prefix}_max"
     probes = [(label, column) for label, _, column in curves(table, prefix)]
     columns = [whole] if has_values(table, whole) else [column for _, column in probes]
     finite = {column: _finite(table[column].to_numpy()) for column in columns}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 _THERMAL, _MECHANICAL = "#0072b2", "#d55e00"
 _NO_PROBES = ("min", "max")  # ends of names of columns over the whole section
 _NAMED = 3  # probes with one curve that are all named
+STAIR = 1.0 / 6.0  # of the cell in which the solidus lies: how far the shell's curve is off
 _MANY = 150  # steps; their Newton iterations would blacken a line plot
 
 
@@ -114,12 +115,23 @@ def draw_shell(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
         for probe, colour, column in lines:
             label = f"{probe}, {kind}"
             axes.plot(course.abscissa, table[column], color=colour, linestyle=style, label=label)
+            if has_values(table, cell := column.replace("shell_", "solidus_cell_", 1)):
+                _draw_stair(axes, course, table[column], table[cell], colour)
     axes.set_ylim(0.0, 1.12 * axes.get_ylim()[1])  # room for the legend
     unit = unit_of(table, [*solid, *liquid][0][2])
     axes.set_ylabel(f"depth below the surface [{unit}]")
     dress([axes], course)
     axes.legend(loc="upper left", ncols=2 if len(solid) + len(liquid) > 3 else 1)
     return figure
+
+
+def _draw_stair(
+    axes: Axes, course: Course, depth: pandas.Series, cell: pandas.Series, colour: str
+) -> None:
+    """How well the cells resolve a depth: within the shaded band."""
+    off = STAIR * cell.to_numpy()
+    shade: dict[str, Any] = {"color": colour, "alpha": 0.18, "linewidth": 0.0, "zorder": 1.5}
+    axes.fill_between(course.abscissa, depth - off, depth + off, **shade)
 
 
 def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
@@ -305,7 +317,13 @@ def unit_of(table: pandas.DataFrame, name: str) -> str:
 
 def plain_unit(unit: str) -> str:
     """A unit as figures write it."""
-    return unit.replace("degC", "°C").replace("^2", "²").replace("^3", "³").replace("um", "µm")
+    return (
+        unit.replace("degC", "°C")
+        .replace("^2", "²")
+        .replace("^3", "³")
+        .replace("um", "µm")
+        .replace("percent", "%")
+    )
 
 
 HISTORY_FIGURES: dict[str, Callable[[pandas.DataFrame, Course, Steel | None], Figure | None]] = {

@@ -22,6 +22,7 @@ _ALL: dict[str, Any] = {
     "linewidth": 1.5,
 }  # over the whole section
 _SINGLE = "#0072b2"
+_MEAN_PRESSURE = "mean_contact_pressure_max"
 CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
 _HELD = 1e-6  # mm; a surface that moves by less is held, as that of a strip
 _NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver
@@ -102,14 +103,14 @@ def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -
     found: list[Callable[[Axes], None]] = []
     for prefix, largest, what, smallest in (
         ("gap", "gap_max", "gap", CLOSED),
-        ("contact_pressure", "contact_pressure_max", "contact pressure", 0.0),
+        ("contact_pressure", _highest_pressure(table), "contact pressure", 0.0),
     ):
         if curves(table, prefix) or has_values(table, largest):
             found.append(_over_surface(table, course, prefix, largest, what, smallest))
-    for name, what in (
-        ("contact_share", "share of the surface\nin contact"),
-        ("friction_force", "friction force"),
-    ):
+    friction = ("friction_force", "friction force,\nmodelled part")
+    if has_values(table, "mould_friction"):
+        friction = ("mould_friction", "friction force,\nwhole strand")
+    for name, what in (("contact_share", "share of the surface\nin contact"), friction):
         if has_values(table, name) and table[name].any():
             found.append(_single(table, course, name, what))
     if not found:
@@ -119,6 +120,11 @@ def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -
         draw(panel)
     dress(axes, course)
     return figure
+
+
+def _highest_pressure(table: pandas.DataFrame) -> str:
+    """The column of the highest pressure: its mean, which does not hang on the mesh, if there."""
+    return _MEAN_PRESSURE if has_values(table, _MEAN_PRESSURE) else "contact_pressure_max"
 
 
 def _over_surface(
@@ -134,7 +140,8 @@ def _over_surface(
     def draw(panel: Axes) -> None:
         name = _draw_probes(panel, table, course, prefix) or largest
         if has_values(table, largest):
-            panel.plot(course.abscissa, table[largest], **_ALL, label="largest anywhere")
+            label = "largest anywhere" + (", over 5 mm" if largest == _MEAN_PRESSURE else "")
+            panel.plot(course.abscissa, table[largest], **_ALL, label=label)
         panel.set_ylabel(f"{what} [{unit_of(table, name)}]")
         low, high = panel.get_ylim()
         high = max(high, smallest)
@@ -151,8 +158,9 @@ def _single(
 
     def draw(panel: Axes) -> None:
         unit = unit_of(table, name)
-        percent = name == "contact_share" and unit == "-"
-        panel.plot(course.abscissa, table[name] * (100.0 if percent else 1.0), color=_SINGLE)
+        percent = name == "contact_share"
+        factor = 100.0 if percent and unit == "-" else 1.0  # older runs have fractions
+        panel.plot(course.abscissa, table[name] * factor, color=_SINGLE)
         panel.set_ylabel(f"{what} [{'%' if percent else unit}]")
         if percent:
             panel.set_ylim(0.0, 105.0)

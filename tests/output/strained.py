@@ -27,7 +27,7 @@ MECHANICS = [
     *((f"contact_pressure_{p}", "MPa") for p in ("mid_face", "corner")),
     ("contact_pressure_max", "MPa"),
     ("penetration", "um"),
-    ("contact_share", "-"),
+    ("contact_share", "percent"),
     ("friction_force", "kN/m"),
     ("friction_pull", "kN"),
 ]
@@ -57,7 +57,7 @@ def strained(row: dict[str, float]) -> dict[str, float]:
         "contact_pressure_corner": 0.0 if gap else 0.2 * z,
         "contact_pressure_max": 0.1 * z if gap else 0.2 * z,
         "penetration": 0.01,
-        "contact_share": 0.8 if gap else 1.0,
+        "contact_share": 80.0 if gap else 100.0,
         "friction_force": 0.0,
         "friction_pull": 0.0,
     }

@@ -83,12 +83,40 @@ def test_the_mould_ends_where_the_summary_says_and_reheating_is_named(table):
 def test_no_shell_is_said_and_full_contact_is_not_named(table):
     units = table.attrs["units"]
     table["shell_corner"] = 0.0
-    table["contact_share"] = 1.0
+    table["contact_share"] = 100.0
     table.attrs["units"] = units
     found = remarks(table, summary())
     thin = of(found, "thinnest shell")
     assert (thin.value, thin.where) == (0.0, "no shell at all; corner, mould exit at 600 mm")
     assert not [r for r in found if r.what == "least contact"]
+
+
+def test_shares_of_older_runs_are_fractions(table):
+    new = of(remarks(table, summary()), "least contact")
+    table["contact_share"] *= 0.01
+    table.attrs["units"]["contact_share"] = "-"
+    old = of(remarks(table, summary()), "least contact")
+    assert (old.value, old.where) == (pytest.approx(new.value), new.where)
+
+
+def test_the_highest_pressure_is_a_mean_where_there_is_one(table):
+    table["mean_contact_pressure_max"] = 0.5 * table["contact_pressure_max"]
+    table.attrs["units"]["mean_contact_pressure_max"] = "MPa"
+    found = of(remarks(table, summary()), "highest contact pressure, mean over 5 mm")
+    assert found.value == pytest.approx(0.06)
+    assert found.where == "at 600 mm, t = 10 s; of the probes corner, 0.12"
+
+
+def test_cells_too_large_for_the_shell_are_named(table):
+    """A sixth of the cell is what the curve is off by; little of it is not told."""
+    assert not [r for r in remarks(table, summary()) if r.what.startswith("resolution")]
+    for size, told in ((1.0, False), (4.2, True)):
+        table["solidus_cell_corner"] = np.where(table["position"] < 0.1, np.nan, size)
+        table.attrs["units"]["solidus_cell_corner"] = "mm"
+        found = [r for r in remarks(table, summary()) if r.what.startswith("resolution")]
+        assert bool(found) == told
+    assert (found[0].value, found[0].unit) == (pytest.approx(0.7), "mm")
+    assert "corner, at " in found[0].where and "cells of 4.2 mm" in found[0].where
 
 
 def test_a_gap_without_a_wall_is_no_gap(table):
