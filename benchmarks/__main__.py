@@ -16,6 +16,7 @@ BENCHMARKS = {
     "verification": "benchmarks.verification",
     "accuracy": "benchmarks.accuracy",
     "caster": "benchmarks.caster",
+    "jumps": "benchmarks.jumps",
     "latent_heat": "benchmarks.latent_heat",
     "opponent": "benchmarks.duel",
     "costs": "benchmarks.costs",

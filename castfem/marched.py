@@ -17,7 +17,7 @@ class Counts:
 
     Attributes:
         steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
-            the second-order scheme left the physical bounds.
+            the second-order scheme left the physical bounds, or would have come back.
         intervals: Of temperature and mechanics. cut_back: Tried and not kept.
         passes: Through intervals that were kept, repeated ones included. unsettled: Repeated as
             often as allowed, as short as sensible, and the gap still changed.

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 Named = dict[str, Quantity]
 
 # Arrays of the thermal state, by their name in a checkpoint.
-STATE = ("enthalpy", "rate")
+STATE = ("enthalpy", "rate", "course")
 
 
 def arrays(march: March) -> dict[str, Array | None]:
@@ -63,9 +63,9 @@ def description(march: March) -> dict[str, Any]:
 def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> None:
     """Go on from a checkpoint: `description` and arrays by node (on every rank)."""
     nodes = march.scene.section.node_of_owned
-    enthalpy, rate = (np.asarray(by_node[name])[nodes] for name in STATE)
+    enthalpy, rate, course = (np.asarray(by_node[name])[nodes] for name in STATE)
     thermal = march.scene.stepper.state_from(
-        meta["time"], enthalpy, rate, meta["removed"], meta["generated"]
+        meta["time"], enthalpy, rate, meta["removed"], meta["generated"], course
     )
     mechanical = None
     if march.archive is not None:

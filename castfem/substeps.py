@@ -33,7 +33,7 @@ class Leg:
         state: At their end. step: Length of the last, s. newton: Newton iterations of all.
         balance: Largest relative error of their heat balances. steps: Their number.
         rejected: Steps that were tried and not kept. limited: Steps taken by backward Euler
-            because the second-order scheme left the physical bounds.
+            because the second-order scheme left the physical bounds, or would have come back.
     """
 
     state: ThermalState

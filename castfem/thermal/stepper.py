@@ -1,6 +1,12 @@
 """Time stepping of the heat balance: backward Euler and a second-order L-stable scheme.
 
 Both difference the enthalpy over the step, so heat is conserved to rounding at any step.
+
+Of a mode that decays x times as fast as the step is long SDIRK2 leaves R = (1 - (sqrt(2) - 1) x) /
+(1 + GAMMA x)^2: from x = 2.4 on it is carried past its rest, by up to a fifth of it, and comes back
+in the next step.  A cooling that jumps wakes such modes, and so does a front in coarse cells.  So a
+step is looked at before it is kept: if a vertex would come back after it, it is taken again with
+backward Euler in `DAMPED` equal parts, which carry no vertex past its rest.
 """
 
 from __future__ import annotations
@@ -29,6 +35,13 @@ IDLE = 1e-6  # share of the heat removed so far below which a step counts as idl
 SHEARED = 0.01  # of the range: a sheared mesh keeps the maximum principle but for its shear
 WARMER = 2.0  # heat generated inside, over what it warms at the capacity of reference
 BOUND_SLACK = 1e-6  # K, what rounding and the solver's tolerance may add to the physical bounds
+DAMPED = 4  # parts of a step that is taken again with backward Euler
+REBOUND = 0.2  # K, by which a vertex may come back after a step
+# A mode carried past its rest comes back by at most 0.52 of what the rates of its step may err by;
+# a vertex that turns in truth (steel that still cools below a surface that warms again) by more
+# than 0.9, for its rates are small where it turns.
+DOUBT = 0.75
+CONTROLLED = 1.0  # K, estimated error below which no vertex of a step has been seen to come back
 
 
 @dataclass(slots=True)
@@ -41,6 +54,7 @@ class ThermalState:
             part, J/m.
         extremes: Coldest and hottest vertex of the section, K.
         generated: Heat generated inside the modelled part since the meniscus, J/m.
+        course: dH/dt with which the next step is expected to begin (owned,), W/m3.
     """
 
     time: float
@@ -49,7 +63,8 @@ class ThermalState:
     point: CurvePoint
     removed: float
     extremes: tuple[float, float]
-    generated: float = 0.0
+    generated: float
+    course: Array
 
 
 @dataclass(slots=True)
@@ -59,8 +74,9 @@ class StepResult:
     Attributes:
         converged: Whether the solver succeeded; if not, `state` is the old one.
         state: The new state. error: Estimated temperature error of the step, K (largest vertex).
-        newton: Newton iterations. limited: Whether the second-order step left the physical bounds
-            and backward Euler was taken instead. reason: The solver's word.
+        newton: Newton iterations. limited: Whether the second-order step left the physical bounds,
+            or would have come back, and backward Euler was taken instead. reason: The solver's
+            word.
         balance: (heat out + change of enthalpy - heat generated) over the largest (see IDLE).
     """
 
@@ -95,12 +111,19 @@ class ThermalStepper:
         return self.state_from(0.0, enthalpy, np.zeros_like(area), 0.0)
 
     def state_from(
-        self, time: float, enthalpy: Array, rate: Array, removed: float, generated: float = 0.0
+        self,
+        time: float,
+        enthalpy: Array,
+        rate: Array,
+        removed: float,
+        generated: float = 0.0,
+        course: Array | None = None,
     ) -> ThermalState:
-        """A state from its stored arrays (checkpoint)."""
+        """A state from its stored arrays (checkpoint); its course is its rate if it has none."""
         point = self.problem.curve.at(enthalpy)
         extremes = self._extremes(point)
-        return ThermalState(time, enthalpy, rate, point, removed, extremes, generated)
+        course = rate if course is None else course
+        return ThermalState(time, enthalpy, rate, point, removed, extremes, generated, course)
 
     def _extremes(self, point: CurvePoint) -> tuple[float, float]:
         """Coldest and hottest vertex over all ranks, K."""
@@ -113,20 +136,56 @@ class ThermalStepper:
         """Advance `old` to `time` (s); `old` is left untouched."""
         dt = time - old.time
         newton = self.problem.iterations
-        low, high = self._bounds(old, time)
-        step = self._sdirk2 if self.scheme == "sdirk2" else self._euler
-        stages = step(old, dt, (low, high))
-        limited = False
-        if self.scheme == "sdirk2" and stages[-1].outcome.converged:
-            coldest, hottest = self._extremes(stages[-1].point)
-            if coldest < low - BOUND_SLACK or hottest > high + BOUND_SLACK:
-                stages, limited = self._euler(old, dt, (low, high)), True
+        bounds = self._bounds(old, time)
+        second_order = self.scheme == "sdirk2"
+        tried = stages = (self._sdirk2 if second_order else self._euler)(old, dt, bounds)
+        limited, course, error = False, None, 0.0
+        if self.estimate and tried[-1].outcome.converged:
+            error = self._error(old, tried, dt)
+        if second_order and tried[-1].outcome.converged:
+            coldest, hottest = self._extremes(tried[-1].point)
+            limited = coldest < bounds[0] - BOUND_SLACK or hottest > bounds[1] + BOUND_SLACK
+            if not limited and (error > CONTROLLED or not self.estimate):
+                limited, course = self._look_ahead(old, tried, dt, bounds)
+            if limited:
+                stages, course = self._euler(old, dt, bounds, DAMPED), None
         newton = self.problem.iterations - newton
+        reason = stages[-1].outcome.reason
         if not stages[-1].outcome.converged:
-            return StepResult(
-                False, old, np.inf, newton, limited, stages[-1].outcome.describe(), 0.0
-            )
-        return self._commit(old, stages, time, newton, limited)
+            reason = stages[-1].outcome.describe()
+            return StepResult(False, old, np.inf, newton, limited, reason, 0.0)
+        state, balance = self._commit(old, stages, time, course)
+        if limited and self.estimate:
+            apart = np.abs(tried[-1].point.temperature - state.point.temperature)
+            error = reductions.largest(self.comm, apart)
+        return StepResult(True, state, error, newton, limited, reason, balance)
+
+    def _look_ahead(
+        self, old: ThermalState, stages: list[Stage], dt: float, bounds: tuple[float, float]
+    ) -> tuple[bool, Array | None]:
+        """Whether vertices would come back after a second-order step; the rate they go on with.
+
+        The rates at its end tell it of single vertices, but also of modes so fast that they weigh
+        nothing: where they turn, the first stage of an equal step is solved.  The next step finds
+        it done, if nothing changes until then.  (Collective.)
+        """
+        last, tau = stages[-1], GAMMA * dt
+        moved, kelvin = last.enthalpy - old.enthalpy, last.point.temperature_slope
+        rates = (old.rate, *(s.rate for s in stages))
+        error = dt * kelvin * sum(abs(d) * np.abs(r) for d, r in zip(DEFECT, rates, strict=True))
+        # No vertex comes back faster than the rate at its end, nor by more than its error.
+        most = np.minimum(tau * kelvin * np.abs(last.rate), DOUBT * error)
+        turning = (moved * last.rate < 0.0) & (most > REBOUND)
+        if not reductions.any_of(self.comm, bool(turning.any())):
+            return False, None
+        guess = self._guess(last.enthalpy, last.rate, tau, bounds)
+        after = self.problem.solve_stage(last.enthalpy, guess, tau, old.time + dt + tau)
+        if not after.outcome.converged:
+            return False, None
+        back = after.point.temperature - last.point.temperature
+        size = np.abs(back)
+        found = (back * moved < 0.0) & (size > REBOUND) & (size < DOUBT * error)
+        return reductions.any_of(self.comm, bool(found.any())), after.rate
 
     def _bounds(self, old: ThermalState, time: float) -> tuple[float, float]:
         """What old temperatures and surroundings allow the new ones to be, K.
@@ -147,11 +206,12 @@ class ThermalStepper:
         return np.clip(old + tau * rate, curve.enthalpy(low, "left"), curve.enthalpy(high))
 
     def _commit(
-        self, old: ThermalState, stages: list[Stage], time: float, newton: int, limited: bool
-    ) -> StepResult:
-        """Make the new state and its heat balance from solved stages."""
+        self, old: ThermalState, stages: list[Stage], time: float, course: Array | None
+    ) -> tuple[ThermalState, float]:
+        """The new state and the error of its heat balance, from solved stages."""
         last, dt = stages[-1], time - old.time
-        weights = (dt,) if len(stages) == 1 else ((1 - GAMMA) * dt, GAMMA * dt)
+        alike = (dt / len(stages),) * len(stages)
+        weights = ((1 - GAMMA) * dt, GAMMA * dt) if len(stages) == 2 else alike
         gone, made = (
             sum(w * getattr(s, name) for w, s in zip(weights, stages, strict=True))
             for name in ("out", "generated")
@@ -163,17 +223,27 @@ class ThermalStepper:
         # A step in which next to nothing happens is measured against all heat so far.
         size = max(abs(out), abs(gained), abs(generated), IDLE * abs(removed), 1e-300)
         balance = (out + gained - generated) / size
-        state = self.state_from(time, last.enthalpy, last.rate, removed, old.generated + generated)
-        error = self._error(old, stages, dt) if self.estimate else 0.0
-        return StepResult(True, state, error, newton, limited, last.outcome.reason, balance)
+        generated += old.generated
+        state = self.state_from(time, last.enthalpy, last.rate, removed, generated, course)
+        return state, balance
 
-    def _euler(self, old: ThermalState, dt: float, bounds: tuple[float, float]) -> list[Stage]:
-        guess = self._guess(old.enthalpy, old.rate, dt, bounds)
-        return [self.problem.solve_stage(old.enthalpy, guess, dt, old.time + dt)]
+    def _euler(
+        self, old: ThermalState, dt: float, bounds: tuple[float, float], parts: int = 1
+    ) -> list[Stage]:
+        stages: list[Stage] = []
+        enthalpy, rate, tau = old.enthalpy, old.course, dt / parts
+        for part in range(1, parts + 1):
+            guess = self._guess(enthalpy, rate, tau, bounds)
+            stage = self.problem.solve_stage(enthalpy, guess, tau, old.time + part * tau)
+            stages.append(stage)
+            if not stage.outcome.converged:
+                break
+            enthalpy, rate = stage.enthalpy, stage.rate
+        return stages
 
     def _sdirk2(self, old: ThermalState, dt: float, bounds: tuple[float, float]) -> list[Stage]:
         tau = GAMMA * dt
-        guess = self._guess(old.enthalpy, old.rate, tau, bounds)
+        guess = self._guess(old.enthalpy, old.course, tau, bounds)
         first = self.problem.solve_stage(old.enthalpy, guess, tau, old.time + tau)
         if not first.outcome.converged:
             return [first]
@@ -189,9 +259,8 @@ class ThermalStepper:
         rule takes its place.
         """
         if len(stages) == 2:
-            change = sum(
-                d * r for d, r in zip(DEFECT, (old.rate, *(s.rate for s in stages)), strict=True)
-            )
+            rates = (old.rate, *(s.rate for s in stages))
+            change = sum(d * rate for d, rate in zip(DEFECT, rates, strict=True))
         else:
             change = 0.5 * (stages[0].rate - old.rate)
         kelvin = np.abs(dt * change * stages[-1].point.temperature_slope)

@@ -1,0 +1,122 @@
+"""After a cooling has jumped the temperature goes one way, step by step, and stays accurate."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from castfem.case import load_case
+from castfem.march import March
+from castfem.scene import build_scene
+from castfem.thermal import laws
+from castfem.thermal.stepper import REBOUND, ThermalStepper
+from thermal.scenes import Array, ThermalScene, constant_steel, strip
+from thermal.test_extremes import CAST, SLACK, billet
+
+AMBIENT = 298.15
+STEEL = constant_steel(1725.15, 1775.65, datum=CAST)
+COARSE = ("mesh.surface_size='2 mm'", "mesh.corner_size='2 mm'", "output.fields=[]")
+FIXED = "thermal.time.step='{}'"
+ADAPTIVE = "thermal.time.adaptive={{tolerance='{}',first='1 ms',smallest='1e-6 s',largest='1 s'}}"
+
+
+class Course:
+    """Temperatures of all vertices after each step of a march, in place of its files."""
+
+    def __init__(self) -> None:
+        self.found: list[Array] = []
+
+    def step(self, march: March, reading: object) -> None:
+        """Keep them."""
+        self.found.append(march.state.thermal.point.temperature)
+
+    @property
+    def rise(self) -> float:
+        """How much warmer a vertex has become within a step, K."""
+        return float(np.diff(self.found, axis=0).max())
+
+
+def marched(*changes: str) -> tuple[Course, March]:
+    """The shipped billet, changed, after its march."""
+    scene = build_scene(load_case("cases/billet125/thermal.toml", changes), MPI.COMM_SELF)
+    course = Course()
+    march = March(scene, course)  # type: ignore[arg-type]
+    try:
+        march.run()
+    finally:
+        scene.destroy()
+    return course, march
+
+
+def convection(coefficient: str) -> str:
+    """All round, from the meniscus on."""
+    law = f"{{law='convection',coefficient='{coefficient}',ambient='25 degC'}}"
+    return f"cooling.mould.surface=[{law}]"
+
+
+@pytest.mark.parametrize(
+    ("coefficient", "stepping", "jumps"),
+    [
+        ("30 kW/(m^2 K)", FIXED.format("0.5 s"), True),
+        ("30 kW/(m^2 K)", FIXED.format("0.25 s"), True),
+        ("15 kW/(m^2 K)", FIXED.format("0.5 s"), True),
+        ("8 kW/(m^2 K)", FIXED.format("2 s"), True),
+        ("5 kW/(m^2 K)", FIXED.format("2 s"), True),
+        ("1.6 kW/(m^2 K)", FIXED.format("0.5 s"), False),
+        ("30 kW/(m^2 K)", ADAPTIVE.format("5 K"), False),
+        ("3 kW/(m^2 K)", ADAPTIVE.format("20 K"), False),
+    ],
+)
+def test_steel_that_is_quenched_never_warms(coefficient: str, stepping: str, jumps: bool) -> None:
+    """From the meniscus on, freezing, all round: 1542, 292, 438 degC it went at 30 kW/m2K."""
+    course, march = marched(convection(coefficient), stepping, *COARSE)
+    assert course.rise < SLACK
+    assert march.counts.limited >= jumps
+    assert march.counts.limited < 0.25 * march.counts.steps
+
+
+def test_without_a_look_ahead_it_would_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ThermalStepper, "_look_ahead", lambda *_: (False, None))
+    course, march = marched(convection("30 kW/(m^2 K)"), FIXED.format("0.5 s"), *COARSE)
+    assert course.rise > 100.0 and march.counts.limited == 0
+
+
+def test_a_billet_as_shipped_is_not_damped() -> None:
+    """Its first step wakes fast modes too, but no vertex is carried past its rest."""
+    course, march = marched("output.fields=[]", "casting.length='150 mm'")
+    assert course.rise < SLACK and march.counts.limited == 0
+
+
+@pytest.mark.parametrize(("coefficient", "way"), [(3e4, 1.0), (50.0, -1.0)])
+def test_a_zone_downstream_cools_or_warms_one_way(coefficient: float, way: float) -> None:
+    """The skin goes to where the new cooling takes it and does not come back."""
+    scene = ThermalScene(billet(0.0, surface_size=2e-3), STEEL, CAST)
+    faces = ("wide", "narrow")
+    scene.cool(*((face, laws.Contact(1600.0, 433.15, 0.15)) for face in faces)).march(5.0, 0.5)
+    skin = scene.surface.patch(scene.section.required(list(faces))).dofs
+    found = [scene.state.point.temperature[skin]]
+    scene.cool(*((face, laws.Convection(coefficient, AMBIENT)) for face in faces))
+    scene.march(7.0, 0.5, lambda: found.append(scene.state.point.temperature[skin]))
+    assert (way * np.diff(found, axis=0)).max() < REBOUND
+    assert (way * (found[0] - found[1])).min() > 50.0
+    assert scene.results[-1].limited is False
+    assert scene.worst_balance < 1e-9
+
+
+def test_second_order_returns_after_a_jump() -> None:
+    """Each march takes its first step with backward Euler; its error falls by four all the same."""
+    curve = constant_steel(1450.0, 1500.0, datum=1400.0)
+
+    def final(step: float) -> tuple[Array, int]:
+        scene = ThermalScene(strip(0.02, 10), curve, 1400.0)
+        scene.cool(("surface", laws.Convection(3e4, AMBIENT))).march(8.0, step)
+        return scene.along_x()[1], sum(r.limited for r in scene.results)
+
+    steps = np.array([2.0, 1.0, 0.5])
+    exact = final(0.005)[0]
+    found = [final(step) for step in steps]
+    assert [limited for _, limited in found] == [1, 1, 1]
+    errors = [np.abs(temperature - exact).max() for temperature, _ in found]
+    assert np.polyfit(np.log(steps), np.log(errors), 1)[0] > 1.8, errors
