@@ -13,12 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem import log, reductions, restart
+from castfem.case.portable import portable
 from castfem.coupling import Interval, StrandState, take_interval
 from castfem.errors import CastfemError, RunFailure
 from castfem.interrupt import Interrupt, Stopped
 from castfem.marched import Counts, Recorded
 from castfem.measure import Measure, Reading
-from castfem.output.folder import OutputFolder
+from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.summary import Quantity
 from castfem.parallel import Together, on_root
 from castfem.recorder import Recorder
@@ -233,7 +234,8 @@ def run(
     output = OutputFolder(folder)
 
     def begin() -> bool:
-        goes_on = output.begin(case.resolved_toml(), ranks=comm.size, resume=resume)
+        text, files = portable(case, PROPERTIES_NAME)
+        goes_on = output.begin(text, files=files, ranks=comm.size, resume=resume)
         log.to_file(output / "run.log", append=goes_on)
         if resume and not goes_on:
             log.logger.warning("%s: no checkpoint to go on from; the run begins anew", folder)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from castfem import log
+from castfem.case.portable import portable
 from castfem.case.tensile import TABLE, TensileCase
 from castfem.errors import InputError, RunFailure
 from castfem.laws import load_elasticity, load_law
@@ -20,7 +21,7 @@ from castfem.laws.flow import STRAIN
 from castfem.laws.library import AnyLaw, law_from, told_of
 from castfem.laws.tables import Constant, Rows
 from castfem.laws.uniaxial import Tension, pull
-from castfem.output.folder import OutputFolder
+from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, History
 from castfem.output.summary import Quantity, Reference, Summary, compare
 from castfem.table import Table
@@ -156,7 +157,8 @@ def _run(case: TensileCase, output: OutputFolder, ranks: int) -> Summary:
     """The whole run on one rank."""
     begin = perf_counter()
     test = TensileTest(case)
-    output.begin(case.resolved_toml(), ranks=ranks)
+    text, files = portable(case, PROPERTIES_NAME)
+    output.begin(text, files=files, ranks=ranks)
     with output:
         log.to_file(output / "run.log", append=False)
         analytical = test.analytical()

@@ -152,11 +152,14 @@ def _anchor(data: dict[str, Any], folder: Path) -> None:
     _anchor_files(data, folder)
 
 
+def is_path(name: str) -> bool:
+    """Return whether the name of a property set is that of a file, not of a shipped set."""
+    return name.endswith(".toml") or "/" in name or name.startswith(".")
+
+
 def anchored_set(name: str, folder: Path) -> str:
     """Return the absolute path of a property file; the name of a shipped set as it is."""
-    if name.endswith(".toml") or "/" in name or name.startswith("."):
-        return os.path.abspath(folder / name)
-    return name
+    return os.path.abspath(folder / name) if is_path(name) else name
 
 
 def _anchor_files(value: Any, folder: Path) -> None:

@@ -23,7 +23,7 @@ from castfem.case.casting import (
     Steel,
 )
 from castfem.case.cooling import Contact, HeatLaw, Zone
-from castfem.case.document import PROPERTY_FILES
+from castfem.case.document import PROPERTY_FILES, is_path
 from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
 from castfem.case.section import Mesh, Section, cooled_groups
@@ -183,8 +183,9 @@ class Case(TableModel):
         if self.mechanics is None:
             del physics["coupling"]
         for table, key in PROPERTY_FILES:
-            path = Path(str(physics.get(table, {}).get(key, "")))
-            if path.suffix == ".toml":
+            name = str(physics.get(table, {}).get(key, ""))
+            if is_path(name):
+                path = Path(name)
                 content = path.read_bytes() if path.is_file() else b""
                 digest = hashlib.sha256(content).hexdigest()
                 physics[table][key] = f"file of SHA-256 {digest}"

@@ -12,6 +12,7 @@ from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 
 from castfem.case.base import TableModel, written
 from castfem.case.casting import Reference
+from castfem.case.document import is_path
 from castfem.case.problems import Problem
 from castfem.quantities import Kind, Percent, Time
 from castfem.table import Curve, Table
@@ -131,7 +132,7 @@ class TensileCase(TableModel):
         table = physics[TABLE]
         for key in ("material", "elasticity"):
             name = table[key]
-            if isinstance(name, str) and name.endswith(".toml"):
+            if isinstance(name, str) and is_path(name):
                 path = Path(name)
                 content = path.read_bytes() if path.is_file() else b""
                 table[key] = hashlib.sha256(content).hexdigest()

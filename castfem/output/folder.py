@@ -1,6 +1,7 @@
 """The folder a run writes, and who may write into it.
 
     case.toml      the case as resolved: extends, --set and defaults worked in
+    properties/    copies of the property files of the user's that it names
     run.json       how it went: status, versions, ranks, wall time by stage (`RunRecord`)
     run.log        what was said on the way
     history.csv    one row a step (`castfem.output.history`)
@@ -14,31 +15,30 @@
 castfem begins anew only in a folder without any of these names, or in one that holds its own
 run.json; then it removes these and nothing else. run.json exists from the first moment to the last,
 and a locked `.castfem.lock` says that a run is at work; the lock goes with the process, however it
-ends. No host name and no path outside the folder is written.
+ends. No host name is written, and no path outside the folder but those of the command line.
 """
 
 from __future__ import annotations
 
 import json
-import platform
-import sys
+import re
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
-from importlib import metadata
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
 
-import castfem
 from castfem.closing import Closing
 from castfem.errors import CastfemError, InputError
 from castfem.output.checkpoint import CHECKPOINT_NAME
 from castfem.output.field_files import HDF5_NAME, remove_singles, singles
-from castfem.output.files import saving, system_reason, temporary_name, write_json, write_text
+from castfem.output.files import replacing, saving, system_reason, temporary_name, write_json
 from castfem.output.history import HISTORY_NAME
+from castfem.output.provenance import command, versions
 from castfem.output.summary import SUMMARY_NAME, Summary
 from castfem.output.xdmf import XDMF_NAME
 from castfem.wording import dotted
@@ -50,6 +50,7 @@ CASE_NAME = "case.toml"
 RUN_NAME = "run.json"
 LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
+PROPERTIES_NAME = "properties"
 STOPPED = "stopped by the user"  # or by a batch system whose time is up
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
@@ -58,6 +59,8 @@ TENSILE_FIGURES = ("tensile",)
 # mounts; the name is Python's own for what has not been written yet, which is not meant here.
 _NO_LOCKS = NotImplementedError
 _LOCK_NAME = ".castfem.lock"
+# Of a property file; whatever run.json says, nothing else is removed on its word.
+_COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
 _FORMAT = "castfem run"
 # The checkpoint is the first to go: of what is left of a run nothing is resumed.
 ARTEFACTS = (
@@ -84,6 +87,8 @@ class RunRecord:
         compiled_forms: Names of the forms this scene compiled or took from the cache.
         memory_mb: Largest resident memory of all ranks together, in 10^6 bytes.
         reached: Last good state: time [s], position [m], step.
+        commands: The command line, of each start if it was resumed.
+        files: SHA-256 of case.toml and of the copies of property files, by their names.
     """
 
     status: str = "running"
@@ -96,7 +101,9 @@ class RunRecord:
     wall_time: Mapping[str, float] = field(default_factory=dict)
     compiled_forms: tuple[str, ...] = ()
     memory_mb: float | None = None
-    reached: Mapping[str, float] = field(default_factory=dict)
+    reached: Mapping[str, int | float] = field(default_factory=dict)
+    commands: tuple[str, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def load(cls, folder: Path | str) -> RunRecord:
@@ -144,18 +151,26 @@ class OutputFolder(Closing):
         self.path = Path(path)
         self.record = RunRecord()
         self._earlier: Mapping[str, float] = {}
-        self._before: tuple[RunRecord, str] | None = None
+        self._before: tuple[RunRecord, dict[str, bytes]] | None = None
         self._lock: FileLock | None = None
 
     def __truediv__(self, name: str) -> Path:
         """The path of a file in the folder."""
         return self.path / name
 
-    def begin(self, case: str, *, ranks: int = 1, resume: bool = False) -> bool:
+    def begin(
+        self,
+        case: str,
+        *,
+        files: Mapping[str, bytes] | None = None,
+        ranks: int = 1,
+        resume: bool = False,
+    ) -> bool:
         """Takes the folder for a run: lock, removal of the run before, case.toml, run.json.
 
         Args:
             case: The resolved case as TOML.
+            files: Name, below `PROPERTIES_NAME`, and content of the property files it names.
             ranks: Number of MPI processes.
             resume: Go on with the run in the folder; nothing of it is removed, unless it was cut
                 short before its first checkpoint.
@@ -173,7 +188,8 @@ class OutputFolder(Closing):
         except OSError as error:
             raise self._unusable(error) from error
         try:
-            return self._take_over(case, ranks, resume)
+            inputs = {CASE_NAME: case.encode(), **(files or {})}
+            return self._take_over(inputs, ranks, resume)
         except CastfemError as error:
             self.close()
             cause = error.__cause__
@@ -223,11 +239,33 @@ class OutputFolder(Closing):
         inside = first.replace(f"{self.path}/", "")
         self.update(status="failed", reason=inside, ended=_now(), **changes)
 
-    def _begin_no_more(self, record: RunRecord, case: str) -> None:
+    def _begin_no_more(self, record: RunRecord, inputs: Mapping[str, bytes]) -> None:
         """Leaves the folder as it was before a resume that turned out to be impossible."""
+        self._write_inputs(inputs)
         self.record = record
         self.update()
-        write_text(self / CASE_NAME, case)
+
+    def _write_inputs(self, inputs: Mapping[str, bytes]) -> None:
+        """Puts the case and its property files in place; takes away those it names no more.
+
+        They are replaced, never removed first: the case may have been read from these very files.
+        """
+        for name, content in inputs.items():
+            path = self / name
+            with saving(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(path) as temporary:
+                temporary.write_bytes(content)
+        for name in self.record.files:
+            if name not in inputs and _COPY.fullmatch(name):
+                path = self / name
+                with saving(path):
+                    path.unlink(missing_ok=True)
+                for parent in (path.parent, path.parent.parent):
+                    with suppress(OSError):  # it holds others
+                        parent.rmdir()
+        hashes = {name: sha256(content).hexdigest() for name, content in inputs.items()}
+        self.update(files=hashes)
 
     def close(self) -> None:
         """Gives the lock back."""
@@ -281,19 +319,20 @@ class OutputFolder(Closing):
             return
         self._lock = lock
 
-    def _take_over(self, case: str, ranks: int, resume: bool) -> bool:
+    def _take_over(self, inputs: Mapping[str, bytes], ranks: int, resume: bool) -> bool:
         """Makes the folder ready under the lock; returns whether there is something to resume."""
         present = [name for name in ARTEFACTS if (self / name).exists()]
         present += [str(path.relative_to(self.path)) for path in singles(self.path)]
         if (self / RUN_NAME).exists():
             earlier = RunRecord.load(self.path)
-        elif present:
+            strangers = self._strangers(inputs, earlier)
+        else:
+            earlier, strangers = RunRecord(), [*present, *self._strangers(inputs)]
+        if strangers:
             raise InputError(
-                f"{self.path}: holds {', '.join(present)}, not of a run of castfem; "
+                f"{self.path}: holds {', '.join(strangers)}, not of a run of castfem; "
                 "choose another folder or move them away"
             )
-        else:
-            earlier = RunRecord()
         if resume and CHECKPOINT_NAME not in present:
             if earlier.status == "finished":
                 raise InputError(
@@ -303,19 +342,34 @@ class OutputFolder(Closing):
             resume = False
         if resume:
             self._earlier = dict(earlier.wall_time)
-            self._before = earlier, (self / CASE_NAME).read_text(encoding="utf-8")
-            began, count = earlier.started, earlier.resumed + 1
+            began, count, commands = earlier.started, earlier.resumed + 1, earlier.commands
+            kept = {CASE_NAME, *filter(_COPY.fullmatch, earlier.files)}
+            before = {n: (self / n).read_bytes() for n in kept if (self / n).is_file()}
         else:
-            began, count = _now(), 0
+            began, count, commands, before = _now(), 0, (), {}
         self.record = RunRecord(
-            started=began, resumed=count, ranks=ranks, versions=versions(), wall_time=self._earlier
-        )
+            started=began, resumed=count, ranks=ranks, versions=versions(), wall_time=self._earlier,
+            commands=(*commands, command()), files=earlier.files,
+            reached=earlier.reached if resume else {},
+        )  # fmt: skip
         self.update()
         if not resume:
             self._remove_artefacts()
-        # replaced, never removed first: the case may have been read from this very file
-        write_text(self / CASE_NAME, case)
+        self._write_inputs(inputs)
+        self._before = (earlier, before) if resume else None
         return resume
+
+    def _strangers(
+        self, inputs: Mapping[str, bytes], earlier: RunRecord | None = None
+    ) -> list[str]:
+        """Files of the user's in the place of copies that are to be written."""
+        ours = {CASE_NAME, *(earlier.files if earlier else ())}
+        paths = {name: self / name for name in inputs if name not in ours}
+        return [
+            name
+            for name, path in paths.items()
+            if path.exists() and path.read_bytes() != inputs[name]
+        ]
 
     def _remove_artefacts(self) -> None:
         """Removes what the run before has written, except what is replaced at once."""
@@ -335,25 +389,6 @@ class OutputFolder(Closing):
         return InputError(
             f"{self.path}: cannot be used as output folder ({reason}); choose another with -o"
         )
-
-
-def versions() -> dict[str, str]:
-    """Versions of castfem and of what this process has loaded; imports nothing."""
-    found = {"castfem": castfem.__version__, "python": platform.python_version()}
-    for name in ("dolfinx", "ufl", "basix", "numpy", "h5py"):
-        module = sys.modules.get(name)
-        if module is None:
-            continue
-        version = getattr(module, "__version__", None)
-        if version is None:
-            with suppress(metadata.PackageNotFoundError):
-                version = metadata.version(f"fenics-{name}")
-        if version:
-            found[name] = str(version)
-    petsc = sys.modules.get("petsc4py.PETSc")
-    if petsc is not None:
-        found["petsc"] = ".".join(str(number) for number in petsc.Sys.getVersion())
-    return found
 
 
 def _now() -> str:

@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from castfem.case.portable import portable
 from castfem.errors import InputError
 from castfem.output.files import write_json
-from castfem.output.folder import CASE_NAME, RUN_NAME, RunRecord
+from castfem.output.folder import CASE_NAME, PROPERTIES_NAME, RUN_NAME, RunRecord
 from castfem.sweep.plan import Variant
 from castfem.sweep.work import Job, Outcome
 
@@ -92,7 +93,8 @@ class Record:
             status = RunRecord.load(job.folder).status
         except (OSError, InputError):
             return False
-        return status == "finished" and _untitled(former) == _untitled(job.case.resolved_toml())
+        now, _ = portable(job.case, PROPERTIES_NAME)
+        return status == "finished" and _untitled(former) == _untitled(now)
 
     def note(self, job: Job, outcome: Outcome) -> None:
         """Write down how a run has ended.
