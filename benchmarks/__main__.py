@@ -10,6 +10,7 @@ from time import perf_counter
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from benchmarks import quoted
 from benchmarks.report import PAGE, ROOT, Output
 
 BENCHMARKS = {
@@ -57,10 +58,11 @@ def parse() -> argparse.Namespace:
     parser.add_argument(
         "names",
         nargs="*",
-        choices=[[], *BENCHMARKS, "reference"],
+        choices=[[], *BENCHMARKS, "reference", "tables"],
         metavar="NAME",
         help=f"{', '.join(BENCHMARKS)} (all of them by default), or reference: the converged "
-        "values anew, which takes minutes",
+        "values anew, which takes minutes; tables: "
+        "nothing is run, the pages are made anew from docs/data",
     )
     parser.add_argument(
         "--quick", action="store_true", help="few and short runs, into results/benchmarks"
@@ -69,11 +71,21 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
+def tables(folder: Path) -> None:
+    """Make all that the pages quote anew from the data in `folder`; nothing is run."""
+    for name, module in BENCHMARKS.items():
+        import_module(module).show(Output(folder, PAGES.get(name, PAGE.name)))
+    quoted.rewrite(folder)
+
+
 def main() -> None:
     """Run what was asked for."""
     given = parse()
     folder = given.output or (ROOT / "results" / "benchmarks" if given.quick else PAGE.parent)
     for name in given.names or BENCHMARKS:
+        if name == "tables":
+            tables(folder)
+            continue
         start = perf_counter()
         output = Output(folder, PAGES.get(name, PAGE.name))
         if name == "reference":
@@ -83,6 +95,9 @@ def main() -> None:
         else:
             import_module(BENCHMARKS[name]).main(output, given.quick)
         print(f"{name}: {perf_counter() - start:.0f} s", flush=True)
+    if folder == PAGE.parent:
+        quoted.rewrite(folder)
+        print(*quoted.wrong(folder), sep="\n")
     print(f"results in {folder}")
 
 

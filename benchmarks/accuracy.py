@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from benchmarks import reference as converged
 from benchmarks.billet import CASE, LATE, LENGTHS, Array, Result, Settings, run
-from benchmarks.reference import Reference, load, show
+from benchmarks.reference import Reference, load
 from benchmarks.report import Output, front, table
 from castfem.case import load_case
 
@@ -214,7 +215,6 @@ def default_settings() -> Settings:
 def main(output: Output, quick: bool = False) -> None:
     """Run the sweep of both variants; table, CSV and figure."""
     references = load()
-    show(output)
     rows: list[dict[str, Any]] = []
     for corner, reference in references.items():
         for settings in sweep(corner, quick):
@@ -222,7 +222,6 @@ def main(output: Output, quick: bool = False) -> None:
             rows.append(row_of(result, reference))
         done = [r for r in rows if r["variant"] == corner]
         print(f"accuracy, {corner}: {len(done)} runs")
-        output.insert(f"levels {corner}", levels_table(done, corner))
     output.csv("accuracy", rows)
     rounded = [r | {"worst_K": worst(r)} for r in rows if r["variant"] == "rounded"]
     output.figure("accuracy", draw(rounded))
@@ -233,6 +232,16 @@ def main(output: Output, quick: bool = False) -> None:
             settings = replace(settings, surface_depth=depth)
         result = run(settings, repeats=2 if quick else 7, patience=3.0)
         defaults.append({"level": name, **row_of(result, references[corner])})
-    headings = {k: v for k, v in HEADINGS.items() if k != "kind"} | {"level": "case"}
-    output.insert("defaults", table(defaults, headings, FORMATS))
     output.csv("accuracy_defaults", defaults)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    converged.show(output)
+    rows = output.rows("accuracy")
+    for corner in dict.fromkeys(r["variant"] for r in rows):
+        done = [r for r in rows if r["variant"] == corner]
+        output.insert(f"levels {corner}", levels_table(done, corner))
+    headings = {k: v for k, v in HEADINGS.items() if k != "kind"} | {"level": "case"}
+    output.insert("defaults", table(output.rows("accuracy_defaults"), headings, FORMATS))

@@ -40,7 +40,13 @@ def main(output: Output, quick: bool) -> None:
                 found = run(mould, changes(value))
                 rows.append({"refined": f"{name} = {value}", **picked(found)})
         output.csv(f"billet_convergence_{mould}", rows)
-        show_convergence(output, mould, rows)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    for mould in ("taper_1", "taper_0"):
+        show_convergence(output, mould, output.rows(f"billet_convergence_{mould}"))
 
 
 def show_convergence(output: Output, mould: str, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -130,6 +130,11 @@ def moulds(output: Output, quick: bool) -> None:
             row[f"{name}_more"] = 100.0 * (row[name] / first[name] - 1.0)
         rows.append(row)
     output.csv("billet_cost", rows)
+
+
+def show_moulds(output: Output) -> None:
+    """What a mould costs, from the data."""
+    rows = output.rows("billet_cost")
     head = {
         "mould": "mould", "newton": "Newton an interval", "passes": "passes",
         "seconds": "march [s]", "interval_ms": "an interval [ms]",
@@ -166,6 +171,11 @@ def growth(output: Output, quick: bool) -> None:
             found = min(tried, key=lambda f: f["seconds"])
             rows.append({"mould": NAMES[mould], **numbers(found)})
     output.csv("billet_cells", rows)
+
+
+def show_growth(output: Output) -> None:
+    """Time against cells, from the data."""
+    rows = output.rows("billet_cells")
     head = {
         "mould": "mould", "cells": "cells", "newton": "Newton an interval", "cut": "cut back",
         "seconds": "march [s]", "iteration_ms": "an iteration of the mechanics [ms]",
@@ -184,3 +194,10 @@ def main(output: Output, quick: bool) -> None:
     """Moulds, and cells."""
     moulds(output, quick)
     growth(output, quick)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    show_moulds(output)
+    show_growth(output)

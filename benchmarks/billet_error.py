@@ -34,12 +34,13 @@ def heading(name: str, runs: Sequence[Found]) -> str:
     return f"{run.labels[name].partition(', at x')[0]} [{unit}]"
 
 
-def cell(name: str, unit: str, default: Found, finer: Found) -> str:
+def cell(name: str, what: str, default: Mapping[str, Any], finer: Mapping[str, Any]) -> str:
     """The shipped value, and in brackets what it has more than the finer one."""
-    if name not in default.values or name not in finer.values:
+    if default.get(name) is None or finer.get(name) is None:
         return ""
-    digits = next((d for k, d in DIGITS.items() if name.startswith(k)), 3 if unit == "mm" else 2)
-    value, error = default.values[name], default.values[name] - finer.values[name]
+    length = what.endswith("[mm]")
+    digits = next((d for k, d in DIGITS.items() if name.startswith(k)), 3 if length else 2)
+    value, error = default[name], default[name] - finer[name]
     least = 0.5 * 10.0 ** -(digits + 1)
     text = "0" if abs(error) < least else f"{error:+.{digits + 1}f}"
     return f"{value:.{digits}f} ({text})".replace("-0.000 ", "0.000 ")
@@ -66,16 +67,24 @@ def show_errors(output: Output, shipped: Mapping[str, Found], finer: Mapping[str
             work = {"cells": found.cells, "seconds": found.seconds, "failure": found.failure}
             rows.append({"mould": mould, "run": what, **numbers, **work})
     output.csv("billet_error", rows)
+    output.csv("billet_error_names", [{"name": n, "what": heading(n, runs)} for n in names])
+    show_error(output)
+
+
+def show_error(output: Output) -> None:
+    """Shipped values with their errors, from the data."""
+    found = {(r["mould"], r["run"]): r for r in output.rows("billet_error")}
+    moulds = list(dict.fromkeys(mould for mould, _ in found))
+    pairs = {m: (found[m, "shipped"], found[m, "finer"]) for m in moulds}
     lines = []
-    for name in names:
-        unit = next(r.units[name] for r in runs if name in r.units)
-        line: dict[str, Any] = {"what": heading(name, runs)}
-        lines.append(line | {m: cell(name, unit, shipped[m], finer[m]) for m in shipped})
-    pairs = {m: (shipped[m], finer[m]) for m in shipped}
-    lines.append({"what": "cells", **{m: f"{a.cells} ({b.cells})" for m, (a, b) in pairs.items()}})
-    times = {m: f"{a.seconds:.0f} ({b.seconds:.0f})" for m, (a, b) in pairs.items()}
+    for row in output.rows("billet_error_names"):
+        cells = {m: cell(row["name"], row["what"], *pair) for m, pair in pairs.items()}
+        lines.append({"what": row["what"], **cells})
+    sizes = {m: f"{a['cells']} ({b['cells']})" for m, (a, b) in pairs.items()}
+    lines.append({"what": "cells", **sizes})
+    times = {m: f"{a['seconds']:.0f} ({b['seconds']:.0f})" for m, (a, b) in pairs.items()}
     lines.append({"what": "processor time [s]", **times})
-    head = {"what": "shipped (less the finer)", **{m: NAMES[m] for m in shipped}}
+    head = {"what": "shipped (less the finer)", **{m: NAMES[m] for m in moulds}}
     output.insert("billet error", table(lines, head, {}))
 
 
@@ -92,6 +101,11 @@ def pressures(output: Output, quick: bool) -> None:
             found = run(mould, (*mesh(size), every(0.2)), PATIENCE)
             rows.append(_pressure(mould, size, found))
     output.csv("billet_pressure", rows)
+
+
+def show_pressures(output: Output) -> None:
+    """What the wall carries, from the data."""
+    rows = output.rows("billet_pressure")
     head = {
         "mould": "mould", "size": "surface cells [mm]", "cells": "cells",
         "mean_contact_pressure_max": "highest mean over 5 mm [MPa]",
@@ -124,3 +138,10 @@ def main(output: Output, quick: bool) -> None:
     """Both tables."""
     errors(output, quick)
     pressures(output, quick)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """Both tables, from the data."""
+    show_error(output)
+    show_pressures(output)

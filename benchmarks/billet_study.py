@@ -84,6 +84,11 @@ def moulds(output: Output, changes: Sequence[str]) -> None:
         values |= {"newton": one.newton / 100.0, "seconds": one.seconds}
         rows.append({"mould": NAMES[name], **{k: values.get(k) for k in (*SHOWN, *MORE)}})
     output.csv("billet_moulds", rows)
+
+
+def show_moulds(output: Output) -> None:
+    """The six moulds beside the thesis, from the data."""
+    rows = output.rows("billet_moulds")
     expected = {name: thesis(name) for name in MOULDS}
     expected["idealised"] |= OF_THE_TEXT
     before = {name: signs(name) for name in MOULDS}
@@ -112,11 +117,10 @@ STUDIED = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1")
 LIQUID_ALONE = "taper_minus_1"  # where the wall goes away all hangs on how the strand follows it
 
 
-def sensitivity(output: Output, quick: bool) -> dict[str, list[dict[str, Any]]]:
-    """Change one input at a time, on a coarse mesh; the rows of the tables by mould."""
+def sensitivity(output: Output, quick: bool) -> None:
+    """Change one input at a time, on a coarse mesh."""
     with tempfile.TemporaryDirectory() as name:
         chosen = variants(Path(name))
-        studied: dict[str, list[dict[str, Any]]] = {}
         for mould in STUDIED:
             base = run(mould, COARSE)
             rows = [{"input": "as shipped, coarse", **picked(base)}]
@@ -127,12 +131,7 @@ def sensitivity(output: Output, quick: bool) -> dict[str, list[dict[str, Any]]]:
                     continue
                 found = run(mould, (*COARSE, *one.changes))
                 rows.append({"input": one.label, **picked(found)})
-            studied[mould] = rows
             output.csv(f"billet_inputs_{mould}", rows)
-            output.insert(
-                f"billet inputs {mould}", table(_changes(rows, "input"), columns("input", rows), {})
-            )
-        return studied
 
 
 PEAKED = ("idealised", "taper_1", "taper_3")  # moulds of which the thesis has the peak stress
@@ -146,8 +145,9 @@ PEAKS = (
 )
 
 
-def peaks(output: Output, found: Mapping[str, Sequence[Mapping[str, Any]]]) -> None:
+def peaks(output: Output) -> None:
     """Peak and face stress with what moves them, alone and together, beside the thesis."""
+    found = {mould: output.rows(f"billet_inputs_{mould}") for mould in PEAKED}
     by_input = {m: {r["input"]: r for r in found[m]} for m in PEAKED}
     lines: list[dict[str, Any]] = []
     for label in PEAKS:
@@ -233,6 +233,11 @@ def beginnings(output: Output, quick: bool) -> None:
         rows.append({"input": label, **{k: found.values[k] for k in keys}})
     rows.append({"input": "thesis", **{k: OF_THE_TEXT[k] for k in ("first_solid", "closed_solid")}})
     output.csv("billet_start", rows)
+
+
+def show_beginnings(output: Output) -> None:
+    """Where the shell begins, from the data."""
+    rows = output.rows("billet_start")
     head = {"input": "input", **{k: MORE[k][0] for k in ("first_solid", "closed_solid")}}
     output.insert("billet start", table(rows, head, dict.fromkeys(head, ".0f")))
 
@@ -241,6 +246,17 @@ def main(output: Output, quick: bool) -> None:
     """The six moulds, and what their numbers hang on."""
     moulds(output, COARSE if quick else ())
     beginnings(output, quick)
-    found = sensitivity(output, quick)
-    if not quick:
-        peaks(output, found)
+    sensitivity(output, quick)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    show_moulds(output)
+    show_beginnings(output)
+    for mould in STUDIED:
+        rows = output.rows(f"billet_inputs_{mould}")
+        text = table(_changes(rows, "input"), columns("input", rows), {})
+        output.insert(f"billet inputs {mould}", text)
+    if {r["input"] for r in output.rows(f"billet_inputs_{PEAKED[1]}")} >= set(PEAKS):
+        peaks(output)  # a quick run has not got its inputs

@@ -155,9 +155,14 @@ def draw(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
     return figure
 
 
-def show(output: Output, mould: str, rows: Sequence[dict[str, Any]]) -> None:
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    for mould in MOULDS:
+        show_mould(output, mould, output.rows(f"billet_trade_{mould}"))
+
+
+def show_mould(output: Output, mould: str, rows: Sequence[dict[str, Any]]) -> None:
     """Write the table of one mould, of rows with errors."""
-    output.csv(f"billet_trade_{mould}", rows)
     lines = [r | {"kind": f"**{r['kind']}**"} if r["default"] else r for r in rows]
     head = {"kind": "contact, turns", "size": "cells [mm]", "interval": "interval [s]"}
     head |= {"newton": "Newton iterations", "cut": "cut back", "seconds": "time [s]"}
@@ -173,5 +178,6 @@ def main(output: Output, quick: bool) -> None:
     for mould, rows in found.items():
         exact = reference(mould)
         drawn[NAMES[mould]] = [r | errors(r, exact) for r in rows]
-        show(output, mould, drawn[NAMES[mould]])
+        output.csv(f"billet_trade_{mould}", drawn[NAMES[mould]])
+    show(output)
     output.figure("billet_trade", draw(drawn))

@@ -106,6 +106,12 @@ def main(output: Output, quick: bool = False) -> None:
         }
     )
     output.csv("caster", rows)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("caster")
     headings = {
         "core_size_mm": "core and face size [mm]", "vertices": "vertices", "steps": "steps",
         "closed_m": "core closes at [m]", "closed_error_mm": "error [mm]",

@@ -188,12 +188,21 @@ def main(output: Output, quick: bool = False) -> None:
         "seconds": None,
         "percent": 100 * libraries(shipped),
     }
-    headings = {"section": "part of the march", "seconds": "time [s]", "percent": "share [%]"}
-    formats = {"seconds": ".3f", "percent": ".0f"}
-    output.insert("shares", table([*parts, inside], headings, formats))
+    output.csv("shares", [*parts, inside])
     rows = scaling(FACTORS[:3] if quick else FACTORS, 2 if quick else 3)
     output.csv("scaling", rows)
     output.figure("scaling", draw(rows))
+    _processes(output, quick)
+    _start_up(output, quick)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    headings = {"section": "part of the march", "seconds": "time [s]", "percent": "share [%]"}
+    formats = {"seconds": ".3f", "percent": ".0f"}
+    output.insert("shares", table(output.rows("shares"), headings, formats))
+    rows = output.rows("scaling")
     headings = {
         "stepping": "step", "cells": "cells", "vertices": "vertices", "steps": "steps",
         "newton": "Newton iterations", "seconds": "march [s]",
@@ -205,13 +214,17 @@ def main(output: Output, quick: bool = False) -> None:
         for n, word in ((SHIPPED, SHIPPED), ("0.1 s", "step 0.1 s"), ("5 K", "adaptive, 5 K"))
     )
     output.insert("scaling", f"{table(rows, headings, formats)}\n\nRun time grows as {powers}.")
-    _processes(output, quick)
-    _start_up(output, quick)
+    _show_processes(output)
+    times = output.rows("start_up")
+    output.insert("start up", table(times, {"what": "", "s": "time [s]"}, {"s": ".3f"}))
 
 
 def _processes(output: Output, quick: bool) -> None:
     rows = processes((1.0,) if quick else (2.0, 1.0, 0.5), 1 if quick else 3)
     output.csv("processes", rows)
+
+
+def _show_processes(output: Output) -> None:
     headings = {
         "vertices": "vertices", "memory_mb": "memory [MB]",
         "imports_mb": "of it before the scene is built [MB]", "one_rank_s": "1 rank [s]",
@@ -221,7 +234,7 @@ def _processes(output: Output, quick: bool) -> None:
         "memory_mb": ".0f", "imports_mb": ".0f", "one_rank_s": ".2f", "two_ranks_s": ".2f",
         "gain": ".2f",
     }  # fmt: skip
-    output.insert("processes", table(rows, headings, formats))
+    output.insert("processes", table(output.rows("processes"), headings, formats))
 
 
 def _start_up(output: Output, quick: bool) -> None:
@@ -236,4 +249,3 @@ def _start_up(output: Output, quick: bool) -> None:
         {"what": "figures at the end", "s": times["figures"]},
     ]
     output.csv("start_up", rows)
-    output.insert("start up", table(rows, {"what": "", "s": "time [s]"}, {"s": ".3f"}))

@@ -195,6 +195,13 @@ def main(output: Output, quick: bool = False) -> None:
             rows += castfem_runs(settings, reference, repeats, quick)
         print(f"opponent, {corner}: {sum(r['variant'] == corner for r in rows)} runs")
     output.csv("opponent", rows)
+    output.figure("opponent", draw(rows))
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    rows = output.rows("opponent")
     headings = {
         "level": "asked for", "code": "code", "how": "how", "scheme": "scheme",
         "surface_size_mm": "surface size [mm]", "stepping": "step", "vertices": "vertices",
@@ -208,4 +215,3 @@ def main(output: Output, quick: bool = False) -> None:
     }  # fmt: skip
     for corner in RADIUS:
         output.insert(f"opponent {corner}", table(verdict(rows, corner), headings, formats))
-    output.figure("opponent", draw(rows))

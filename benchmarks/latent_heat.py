@@ -302,6 +302,13 @@ def main(output: Output, quick: bool = False) -> None:
     rows = compare(steps=(0.1, 1.0), fine=0.01) if quick else compare()
     output.csv("latent_heat", rows)
     output.figure("latent_heat", draw(rows))
+    print(f"latent heat: {len(rows)} marches")
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("latent_heat")
     shown = [r for r in rows if r["step_s"] in (0.01, 0.1, 1.0)]
     headings = {
         "freezing_range_K": "freezing range [K]",
@@ -321,4 +328,3 @@ def main(output: Output, quick: bool = False) -> None:
         "unsettled_percent": ".0f",
     }
     output.insert("latent heat", table(shown, headings, formats))
-    print(f"latent heat: {len(rows)} marches")

@@ -209,17 +209,30 @@ def _step(output: Output, quick: bool) -> None:
     rows.append({"part": "**a step**", "ms": 1e3 * found["step_s"], "percent": 100.0})
     inside = 100.0 * libraries(found)
     rows.append({"part": "**in LU and assembly**", "ms": None, "percent": inside})
-    headings = {"part": "part", "ms": "ms a step", "percent": "share [%]"}
-    text = table(rows, headings, {"ms": ".1f", "percent": ".0f"})
+    output.csv("mechanical_step", rows)
     calls = [{"call": n, "ms": 1e3 * s} for n, s in single_calls().items()]
-    single = table(calls, {"call": "single calls", "ms": "ms"}, {"ms": ".2f"})
+    output.csv("mechanical_calls", calls)
     slab = measure(replace(SLAB, steps=4) if quick else SLAB, repeats=1 if quick else 4)
+    keys = ("cells", "unknowns", "points", "step_s", "newton", "heat_s")
+    scenes = [
+        {"scene": name, **{k: r[k] for k in keys}, "blas": blas()}
+        for name, r in (("billet", found), ("slab", slab))
+    ]
+    output.csv("mechanical_scenes", scenes)
+
+
+def _show_step(output: Output) -> None:
+    headings = {"part": "part", "ms": "ms a step", "percent": "share [%]"}
+    text = table(output.rows("mechanical_step"), headings, {"ms": ".1f", "percent": ".0f"})
+    calls = output.rows("mechanical_calls")
+    single = table(calls, {"call": "single calls", "ms": "ms"}, {"ms": ".2f"})
+    found, slab = output.rows("mechanical_scenes")
     minutes = SLAB_STEPS * (slab["step_s"] + slab["heat_s"]) / 60.0
     output.insert(
         "mechanical step",
         f"{found['cells']} cells, {found['unknowns']} unknowns, {found['points']} points: "
         f"{found['step_s']:.3f} s a step, {found['newton']:.1f} Newton iterations "
-        f"({blas()}).\n\n{text}\n\n{single}\n\nHalf a slab, {slab['cells']} cells: "
+        f"({found['blas']}).\n\n{text}\n\n{single}\n\nHalf a slab, {slab['cells']} cells: "
         f"{slab['step_s']:.3f} s a step with {slab['newton']:.1f} Newton iterations, "
         f"{slab['heat_s']:.4f} s for its temperature; {SLAB_STEPS} steps take "
         f"**{minutes:.1f} minutes**.",
@@ -228,7 +241,10 @@ def _step(output: Output, quick: bool) -> None:
 
 def _ranks(output: Output, quick: bool) -> None:
     """One rank and two."""
-    two = ranks(1 if quick else 4, 400 if quick else RANKED)
+    output.csv("mechanical_ranks", ranks(1 if quick else 4, 400 if quick else RANKED))
+
+
+def _show_ranks(output: Output) -> None:
     headings = {
         "ranks": "ranks", "cells": "cells", "step_s": "step [s]", "gain": "gain",
         "factor_s": "factorisation [s]", "solve_s": "substitution [s]",
@@ -237,7 +253,7 @@ def _ranks(output: Output, quick: bool) -> None:
     formats = dict.fromkeys(headings, ".3f") | {
         "ranks": "d", "cells": "d", "gain": ".2f", "memory_mb": ".0f",
     }  # fmt: skip
-    output.insert("mechanical ranks", table(two, headings, formats))
+    output.insert("mechanical ranks", table(output.rows("mechanical_ranks"), headings, formats))
 
 
 def main(output: Output, quick: bool = False) -> None:
@@ -247,6 +263,17 @@ def main(output: Output, quick: bool = False) -> None:
     rows = scaling(SIZES[:3] if quick else SIZES)
     output.csv("mechanical_cost", rows)
     output.figure("mechanical_cost", draw(rows))
+    _ranks(output, quick)
+    output.csv(
+        "mechanical_solvers", solvers((400,) if quick else (CELLS, RANKED), 1 if quick else 2)
+    )
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    _show_step(output)
+    rows = output.rows("mechanical_cost")
     headings = {
         "cells": "cells", "unknowns": "unknowns", "newton": "Newton a step", "step_s": "step [s]",
         "newton_s": "iteration [s]", "libraries_percent": "LU and assembly [%]",
@@ -261,11 +288,10 @@ def main(output: Output, quick: bool = False) -> None:
     output.insert(
         "mechanical scaling", f"{table(rows, headings, formats)}\n\nTime grows: {powers}."
     )
-    _ranks(output, quick)
-    sizes = (400,) if quick else (CELLS, RANKED)
+    _show_ranks(output)
+    compared = output.rows("mechanical_solvers")
     headings = {"solver": "solver"}
-    for cells in sizes:
+    for cells in (key.partition("_")[2] for key in compared[0] if key.startswith("newton_")):
         headings |= {f"newton_{cells}": f"{cells} cells: iteration [ms]"}
         headings |= {f"petsc_{cells}": "of it solver [ms]"}
-    compared = solvers(sizes, 1 if quick else 2)
     output.insert("mechanical solvers", table(compared, headings, dict.fromkeys(headings, ".1f")))

@@ -93,6 +93,13 @@ def main(output: Output, quick: bool) -> None:
             row[f"{name}: peak"] = corner.peak[i]
         rows.append(row)
     output.csv("mechanics_first", rows)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("mechanics_first")
+    found = [key.removesuffix(": heat") for key in rows[0] if key.endswith(": heat")]
     shown = [
         {
             "time": r["time"],

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks.md"
 Row = Mapping[str, Any]
+_WORDS = {"": None, "True": True, "False": False}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +43,17 @@ class Output:
             writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             writer.writeheader()
             writer.writerows({k: _plain(v) for k, v in row.items()} for row in rows)
+
+    def rows(self, name: str) -> list[dict[str, Any]]:
+        """Read data/NAME.csv: numbers, flags, words, None for what is empty; [] without a file.
+
+        Tables are made of these and of nothing else, so that pages can be made anew from the data.
+        """
+        path = self.folder / "data" / f"{name}.csv"
+        if not path.is_file():
+            return []
+        with path.open(newline="", encoding="utf-8") as file:
+            return [{k: _read(v) for k, v in row.items()} for row in csv.DictReader(file)]
 
     def figure(self, name: str, figure: Figure) -> Path:
         """Write figures/NAME.png."""
@@ -105,6 +117,20 @@ def written(value: Any, form: str) -> str:
     return value if isinstance(value, str) else format(value, form)
 
 
+def _read(text: str) -> Any:
+    """The inverse of `_plain`."""
+    if text in _WORDS:
+        return _WORDS[text]
+    for kind, form in ((int, "d"), (float, ".9g")):
+        try:
+            value = kind(text)
+        except ValueError:
+            continue
+        if format(value, form) == text:  # "1e-4" is what somebody called it
+            return value
+    return text
+
+
 def _plain(value: Any) -> Any:
     """Numbers with the digits they deserve in a CSV file."""
-    return f"{value:.6g}" if isinstance(value, float) else value
+    return f"{value:.9g}" if isinstance(value, float) else value

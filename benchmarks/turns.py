@@ -92,4 +92,9 @@ def main(output: Output, quick: bool) -> None:
             rows.append(run(*scene, passes))
             print(f"  {rows[-1]}", flush=True)
     output.csv("turns", rows)
-    output.insert("turns", table(rows, HEAD, FORMS))
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The table, from the data."""
+    output.insert("turns", table(output.rows("turns"), HEAD, FORMS))

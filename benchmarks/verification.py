@@ -44,11 +44,12 @@ def main(output: Output, quick: bool) -> None:
             rows.append(row_of(name, result.summary))
         print(f"  {rows[-1]}", flush=True)
     output.csv("verification", rows)
-    show(output, rows)
+    show(output)
 
 
-def show(output: Output, rows: list[dict[str, Any]]) -> None:
-    """The table."""
+def show(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("verification")
     signs = dict.fromkeys(list(SHOWN)[3:], "+.2g")
     shown = [row | {"case": f"`verification/{row['case']}`"} for row in rows]
     output.insert("verification", table(shown, {"case": "case", **SHOWN}, FORMS | signs))

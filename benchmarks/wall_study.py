@@ -108,6 +108,11 @@ def factors(output: Output, quick: bool) -> None:
             }
         )
     output.csv("contact_factor", rows)
+
+
+def show_factors(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("contact_factor")
     head = {
         "factor": "factor", "newton": "Newton an interval", "cut": "cut back", "seconds": "time",
         "heat_removed": "heat off by", "von_mises_max": "peak stress off by",
@@ -152,6 +157,11 @@ def frictions(output: Output, quick: bool) -> None:
                 }
             )
     output.csv("contact_friction", rows)
+
+
+def show_frictions(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("contact_friction")
     head = {
         "law": "law (p0 = 10 MPa)", "mould": "mould", "newton": "Newton", "cut": "cut back",
         "heat": "heat [kJ]", "peak": "peak stress [MPa]", "pull": "pull on the strand [kN]",
@@ -184,6 +194,11 @@ def cells(output: Output, quick: bool) -> None:
             row[f"share_{cell}"] = float(found[cell, size].contact("share")[-1])
         rows.append(row)
     output.csv("contact_cells", rows)
+
+
+def show_cells(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("contact_cells")
     head = {
         "size": "surface cells, mm",
         "force_quadrilateral": "force off by, %: quadrilaterals", "force_triangle": "triangles",
@@ -220,7 +235,6 @@ def sprung(stiffness: float | None) -> Any:
 
 def springs(output: Output, quick: bool) -> None:
     """Half a billet cooled unequally in a mould, and one that touches nothing."""
-    output = replace(output, name="mechanics.md")
     rows: list[dict[str, Any]] = []
     still: dict[str, float] = {}
     for stiffness in SPRINGS[:2] if quick else SPRINGS:
@@ -240,13 +254,18 @@ def springs(output: Output, quick: bool) -> None:
             }
         )
     output.csv("springs", rows)
+
+
+def show_springs(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("springs")
     head = {
         "points": "points", "carried": "force they carry, N/m",
         "wall": "force of the wall across, N/m", "peak": "largest stress, MPa",
         "newton": "Newton iterations", "drift": "drift of the untouched strand, µm",
     }  # fmt: skip
     forms = {"carried": ".2g", "wall": ".2f", "peak": ".4f", "drift": ".1g"}
-    output.insert("springs", table(rows, head, forms))
+    replace(output, name="mechanics.md").insert("springs", table(rows, head, forms))
 
 
 PARTS: Sequence[Any] = (springs, frictions, factors, cells)
@@ -256,3 +275,12 @@ def main(output: Output, quick: bool) -> None:
     """All of them."""
     for part in PARTS:
         part(output, quick)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    show_springs(output)
+    show_frictions(output)
+    show_factors(output)
+    show_cells(output)

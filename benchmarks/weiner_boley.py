@@ -346,9 +346,16 @@ def main(output: Output, quick: bool = False) -> None:
     strip(Settings(1.0, 0.5)).march(1.0, 0.5).destroy()  # compiles forms and law
     rows = [run(settings) for settings in sweep(quick)]
     output.csv("weiner_boley", rows)
+    output.figure("weiner_boley", draw(rows))
+    output.csv("weiner_boley_steps", [{"order": None, **r} for r in step_orders(quick)])
+    output.figure("weiner_boley_profiles", draw_profiles())
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    rows = output.rows("weiner_boley")
     output.insert("weiner boley levels", levels_table(rows))
     output.insert("weiner boley sizes", sizes_table(rows))
-    output.figure("weiner_boley", draw(rows))
-    steps = [r | {"temperature": WORDS[r["scheme"]]} for r in step_orders(quick)]
+    steps = [r | {"temperature": WORDS[r["scheme"]]} for r in output.rows("weiner_boley_steps")]
     output.insert("weiner boley steps", table(steps, STEPPING, FORMATS))
-    output.figure("weiner_boley_profiles", draw_profiles())

@@ -51,7 +51,9 @@ def test_shell_begins_later_with_less_cooling(
     weak = "cooling.mould.surface.0.coefficient=1280 W/(m^2 K)"
     coarse = (*mesh(3.0), every(0.25))
     monkeypatch.setattr(billet_study, "STARTS", {"as here": coarse, "weak": (*coarse, weak)})
-    billet_study.beginnings(Output(tmp_path, "billet.md"), quick=False)
+    output = Output(tmp_path, "billet.md")
+    billet_study.beginnings(output, quick=False)
+    billet_study.show_beginnings(output)
     with (tmp_path / "data" / "billet_start.csv").open(encoding="utf-8") as file:
         shipped, weaker, thesis = csv.DictReader(file)
     assert float(weaker["closed_solid"]) > 1.1 * float(shipped["closed_solid"])
@@ -95,16 +97,15 @@ def test_short_version_has_what_is_shipped(tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_ideal_mould_has_no_friction_among_the_peaks(tmp_path: Path) -> None:
-    found = {
-        mould: [
+    output = Output(tmp_path, "billet.md")
+    for i, mould in enumerate(billet_study.PEAKED):
+        rows = [
             {"input": label, "von_mises_max": 10.0 * i + j, "von_mises_mid_face": 0.5}
             for j, label in enumerate(billet_study.PEAKS)
             if mould != "idealised" or "friction" not in label
         ]
-        for i, mould in enumerate(billet_study.PEAKED)
-    }
-    output = Output(tmp_path, "billet.md")
-    billet_study.peaks(output, found)
+        output.csv(f"billet_inputs_{mould}", rows)
+    billet_study.peaks(output)
     text = output.page.read_text(encoding="utf-8")
     assert "| friction 0.3 (Coulomb) | 0.0 | 13.0 | 23.0 | 0.5 | 0.5 |" in text
     assert "| flow stress 20 % higher and friction 0.3 | 1.0 | 14.0 | 24.0 | 0.5 | 0.5 |" in text

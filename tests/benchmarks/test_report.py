@@ -75,9 +75,17 @@ def test_table_and_csv(output: Output) -> None:
     output.csv("rows", rows)
     with (output.folder / "data" / "rows.csv").open(encoding="utf-8") as file:
         assert list(csv.DictReader(file)) == [
-            {"what": "a", "x": "1.23457", "y": ""},
+            {"what": "a", "x": "1.23456789", "y": ""},
             {"what": "b", "x": "20", "y": "3"},
         ]
+    assert output.rows("rows") == [
+        {"what": "a", "x": 1.23456789, "y": None},
+        {"what": "b", "x": 20, "y": 3},
+    ]
+    odd = [{"what": "1e-4", "flag": True, "x": 1e-9, "y": float("inf")}]
+    output.csv("odd", odd)
+    assert output.rows("odd") == odd, "what somebody called 1e-4 is a word"
+    assert output.rows("none") == []
 
 
 def test_front_keeps_what_no_other_run_beats() -> None:

@@ -1,0 +1,82 @@
+"""Every benchmark is imported, and run in its shortest form where that takes some seconds."""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks import wall_study
+from benchmarks.__main__ import BENCHMARKS, PAGES
+from benchmarks.report import PAGE, ROOT, Output
+
+SHORT = 'casting.length="40 mm"'
+SLOW = {
+    "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",
+    "caster": "22 s: a caster of 20 m, run by tests/march",
+    "latent_heat": "15 s: needs its whole run to have fronts to compare",
+    "costs": "30 s: processes of their own, several times each",
+    "weiner_boley": "44 s: past 21 s of freezing; tests/verification runs the shipped case",
+    "mechanical_cost": "processes of their own, several times each",
+    "billet": "some 20 billets",
+    "billet_error": "four billets to the mould's exit",
+    "billet_convergence": "some 20 billets",
+    "billet_trade": "billets that are compared with a reference at the mould's exit",
+    "billet_cost": "repeated billets; its marches are tested in test_billet_benchmarks.py",
+    "verification": "tests/verification runs what it runs",
+}
+"""Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
+
+SMALL: dict[str, dict[str, Any]] = {
+    "turns": {"TURNS": (("taper_1", (), 0.5),)},
+    "wall": {"PARTS": (wall_study.frictions, wall_study.factors), "FACTORS": (10, 1000)},
+}
+"""What is tried of the others, where even `--quick` is more than a test needs."""
+
+
+@pytest.mark.parametrize("file", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda p: p.stem)
+def test_module_is_imported(file: Path) -> None:
+    """Every name that a module takes from another is there."""
+    if file.stem in ("opponent", "duel"):
+        pytest.importorskip("skfem")
+    import_module("benchmarks" if file.stem == "__init__" else f"benchmarks.{file.stem}")
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        # Those within functions, which an import alone does not reach.
+        if (
+            isinstance(node, ast.ImportFrom)
+            and node.module
+            and node.module.startswith("benchmarks")
+        ):
+            if node.module.endswith("opponent"):
+                continue
+            module = import_module(node.module)
+            for name in node.names:
+                found = hasattr(module, name.name)
+                assert found or import_module(f"{node.module}.{name.name}"), name.name
+
+
+@pytest.mark.parametrize("name", BENCHMARKS)
+def test_benchmark_has_its_page_and_shows_its_data(name: str) -> None:
+    module = import_module(BENCHMARKS[name])
+    assert callable(module.main) and callable(module.show)
+    assert "<!-- begin " in PAGE.with_name(PAGES.get(name, PAGE.name)).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", [n for n in BENCHMARKS if n not in SLOW])
+def test_shortest_form_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It fills its tables in a copy of its page and writes its data."""
+    if name == "opponent":
+        pytest.importorskip("skfem")
+    module = import_module(BENCHMARKS[name])
+    if hasattr(module, "QUIET"):
+        monkeypatch.setattr(module, "QUIET", (*module.QUIET, SHORT))
+    for made, fewer in SMALL.get(name, {}).items():
+        monkeypatch.setattr(module, made, fewer)
+    output = Output(tmp_path, PAGES.get(name, PAGE.name))
+    module.main(output, True)
+    original = PAGE.with_name(output.name).read_text(encoding="utf-8")
+    assert output.page.read_text(encoding="utf-8") != original
+    assert list((tmp_path / "data").glob("*.csv"))
