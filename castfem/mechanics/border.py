@@ -16,6 +16,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
+from castfem.mechanics import factorisation
 from castfem.snes import Options, SolverOptions
 
 Array = npt.NDArray[np.float64]
@@ -26,7 +27,7 @@ class Border:
 
     Args:
         matrix: A; assembled by its owner before each `update`.
-        scalars: How many.
+        scalars: How many; with none of them this is A alone.
         prefix: Option prefix of the solver for A.
         options: Its PETSc options (ksp_, pc_, mat_), without prefix.
 
@@ -35,6 +36,7 @@ class Border:
         columns: U, this rank's rows (owned, scalars). rows: R, transposed likewise.  They may
             differ in the rows of prescribed displacements alone, where U is zero.
         corner: D (scalars, scalars), the same on every rank.
+        failure: Why the last solve failed; empty if it did not.
     """
 
     def __init__(self, matrix: PETSc.Mat, scalars: int, prefix: str, options: Options) -> None:
@@ -45,6 +47,7 @@ class Border:
         self.columns = np.zeros((self.owned, scalars))
         self.rows = np.zeros((self.owned, scalars))
         self.corner = np.zeros((scalars, scalars))
+        self.failure = ""
         self._right, self._solved = (self._dense(scalars + 1) for _ in range(2))
         self._in, self._out = matrix.createVecs()
         self.ksp = PETSc.KSP().create(matrix.comm)
@@ -71,6 +74,8 @@ class Border:
 
     def share(self, local: Array) -> Array:
         """The scalars of a vector's local part, on every rank."""
+        if not self.scalars:
+            return np.zeros(0)
         return np.asarray(self.comm.bcast(np.array(local[self.owned :]), root=self._keeper))
 
     def join(self, nodal: Array, scalars: Array) -> Array:
@@ -95,43 +100,45 @@ class Border:
         y.setArray(self.join(top, bottom))
 
     def _total(self, values: Array) -> Array:
-        if self.comm.size == 1:
+        if self.comm.size == 1 or not values.size:
             return values
         return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
 
     def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Solve for one right-hand side, all columns of U along with it."""
         with self._options.given():
-            self._solve(pc, x, y)
+            self.failure = factorisation.set_up(self.ksp, self._matrix)
+            solution = None if self.failure else self._solve(x.getArray(readonly=True))
         self._options.tell_unread()
-
-    def _solve(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        self.ksp.setUp()
-        if self.ksp.getPC().getFailedReason():
+        if solution is None:
             pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
             y.set(0.0)
-            return
-        local = x.getArray(readonly=True)
+        else:
+            pc.setFailedReason(PETSc.PC.FailedReason.NOERROR)
+            y.setArray(solution)  # type: ignore[arg-type]
+
+    def _solve(self, local: Array) -> Array | None:
+        """Local part of the solution for a right-hand side; None, and `failure`, if there is none.
+
+        A is factored.
+        """
         right = self._right.getDenseArray()
         right[:, :-1] = self.columns
         right[:, -1] = local[: self.owned]
         self._right.assemble()
         self.ksp.matSolve(self._right, self._solved)
-        if self.ksp.getConvergedReason() < 0:
-            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
-            y.set(0.0)
-            return
+        if (reason := self.ksp.getConvergedReason()) < 0:
+            self.failure = f"the linear solver fails (KSP reason {reason})"
+            return None
         solved = self._solved.getDenseArray()
         through = self._total(self.rows.T @ solved)
         schur = self.corner - through[:, :-1]
         try:
             z = np.linalg.solve(schur, self.share(local) - through[:, -1])
         except np.linalg.LinAlgError:
-            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
-            y.set(0.0)
-            return
-        inner = solved[:, -1] - solved[:, :-1] @ z
-        y.setArray(self.join(inner, z))  # type: ignore[arg-type]
+            self.failure = "a free motion of the planes meets no stiffness"
+            return None
+        return self.join(solved[:, -1] - solved[:, :-1] @ z, np.asarray(z))
 
     def updated(self) -> None:
         """Tell PETSc that the blocks have changed."""

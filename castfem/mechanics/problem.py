@@ -108,7 +108,7 @@ class MechanicalProblem:
         self.constraints = Constraints(section, self.space, held, slice_.pin, springs)
 
     def _build_solver(self, options: Options) -> None:
-        """SNES on the displacement, or on displacement and scalars."""
+        """SNES on displacement and scalars."""
         symmetric = self.kinematics.symmetric
         nonlinear, linear = split_options(options, symmetric)
         self._matrix = create_matrix(self.kinematics.forms.stiffness)
@@ -116,20 +116,12 @@ class MechanicalProblem:
             self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         prefix = "mechanical_"
         shorten = None if "snes_linesearch_type" in options else self.shorten
-        self.border: Border | None = None
-        if self.free:
-            self.border = Border(self._matrix, self.free, prefix, linear)
-            vector, operator = self.border.vector(), self.border.operator
-            self.solver = SnesSolver(
-                self, vector, operator, prefix, nonlinear, self.watch, shorten, options
-            )
-            self.border.use_with(self.solver.snes.getKSP())
-        else:
-            vector = self._matrix.createVecRight()
-            chosen = {**nonlinear, **linear}
-            self.solver = SnesSolver(
-                self, vector, self._matrix, prefix, chosen, self.watch, shorten, options
-            )
+        self.border = Border(self._matrix, self.free, prefix, linear)
+        vector, operator = self.border.vector(), self.border.operator
+        self.solver = SnesSolver(
+            self, vector, operator, prefix, nonlinear, self.watch, shorten, options
+        )
+        self.border.use_with(self.solver.snes.getKSP())
         vector.destroy()
 
     def at_points(self, temperature: Array) -> Array:
@@ -180,7 +172,10 @@ class MechanicalProblem:
             starts = [starts[int(np.argmin(np.nan_to_num(sizes, nan=np.inf)))]]
         self.solver.x.setArray(starts[0])
         first = self._approach(starts[0])
+        self.border.failure = ""
         outcome = self.solver.solve()
+        if not outcome.converged and self.border.failure:
+            outcome.reason += f" ({self.border.failure})"
         outcome.iterations += first
         self.iterations += outcome.iterations
         solution = self.solver.x.getArray(readonly=True)
@@ -208,8 +203,6 @@ class MechanicalProblem:
 
     def _start(self, guess: Array, scalars: Array) -> Array:
         """Local unknowns of a guess."""
-        if self.border is None:
-            return guess
         return self.border.join(guess, scalars / self._motions.scaling)
 
     def _imbalance(self, local: Array) -> float:
@@ -226,8 +219,6 @@ class MechanicalProblem:
 
     def free_scalars(self, local: Array) -> Array:
         """Free scalars, on every rank, of the local unknowns."""
-        if self.border is None:
-            return np.zeros(0)
         return np.asarray(self.border.share(local) * self._motions.scaling)
 
     def _evaluate(self, local: Array) -> Trial:
@@ -235,8 +226,7 @@ class MechanicalProblem:
         fields, points, response = self.fields, self.points, self.response
         fields.u.x.array[: self.owned] = local[: self.owned]
         fields.u.x.scatter_forward()
-        scalars = np.zeros(0) if self.border is None else self.border.share(local)
-        modes = self._motions.modes(scalars)
+        modes = self._motions.modes(self.border.share(local))
         fields.modes.value[:] = modes
         with self.watch.section("kinematics"):
             strain, stress_old = self.kinematics.increments(self.old.stress)
@@ -295,9 +285,7 @@ class MechanicalProblem:
         nodal[dofs] = missing
         if (springs := self.constraints.springs) is not None:
             nodal[springs.dofs] += springs.pull(local)
-        if self.border is not None:
-            nodal = self.border.join(nodal, self.trial.balance)
-        return nodal
+        return self.border.join(nodal, self.trial.balance)
 
     def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """Scale Newton's correction where a full one would overshoot by far."""
@@ -348,15 +336,14 @@ class MechanicalProblem:
             assemble_into(self._matrix, compiled.stiffness, self.constraints.conditions)
             if self.constraints.springs is not None:
                 self.constraints.springs.add_to(self._matrix)
-            if self.border is not None:
-                self._fill_border(self.border)
+            self._fill_border(self.border)
 
     def _fill_border(self, border: Border) -> None:
         """Derivatives by, and of the balance of, the free motions of the planes."""
         compiled, fields, motions = self.kinematics.forms, self.fields, self._motions
         corner = np.zeros_like(border.corner)
-        assert compiled.column is not None and compiled.corner is not None
         for i, direction in enumerate(motions.directions.T):
+            assert compiled.column is not None and compiled.corner is not None
             fields.one.value[:] = direction
             border.columns[:, i] = self._assemble(compiled.column)
             if motions.coupled or compiled.row is not None:
@@ -368,7 +355,8 @@ class MechanicalProblem:
             for j, other in enumerate(motions.directions.T):
                 fields.other.value[:] = other
                 corner[i, j] = fem.assemble_scalar(compiled.corner)
-        border.corner[:] = reductions.totals(self.section.comm, corner)
+        if self.free:
+            border.corner[:] = reductions.totals(self.section.comm, corner)
         border.updated()
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
@@ -381,6 +369,5 @@ class MechanicalProblem:
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""
         self.solver.destroy()
-        if self.border is not None:
-            self.border.close()
+        self.border.close()
         self._matrix.destroy()

@@ -226,7 +226,7 @@ def test_each_option_arrives(name: str, free: bool) -> None:
     )  # fmt: skip
     scene.step(1.0, lambda x, y: 100 * x)
     border, snes = scene.problem.border, scene.problem.solver.snes
-    found = getter(snes, border.ksp if border is not None else snes.getKSP())
+    found = getter(snes, border.ksp)
     assert found == value
 
 
@@ -235,7 +235,6 @@ def test_direct_solver_of_mumps_by_default() -> None:
     for large, kind in ((False, "cholesky"), (True, "lu")):
         scene = SliceScene(mapped(2, 2, box(0.1, 0.1)), given={"large_strain": large})
         scene.step(1.0)
-        assert scene.problem.border is not None
         ksp = scene.problem.border.ksp
         assert (ksp.getType(), ksp.getPC().getType()) == ("preonly", kind)
         assert ksp.getPC().getFactorSolverType() == "mumps"

@@ -60,8 +60,7 @@ def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, fre
     reference.step(1.0, uneven)
     scene = cooled(options=options, given={"planes": planes})
     scene.step(1.0, uneven)
-    border = scene.problem.border
-    ksp = border.ksp if border is not None else scene.problem.solver.snes.getKSP()
+    ksp = scene.problem.border.ksp
     assert ksp.getType() == kind
     assert ksp.getPC().getType() == options.get("pc_type", "cholesky")
     if "pc_factor_mat_solver_type" in options:
@@ -85,8 +84,7 @@ def test_options_of_one_problem_do_not_reach_the_next(free: bool) -> None:
     }
     for share, scene in scenes.items():
         scene.step(1.0, uneven)
-        border = scene.problem.border
-        ksp = border.ksp if border is not None else scene.problem.solver.snes.getKSP()
+        ksp = scene.problem.border.ksp
         assert ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == share
     assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
 

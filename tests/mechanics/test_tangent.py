@@ -45,7 +45,7 @@ def jacobians(scene: SliceScene, size: float) -> tuple[Array, Array, int]:
     at = first + size * rng.uniform(-1, 1, n)
     residual(at)
     problem.jacobian(vector, problem.solver.snes.getJacobian()[1])
-    operator = problem.border.operator if problem.border is not None else problem._matrix
+    operator = problem.border.operator
     columns, differences = np.zeros((n, n)), np.zeros((n, n))
     unit, image = vector.duplicate(), vector.duplicate()
     step = 1e-5 * size

@@ -1,0 +1,101 @@
+"""A factorisation that fails: told, forgotten before the next, and made again with more room."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from castfem.mechanics import factorisation
+from castfem.mechanics.border import Border
+
+MUMPS = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+
+
+def petsc(matrix: Any) -> PETSc.Mat:
+    rows = matrix.tocsr()
+    made = PETSc.Mat().createAIJ(
+        rows.shape, csr=(rows.indptr, rows.indices, rows.data), comm=PETSc.COMM_SELF
+    )
+    made.assemble()
+    return made
+
+
+def laplacian(n: int) -> Any:
+    return sparse.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(n, n))  # type: ignore[call-overload]
+
+
+class Bordered:
+    """A bordered system whose block may be spoilt, and SNES' way of solving with it."""
+
+    def __init__(self, matrix: Any, scalars: int, options: dict[str, Any]) -> None:
+        self.matrix = petsc(matrix)
+        self.border = Border(self.matrix, scalars, "spoilt_", options)
+        rng = np.random.default_rng(1)
+        self.border.columns[:] = self.border.rows[:] = rng.random(self.border.columns.shape)
+        self.border.corner[:] = 3.0 * np.eye(scalars)
+        self.ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+        self.ksp.setOperators(self.border.operator)
+        self.border.use_with(self.ksp)
+
+    def error(self) -> float:
+        """Of a solution, relative; NaN if there is none."""
+        self.border.updated()
+        right, found = self.border.vector(), self.border.vector()
+        right.set(1.0)
+        self.ksp.solve(right, found)
+        if self.ksp.getConvergedReason() < 0:
+            return float("nan")
+        again = right.duplicate()
+        self.border.operator.mult(found, again)
+        return float((again - right).norm() / right.norm())
+
+    def close(self) -> None:
+        self.ksp.destroy()
+        self.border.close()
+        self.matrix.destroy()
+
+
+@pytest.fixture(params=[0, 2])
+def bordered(request: pytest.FixtureRequest) -> Iterator[Bordered]:
+    made = Bordered(laplacian(30), request.param, MUMPS)
+    yield made
+    made.close()
+
+
+def test_a_singular_block_is_told_and_forgotten(bordered: Bordered) -> None:
+    """First sound, then a row of zeros, then sound again: each answer is that of its own block."""
+    assert bordered.error() < 1e-12
+    for sound in (False, True, False, False, True):
+        for column in (14, 15, 16):
+            value = {14: -1.0, 15: 2.0, 16: -1.0}[column] if sound else 0.0
+            bordered.matrix.setValue(15, column, value)
+            bordered.matrix.setValue(column, 15, value)
+        bordered.matrix.assemble()
+        error = bordered.error()
+        assert (error < 1e-12) == sound
+        assert bordered.border.failure == ("" if sound else "the equations are singular")
+
+
+def test_more_room_is_given_where_it_runs_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pivots that have to wait make the factors larger than MUMPS has expected."""
+    rng = np.random.default_rng(3)
+    n = 60
+    block = sparse.random(n * n, n * n, 3.0 / (n * n), random_state=rng)
+    saddle = sparse.bmat([[None, block + laplacian(n * n)], [(block + laplacian(n * n)).T, None]])
+    tight = MUMPS | {"mat_mumps_icntl_14": 1}
+    rooms: list[int] = []
+    given = factorisation._given
+    monkeypatch.setattr(
+        factorisation, "_given", lambda name, room: (rooms.append(room), given(name, room))[1]
+    )
+    made = Bordered(saddle, 1, tight)
+    assert made.error() < 1e-8
+    assert rooms
+    assert not any("icntl_14" in name for name in PETSc.Options().getAll())
+    made.close()
