@@ -11,6 +11,7 @@ import numpy.typing as npt
 from castfem.case import mechanics as given
 from castfem.case.wall import build_friction, build_mould
 from castfem.contact.contact import Contact
+from castfem.errors import InputError
 from castfem.mechanical_law import build_law
 from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
 from castfem.mechanics.planes import Course, PlainPlanes, allowed_modes
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
+NOT_APART = 1e-9  # of the section's size: sides that are held at one and the same height
 HOTTER = 1.0  # K above the liquidus: where the density of the liquid is taken
 
 
@@ -37,8 +39,8 @@ def build_mechanics(
     """The mechanics of `case` (collective); None for a case without.
 
     Raises:
-        InputError: If the law, a boundary group or a solver option cannot be had, or the steel
-            lacks a property.
+        InputError: If the law, a boundary group or a solver option cannot be had, the steel lacks a
+            property, or nothing tells the strain across from a displacement.
     """
     table = case.mechanics
     if table is None:
@@ -51,7 +53,20 @@ def build_mechanics(
         watch=watch,
         springs=None if case.mould is None else SPRING,
     )
+    _check_across(problem)
     return MechanicalStepper(problem)
+
+
+def _check_across(problem: MechanicalProblem) -> None:
+    """Refuse a free strain across that is a displacement like any other: no side follows it."""
+    apart = problem.constraints.spread(component=1)
+    if "across" in problem.slice.planes.free and apart <= NOT_APART * problem.scales.length:
+        problem.destroy()
+        raise InputError(
+            "mechanics.planes.across: free along y, as the section's sides are: nothing tells the "
+            'two apart; hold two sides, such as [[mechanics.held]] on = ["side_low", "side_high"], '
+            'component = "y", or leave across out'
+        )
 
 
 def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Section) -> Slice:

@@ -31,6 +31,11 @@ from castfem.units import format, nearest
 from castfem.wording import choices
 
 _ROUNDING = 1e-9  # of a length: how far two that are one may differ
+_SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the same place
+_THINNEST = (
+    1e-7  # m: a gap that halves the heat; the roughness of the surfaces is a hundred times that
+)
+_SOFTEST = 1e-6  # of the solid: liquid that keeps its shape at large strain
 
 
 def check(case: Case) -> Iterator[Problem]:
@@ -153,6 +158,12 @@ def _zones(case: Case) -> Iterator[Problem]:
                 f"({_mm(zone.to)}) does not lie beyond the end of the zone before "
                 f"({_mm(reached)}); zones follow one another in casting order",
             )
+        elif zone.to - reached < _SHORTEST:
+            yield Problem(
+                ("cooling", index, "to"),
+                f"({_mm(zone.to)}) lies {1e9 * (zone.to - reached):.3g} nm below the end of the "
+                f"zone before; a zone is at least {1e6 * _SHORTEST:g} um long: leave it out",
+            )
         reached = max(reached, zone.to)
     last = zones[-1]
     length = case.casting.length if case.casting else None
@@ -183,7 +194,16 @@ def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[
     gapless = law.gap == 0.0 or (law.gap is None and case.mould is None)
     if not gapless and "gap_conductivity" not in law.model_fields_set:
         yield Problem(path, 'a gap needs its gap_conductivity, such as "0.15 W/(m K)"')
-    mould = case.mould
+    mould, conductivity = case.mould, law.gap_conductivity
+    if not gapless and None not in (conductivity, law.coefficient):
+        assert conductivity is not None
+        halving = conductivity / law.coefficient if law.coefficient > 0.0 else _THINNEST
+        if law.gap is None and halving < _THINNEST:
+            yield Problem(
+                (*path, "gap_conductivity"),
+                f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the "
+                "heat, and rounding decide on it; gases and slags have 0.02 to 2 W/(m K)",
+            )
     of_mould = None if mould is None else mould.wall_temperature
     own = "wall" in law.model_fields_set and law.wall != MOULD
     if own and None not in (law.wall, of_mould) and law.wall != of_mould:
@@ -339,6 +359,27 @@ def _mechanics(case: Case) -> Iterator[Problem]:
             yield from _names(held.on, known, ("mechanics", "held", index, "on"))
     if table.planes is not None:
         yield from _planes(table.planes, case.section)
+        yield from _thinned(table.planes)
+    soft = table.liquid_stiffness is not None and table.liquid_stiffness < _SOFTEST
+    if soft and table.strain == "large" and case.mould is not None:
+        yield Problem(
+            ("mechanics", "liquid_stiffness"),
+            f"({table.liquid_stiffness:g}): liquid this soft folds in a mould, and at large strain "
+            f"the equations are those of the folded slice; at least {_SOFTEST:g}, or "
+            'strain = "small"',
+        )
+
+
+def _thinned(planes: Motions) -> Iterator[Problem]:
+    """Yield an imposed axial strain that leaves the slice no thickness."""
+    given = planes.a0
+    values = given.values if isinstance(given, Table) else (given,)
+    least = min((v for v in values if isinstance(v, float)), default=0.0)
+    if least <= -1.0:
+        yield Problem(
+            ("mechanics", "planes", "a0"),
+            f"({least:g}) leaves the slice no thickness: it is the axial strain, above -1",
+        )
 
 
 def _planes(planes: Motions, section: Any) -> Iterator[Problem]:

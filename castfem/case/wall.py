@@ -131,6 +131,7 @@ def _tapers(table: Mould, section: Any) -> wall.Tapers:
     )
 
 
+_ROUNDING = 1e-9  # of a size: how far two that are one may differ
 _SIZES = {
     "rectangle": ("width", "height", "corner_radius"),
     "round": ("diameter",),
@@ -186,16 +187,36 @@ def _sizes(table: Mould, section: Any, known: tuple[str, ...]) -> Iterator[Probl
         own = getattr(section, name)
         if own is None or hot is None:
             continue
-        excess = hot * size - own
         if name == "corner_radius":
-            excess = -excess
-        if excess < -1e-9 * own:
-            most = _mm(float(f"{own / hot:.9g}")) if hot != 1.0 else "that"
+            allowed = _widest_corner(table, section, hot)
+            short = allowed is not None and size > allowed + _ROUNDING * own
+        else:
+            allowed, short = own / hot, hot * size < own * (1.0 - _ROUNDING)
+        if short and allowed is not None:
+            bound = "at most" if name == "corner_radius" else "at least"
+            limit = "that" if allowed == own else _mm(float(f"{allowed:.9g}"))
             yield Problem(
                 ("mould", name),
                 f"({_mm(size)}) does not let the strand in, which has {_mm(own)}; allowed: "
-                f"{'at most' if name == 'corner_radius' else 'at least'} {most}, or leave it out",
+                f"{bound} {limit}, or leave it out",
             )
+
+
+def _widest_corner(table: Mould, section: Any, hot: float) -> float | None:
+    """Return the largest corner radius of a cavity that lets the strand in, m.
+
+    A rectangle with round corners is one of straight corners, inner, and all that is within the
+    radius of it.  The strand's is inside the mould's where no direction has it reach farther.
+    """
+    sizes = [(getattr(section, name), getattr(table, name)) for name in ("width", "height")]
+    radius = section.corner_radius
+    if radius is None or any(own is None for own, _ in sizes):
+        return None
+    # Half of what the cavity has beyond the strand, and by how much its radius may be larger: the
+    # centres of the corners lie (grown - a, grown - b) apart, and that far the strand's reaches.
+    a, b = (0.0 if size is None else max(0.5 * (hot * size - own), 0.0) for own, size in sizes)
+    grown = a + b + math.sqrt(2.0 * a * b)
+    return float((radius + grown) / hot)
 
 
 def _hot(table: Mould) -> float | None:

@@ -129,6 +129,7 @@ class Constraints:
         pin: bool = True,
         springs: float | None = None,
     ) -> None:
+        self._comm = section.comm
         self.conditions: list[fem.DirichletBC] = []
         self._parts: list[tuple[fem.Function, list[Array], Array, Held]] = []
         section.mesh.topology.create_connectivity(1, 2)
@@ -153,6 +154,13 @@ class Constraints:
         if self.springs is not None:
             self.dofs = np.union1d(self.fixed, self.springs.dofs)
         self.moving = any(one.value is not None for *_, one in self._parts)
+
+    def spread(self, component: int) -> float:
+        """How far apart, along that component, the places are where it is held, m (collective)."""
+        held = [at[:, component] for _, _, at, one in self._parts if one.component == component]
+        places = np.concatenate([np.zeros(0), *held])
+        ends = [places.max(initial=-np.inf), -places.min(initial=np.inf)]
+        return max(float(reductions.largest_of(self._comm, ends).sum()), 0.0)
 
     def _hold(
         self,
