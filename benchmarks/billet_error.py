@@ -117,6 +117,7 @@ def show_pressures(output: Output) -> None:
     forms = dict.fromkeys(("contact_pressure_max", "heat_removed_slice", "von_mises_max"), ".2f")
     forms["mean_contact_pressure_max"] = ".3f"
     forms |= dict.fromkeys(("pressure_mid_face", "pressure_mean"), ".4f") | {"force": ".2f"}
+    head = {key: text for key, text in head.items() if key in rows[0]}  # older data have fewer
     output.insert("billet pressure", table(rows, head, forms))
 
 

@@ -113,6 +113,13 @@ def main(output: Output, quick: bool = False) -> None:
                         }
                     )
     output.csv("jumps", rows)
+    print(f"jumps: {len(rows)} runs")
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The table, from the data."""
+    rows = output.rows("jumps")
     headings = {
         "surface_size_mm": "surface size [mm]", "coefficient_kW": "coefficient [kW/m²K]",
         "step_s": "step [s]", "kind": "steps", "rise_K": "comes back by [K]", "limited": "limited",
@@ -120,4 +127,3 @@ def main(output: Output, quick: bool = False) -> None:
     }  # fmt: skip
     formats = {"rise_K": ".1f", "mid_face_K": ".3f", "heat_percent": "+.4f"}
     output.insert("jumps", table(rows, headings, formats))
-    print(f"jumps: {len(rows)} runs")
