@@ -29,7 +29,13 @@ from dolfinx import fem
 
 from castfem import log, reductions
 from castfem.compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
-from castfem.forms.heat import conduction, conduction_moved, slice_measure, storage
+from castfem.forms.heat import (
+    conduction,
+    conduction_moved,
+    slice_measure,
+    storage,
+    storage_measure,
+)
 from castfem.materials.curve import CurvePoint, ThermalCurve
 from castfem.section import Section
 from castfem.snes import Options, Outcome, SnesSolver
@@ -167,9 +173,8 @@ class ThermalProblem:
             self._laplacian = assemble_matrix(self._conduction)
         self._scale_operators()
         one = fem.Constant(mesh, np.float64(1.0))
-        self.area = assemble_owned(
-            section.compile("heat.storage", storage(one, v, dx)), section.owned
-        )
+        form = storage(one, v, storage_measure(mesh, section.order == 2))
+        self.area = assemble_owned(section.compile("heat.storage", form), section.owned)
 
     def _scale_operators(self) -> None:
         """What norms measure against."""

@@ -32,7 +32,7 @@ class Patch:
 
 
 class Surface:
-    """Perimeter shares of the boundary groups, by the vertex rule.
+    """Perimeter shares of the boundary groups, which add up to their true lengths.
 
     Args:
         section: The section.
@@ -47,7 +47,8 @@ class Surface:
 
     def _compile(self) -> dict[int, fem.Form]:
         section, shape = self.section, self._shape
-        ds = surface_measure(section.mesh, section.facet_tags)
+        curved = section.order == 2 or shape is not None
+        ds = surface_measure(section.mesh, section.facet_tags, curved)
         v = ufl.TestFunction(section.vertex_space)
         kind, stretch = "heat.surface", fem.Constant(section.mesh, np.float64(1.0))
         if shape is not None:
