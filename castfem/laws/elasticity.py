@@ -32,6 +32,7 @@ from castfem.laws.tables import Constant
 Curve = Callable[[Array], Array]
 LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end
 MOST_POISSON = 0.4999
+MELTING = 1e-8  # K below a melting point down to which steel is still at it
 
 
 class Freezing(Protocol):
@@ -88,8 +89,14 @@ class Solidity:
 
     @classmethod
     def of(cls, steel: Freezing, **options: object) -> Solidity:
-        """Solidus and solid fraction of a steel."""
-        return cls(steel.solidus, steel.solid_fraction, **options)  # type: ignore[arg-type]
+        """Solidus and solid fraction of a steel.
+
+        Steel that freezes at one temperature stays there until its latent heat is gone: it is
+        coherent below that temperature by more than what rounding makes of an interpolated one.
+        """
+        solidus = steel.solidus
+        molten = float(np.asarray(steel.solid_fraction(np.array([solidus])))[0]) < 1.0
+        return cls(solidus - MELTING * molten, steel.solid_fraction, **options)  # type: ignore[arg-type]
 
     def weight(self, temperature: Array) -> Array:
         """1 where coherent solid, 0 where liquid, by solid fraction in between."""

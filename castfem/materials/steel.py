@@ -22,6 +22,7 @@ from castfem.materials.properties import Constant, Property
 from castfem.materials.solid_fraction import SolidFraction
 
 NEAR_SOLIDUS = 1e-3  # K: the mean coefficient is taken this far below the solidus at least
+ISOTHERMAL = 1e-8  # K below a melting point down to which steel is still at it
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +123,13 @@ class Steel:
         return self._value("poisson_ratio", temperature, side)
 
     def solid_fraction(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
-        """Solid fraction, 1 below the solidus and 0 above the liquidus."""
+        """Solid fraction, 1 below the solidus and 0 above the liquidus.
+
+        Where freezing is isothermal, steel that is at its melting point but for the rounding of an
+        interpolation has not frozen yet.
+        """
+        if side == "above" and self.solidus == self.liquidus:
+            temperature = np.asarray(temperature, float) + ISOTHERMAL
         return self.fraction(temperature, side)
 
     def thermal_strain(self, temperature: npt.ArrayLike) -> Array:
