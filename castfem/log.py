@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 logger = logging.getLogger("castfem")
@@ -15,6 +16,8 @@ logger.setLevel(logging.INFO)
 
 FILE_ONLY = {"file_only": True}
 """`extra` of a record that goes to the log file but not to the terminal."""
+TERMINAL_ONLY = {"terminal_only": True}
+"""`extra` of one that goes to the terminal but not to the log file."""
 
 
 class _Terminal(logging.Handler):
@@ -30,6 +33,39 @@ class _Terminal(logging.Handler):
             sys.stderr.flush()
         except Exception:
             self.handleError(record)
+
+
+class _LogFile(logging.FileHandler):
+    """The log of a run: that it cannot be written, as on a full disk, is said once, in one line."""
+
+    told = False
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return not getattr(record, "terminal_only", False) and bool(super().filter(record))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one record; the next one tries again where this one could not."""
+        try:
+            super().emit(record)
+        except OSError:  # it cannot even be opened again
+            self.handleError(record)
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Let go of what could not be written; logging would print pages and fail at the end."""
+        error = sys.exc_info()[1]
+        stream, self.stream, self.mode = self.stream, None, "a"  # type: ignore[assignment]
+        with suppress(OSError):
+            stream.close()
+        if not self.told:
+            self.told = True
+            reason = getattr(error, "strerror", None) or error
+            name = Path(self.baseFilename).name
+            logger.warning("%s: cannot be written (%s)", name, reason, extra=TERMINAL_ONLY)
+
+    def close(self) -> None:
+        """Close the file; what is lost of the log is no failure of a run."""
+        with suppress(OSError):
+            super().close()
 
 
 class _Plain(logging.Formatter):
@@ -71,7 +107,7 @@ def to_file(path: Path, *, append: bool = False) -> None:
     if not logger.isEnabledFor(logging.CRITICAL):
         return
     end_file()
-    handler = logging.FileHandler(path, mode="a" if append else "w", encoding="utf-8")
+    handler = _LogFile(path, mode="a" if append else "w", encoding="utf-8")
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)-7s %(message)s"))
     logger.addHandler(handler)
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from castfem import restart
 from castfem.columns import columns, row
 from castfem.errors import InputError
+from castfem.marched import Counts
 from castfem.measure import Reading
 from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
 from castfem.output.folder import OutputFolder
@@ -78,7 +79,10 @@ class Recorder:
                 f"the run has come to {speed * time:g} m; give at least that, or run without "
                 "--resume into another folder"
             )
-        self._history = History.resume(self.folder / HISTORY_NAME, time, columns(self.scene))
+        taken = Counts(**self.checkpoint[0]["counts"]).taken
+        self._history = History.resume(
+            self.folder / HISTORY_NAME, time, columns(self.scene), rows=taken + 1
+        )
         if names := self.scene.case.output_fields:
             self._fields = FieldWriter.resume(self.folder.path, time, names)
 
@@ -129,6 +133,8 @@ class Recorder:
     def _save(self, march: March, state: dict[str, Array | None]) -> None:
         """Save a checkpoint and note how far the run has come (rank 0)."""
         arrays = {name: values for name, values in state.items() if values is not None}
+        if self._history is not None:
+            self._history.sync()
         case = self.scene.case
         save_checkpoint(
             self.folder / CHECKPOINT_NAME,

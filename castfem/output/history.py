@@ -7,6 +7,8 @@ import math
 import os
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -60,7 +62,11 @@ class History(Closing):
 
     @classmethod
     def resume(
-        cls, path: Path | str, upto_time: float, columns: Sequence[tuple[str, str]] | None = None
+        cls,
+        path: Path | str,
+        upto_time: float,
+        columns: Sequence[tuple[str, str]] | None = None,
+        rows: int | None = None,
     ) -> History:
         """Opens the file of an earlier run, dropping in one step all rows after `upto_time` [s].
 
@@ -68,20 +74,22 @@ class History(Closing):
             path: Of the file.
             upto_time: The last time to keep.
             columns: Which the file must have; None takes any.
+            rows: How many there must be up to then, of increasing times; None takes any.
 
         Raises:
-            InputError: There is none, it is not a history, or it has other columns.
+            InputError: There is none, it is not a history, it has other columns, or rows are
+                missing.
             RunFailure: It cannot be written.
         """
         path = Path(path)
         if not path.is_file():
             raise InputError(f"{path}: no such file; {_ANEW}")
-        header, rows = _complete_lines(path)
+        header, lines = _complete_lines(path)
         found = _columns(path, header)
         if columns is not None and found != list(columns):
             raise InputError(f"{path}: has other columns than this run; {_ANEW}")
-        kept = [header]
-        for number, row in enumerate(rows, start=2):
+        kept, times = [header], []
+        for number, row in enumerate(lines, start=2):
             try:
                 time = float(row.split(",", 1)[0])
             except ValueError as error:
@@ -91,6 +99,14 @@ class History(Closing):
                 ) from error
             if same_or_before(time, upto_time):
                 kept.append(row)
+                times.append(time)
+        if rows is not None and len(times) != rows:
+            raise InputError(
+                f"{path}: has {len(times)} rows to {upto_time:g} s, of {rows} that were written: "
+                f"it has been changed; put the file back as it was, or {_ANEW}"
+            )
+        if any(later <= time for time, later in pairwise(times)):
+            raise InputError(f"{path}: its times do not increase; put it right, or {_ANEW}")
         history = cls.__new__(cls)
         history._path = path
         history._names = tuple(name for name, _ in found)
@@ -120,9 +136,21 @@ class History(Closing):
                 os.ftruncate(self._handle, before)
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
+    def sync(self) -> None:
+        """Forces the rows to disk: a state that outlives a power cut must not lack them.
+
+        Raises:
+            RunFailure: That fails.
+        """
+        if self._handle >= 0:
+            with saving(self._path):
+                os.fsync(self._handle)
+
     def close(self) -> None:
         """Closes the file; nothing is lost without it."""
         if self._handle >= 0:
+            with suppress(OSError):
+                os.fsync(self._handle)
             os.close(self._handle)
         self._handle = -1
 

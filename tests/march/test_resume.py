@@ -191,6 +191,20 @@ def test_no_checkpoint_runs_ahead_of_the_history(
     assert resumed.steps == whole.steps
 
 
+def test_a_history_with_holes_is_not_resumed(tmp_path: Path) -> None:
+    """It would go on with them in silence."""
+    run(billet("taper_1", "casting.length=60 mm"), tmp_path)
+    path, longer = tmp_path / "history.csv", billet("taper_1", "casting.length=75 mm")
+    text = path.read_text()
+    lines = text.splitlines(keepends=True)
+    path.write_text("".join(lines[:2] + lines[4:]))
+    with pytest.raises(InputError, match=r"history\.csv: has 3 rows to 1 s, of 5 .* put the file"):
+        run(longer, tmp_path, resume=True)
+    assert (record(tmp_path)["status"], len(lines)) == ("finished", 6)
+    path.write_text(text)
+    assert run(longer, tmp_path, resume=True).status == "finished"
+
+
 def test_ctrl_c_within_petsc_is_heeded_after_the_step(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

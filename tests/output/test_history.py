@@ -129,6 +129,25 @@ def test_resuming_with_other_columns_or_a_row_without_time_is_an_input_error(tmp
         History.resume(tmp_path / "h.csv", 1.0)
 
 
+def test_a_resumed_history_has_all_its_rows(tmp_path):
+    path = tmp_path / "history.csv"
+    with History(path, [("time", "s"), ("size", "m")]) as history:
+        for step in range(5):
+            history.append({"time": 0.1 * step})
+        history.sync()
+    lines = path.read_text().splitlines(keepends=True)
+    History.resume(path, 0.3, rows=4).close()
+    assert path.read_text() == "".join(lines[:5])
+    for damaged in (lines[:2] + lines[3:5], lines[:4], lines[:3] + lines[2:5]):
+        path.write_text("".join(damaged))
+        with pytest.raises(InputError, match=r"has \d rows to 0\.3 s, of 4 that were"):
+            History.resume(path, 0.3, rows=4)
+        assert path.read_text() == "".join(damaged)
+    path.write_text("".join([*lines[:2], lines[3], lines[3], lines[4]]))
+    with pytest.raises(InputError, match="its times do not increase"):
+        History.resume(path, 0.3, rows=4)
+
+
 def test_a_full_disk_is_a_run_failure_and_leaves_whole_rows(tmp_path):
     history = History(tmp_path / "h.csv", COLUMNS)
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
