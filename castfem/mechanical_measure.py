@@ -159,15 +159,16 @@ class MechanicalMeasure:
         if self._gap is not None and state.contact is not None:
             if "gap" in names:
                 gap = self._gap.at(state)
-                found["gap"] = self._on_surface(np.where(np.isfinite(gap), gap, np.nan))
+                met = np.where(np.isfinite(gap), gap, np.nan)
+                found["gap"] = self._on_surface(met, inside=np.nan)
             if "contact_pressure" in names:
                 found["contact_pressure"] = self._on_surface(self._gap.mean(state.contact.pressure))
         return {name: in_components(found[name]) for name in names if name in found}
 
-    def _on_surface(self, values: Array) -> Array:
-        """Values of the surface's vertices at all owned ones (owned,), 0 inside."""
+    def _on_surface(self, values: Array, inside: float = 0.0) -> Array:
+        """Values of the surface's vertices at all owned ones (owned,), elsewhere `inside`."""
         assert self._gap is not None
-        found = np.zeros(self.section.owned)
+        found = np.full(self.section.owned, inside)
         found[self._gap.dofs] = values
         return found
 

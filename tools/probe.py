@@ -14,8 +14,8 @@ import sys
 
 LOWEST = (0, 9)
 BEYOND = (0, 12)
-# Beside pyproject.toml's own list: these come from the distribution where it has them.
-FROM_DISTRIBUTION = ("gmsh>=4.11", "numba>=0.59")
+# Beside pyproject.toml's own list: this comes from the distribution where it has it.
+FROM_DISTRIBUTION = ("gmsh>=4.11",)
 
 
 def release(version: str) -> tuple[int, ...]:

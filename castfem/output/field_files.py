@@ -11,7 +11,8 @@ files of the single times removed. At any moment each time is there, and every f
     /                    attributes: format, version, cell, order and what the caller tells
     /mesh/points         (n, 3) m
     /mesh/cells          (m, k) in VTK node order
-    /steps/000000/NAME   (n,), (n, 3) or (n, 9) values; attributes of the group: time, position
+    /steps/000000/NAME   (n,), (n, 3) or (n, 9) values; attributes: centre, unit
+    /steps/000000        attributes of the group: time [s], position [m]
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from castfem import log
 from castfem.output.files import replacing, saving, system_reason
+from castfem.output.layout import UNITS
 
 if TYPE_CHECKING:
     import h5py
@@ -139,7 +141,10 @@ def add(
         group = file.create_group(step.group)
         group.attrs["time"], group.attrs["position"] = time, position
         for name, (centre, values) in fields.items():
-            _store(group, name, values).attrs["centre"] = centre
+            facts = _store(group, name, values).attrs
+            facts["centre"] = centre
+            if name in UNITS:
+                facts["unit"] = UNITS[name]
 
     with saving(path):
         path.parent.mkdir(exist_ok=True)

@@ -1,4 +1,4 @@
-"""The order of nodes and components in VTK, and the triangles cells are cut into for drawing."""
+"""Units of fields, the order of nodes and components in VTK, and triangles to draw cells with."""
 
 from __future__ import annotations
 
@@ -25,6 +25,20 @@ _TRIANGLES = {
         for corner, after, before in ((0, 4, 7), (1, 5, 4), (2, 6, 5), (3, 7, 6))
         for triangle in ((corner, after, 8), (before, corner, 8))
     ),
+}
+
+# Fields are written in SI, "-" where there is no unit.
+UNITS = {
+    "temperature": "K",
+    "solid_fraction": "-",
+    "displacement": "m",
+    "strain": "-",
+    "stress": "Pa",
+    "von_mises": "Pa",
+    "pressure": "Pa",
+    "viscoplastic_strain": "-",
+    "gap": "m",
+    "contact_pressure": "Pa",
 }
 
 

@@ -1,7 +1,8 @@
 """Fields over time in fields.xdmf, for ParaView, VisIt and meshio; the numbers are in HDF5 files.
 
 The XDMF holds one temporal collection and in it one grid a time, each with all its fields, so that
-colouring, Warp By Vector and Plot Over Line work without merging anything. Where the numbers are,
+colouring, Warp By Vector and Plot Over Line work without merging anything; an Information element
+of each grid names the units of its fields. Where the numbers are,
 and why a kill cannot harm them, is said in `castfem.output.field_files`.
 
 Values are single precision unless asked for: it resolves 1e-4 K at casting temperature and 10 Pa in
@@ -28,7 +29,7 @@ from castfem.errors import InputError, RunFailure
 from castfem.output import field_files
 from castfem.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5
 from castfem.output.files import GrowingFile, saving
-from castfem.output.layout import components, vtk_cells
+from castfem.output.layout import UNITS, components, vtk_cells
 
 if TYPE_CHECKING:
     import h5py
@@ -258,9 +259,14 @@ class FieldWriter(Closing):
 
     def _append(self, step: Step) -> None:
         """Adds one grid to the text of the XDMF."""
+        units = {"time": "s", "position": "m", "coordinates": "m"}
+        units |= {name: UNITS[name] for name in sorted(self._layout) if name in UNITS}
+        told = ", ".join(f"{name} [{unit}]" for name, unit in units.items())
         grid = [
             f'<Grid Name="strand" GridType="Uniform"><Time Value="{step.time!r}"/>'
-            f'<Information Name="position" Value="{step.position!r}"/>\n{self._mesh}'
+            f'<Information Name="position" Value="{step.position!r}"/>\n'
+            f'<Information Name="units" Value="{told}"/>\n'
+            f"{self._mesh}"
         ]
         for field, (centre, width) in sorted(self._layout.items()):
             rows = self._rows[centre]

@@ -137,7 +137,8 @@ def test_killed_and_resumed_is_the_run_that_was_never_killed(
         assert len(theirs.times) == times
         for field in theirs.names:
             for k in range(times):
-                assert np.array_equal(ours.values(field, k), theirs.values(field, k)), field
+                one, other = ours.values(field, k), theirs.values(field, k)
+                assert np.array_equal(one, other, equal_nan=True), field
 
 
 def test_resume_further_down_the_strand(tmp_path: Path) -> None:

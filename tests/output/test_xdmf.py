@@ -7,15 +7,18 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
+from xml.etree import ElementTree
 
 import h5py
 import meshio
 import numpy as np
 import pytest
 
+from castfem.case.casting import FieldName
 from castfem.errors import InputError, RunFailure
 from castfem.output.fields import Fields
-from castfem.output.layout import components, triangulate, vtk_cells
+from castfem.output.layout import UNITS, components, triangulate, vtk_cells
 from castfem.output.xdmf import FieldWriter
 
 from .imagined import rectangle
@@ -144,6 +147,25 @@ def test_triangles_for_drawing_cover_the_mesh_and_keep_its_orientation(cell, ord
     assert area.sum() == pytest.approx(0.06 * 0.05, rel=1e-13)
     linear = 3 + points @ [2.0, -1.0]
     assert np.allclose(linear[parents].mean(axis=1), 3 + plane @ [2.0, -1.0], atol=1e-15)
+
+
+def test_every_field_has_its_unit_in_the_files(tmp_path):
+    assert set(UNITS) == {name for kind in get_args(FieldName) for name in get_args(kind) or [kind]}
+    points, cells = rectangle(2, 2, 0.06, 0.05, "quadrilateral", 1)
+    gap = np.full(len(points), np.nan)
+    gap[:2] = 1e-4
+    with FieldWriter(tmp_path, points, cells, "quadrilateral", 1) as writer:
+        writer.write(0.0, 0.0, {"temperature": gap + 1500.0, "gap": gap})
+    grid = ElementTree.parse(tmp_path / "fields.xdmf").find("Domain/Grid/Grid")
+    told = {item.get("Name"): item.get("Value") for item in grid.findall("Information")}
+    assert told["units"] == "time [s], position [m], coordinates [m], gap [m], temperature [K]"
+    with h5py.File(tmp_path / "fields.h5") as file:
+        found = {name: str(v.attrs["unit"]) for name, v in file["steps/000000"].items()}
+    assert found == {"temperature": "K", "gap": "m"}
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "fields.xdmf") as reader:
+        reader.read_points_cells()
+        read = reader.read_data(0)[1]["gap"].ravel()
+    assert np.array_equal(read, gap.astype(np.float32), equal_nan=True)
 
 
 def test_single_precision_is_the_default_and_times_stay_double(tmp_path):
