@@ -17,6 +17,7 @@ from castfem.output.style import (
     Course,
     dress,
     new_panels,
+    place_legend,
     probe_colours,
 )
 
@@ -101,7 +102,7 @@ def draw_surface_temperature(
             )
     axes.set_ylabel(f"temperature [{unit_of(table, surfaces[0][2])}]")
     dress([axes], course)
-    axes.legend(loc="best")
+    place_legend(axes, 3)
     return figure
 
 
@@ -115,13 +116,14 @@ def draw_shell(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
         for probe, colour, column in lines:
             label = f"{probe}, {kind}"
             axes.plot(course.abscissa, table[column], color=colour, linestyle=style, label=label)
-            if has_values(table, cell := column.replace("shell_", "solidus_cell_", 1)):
+            cell = column.replace("shell_", "solidus_cell_", 1)
+            if lines is solid and has_values(table, cell):
                 _draw_stair(axes, course, table[column], table[cell], colour)
-    axes.set_ylim(0.0, 1.12 * axes.get_ylim()[1])  # room for the legend
+    axes.set_ylim(0.0, axes.get_ylim()[1])
     unit = unit_of(table, [*solid, *liquid][0][2])
     axes.set_ylabel(f"depth below the surface [{unit}]")
     dress([axes], course)
-    axes.legend(loc="upper left", ncols=2 if len(solid) + len(liquid) > 3 else 1)
+    place_legend(axes, 2 if len(solid) + len(liquid) > 3 else 1)
     return figure
 
 
@@ -144,7 +146,6 @@ def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
     for label, colour, column in fluxes:
         axes[0].plot(course.abscissa, table[column], color=colour, label=label)
         axes[0].set_ylabel(f"heat flux [{unit_of(table, column)}]")
-        axes[0].legend(loc="best")
     for panel, (label, (values, unit)) in zip(axes[bool(fluxes) :], totals.items(), strict=True):
         style = "steps-pre" if "leaving" in label else "default"
         panel.plot(course.abscissa, values, color="#444444", drawstyle=style)
@@ -152,6 +153,8 @@ def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
     for panel in axes:
         panel.set_ylim(bottom=min(0.0, panel.get_ylim()[0]) if _below_zero(panel) else 0.0)
     dress(axes, course)
+    if fluxes:
+        place_legend(axes[0])
     return figure
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from castfem.output.plot_history import curves, has_values, unit_of
 from castfem.output.plot_section import Steel
-from castfem.output.style import Course, dress, new_panels
+from castfem.output.style import Course, dress, new_panels, place_legend
 
 if TYPE_CHECKING:
     import pandas
@@ -41,7 +41,7 @@ def draw_stress(table: pandas.DataFrame, course: Course, steel: Steel | None) ->
     axes.set_ylabel(f"von Mises stress [{unit_of(table, name)}]")
     axes.set_ylim(bottom=0.0)
     dress([axes], course)
-    axes.legend(loc="best")
+    place_legend(axes)
     return figure
 
 
@@ -69,8 +69,9 @@ def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
         _mark_zero(panel)
         what = "change of size" if lines is sizes else "outward displacement"
         panel.set_ylabel(f"{what} [{unit_of(table, lines[0][2])}]")
-        panel.legend(loc="best")
     dress(axes, course)
+    for panel in axes:
+        place_legend(panel)
     return figure
 
 
@@ -87,14 +88,14 @@ def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
         label = "free slice, no axial force" if has_values(table, "axial_force") else ""
         axes[0].plot(course.abscissa, 100.0 * table["axial_strain"], color=_SINGLE, label=label)
         axes[0].set_ylabel("axial strain [%]")
-        if label and not loaded:
-            axes[0].legend(loc="best")
     if loaded:
         axes[-1].plot(course.abscissa, table["axial_force"], color=_SINGLE)
         axes[-1].set_ylabel(f"axial force,\nmodelled part [{unit_of(table, 'axial_force')}]")
     for panel in axes:
         _mark_zero(panel)
     dress(axes, course)
+    if strained and label and not loaded:
+        place_legend(axes[0])
     return figure
 
 
@@ -119,6 +120,9 @@ def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -
     for panel, draw in zip(axes, found, strict=True):
         draw(panel)
     dress(axes, course)
+    for panel in axes:
+        if panel.get_legend_handles_labels()[0]:
+            place_legend(panel)
     return figure
 
 
@@ -146,7 +150,6 @@ def _over_surface(
         low, high = panel.get_ylim()
         high = max(high, smallest)
         panel.set_ylim(low if _negative(panel, smallest) else -0.03 * high, high)
-        panel.legend(loc="best")
 
     return draw
 

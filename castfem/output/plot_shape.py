@@ -39,7 +39,7 @@ _BANDS = 12  # of the scale of stress, at most
 _UNMOVED, _MOVED, _WALL = "#333333", "#c0392b", "#9a9a9a"
 _SHELL = "#dfe6ec"
 _MARGIN = 0.05  # around the section, of its larger side
-_ASIDE = 0.3  # sine from which on the centre lies to one side of a normal
+_INWARDS = 0.36  # of the way to the centre: where the name of a displacement stands
 _UNCLEAR = 4.0  # ratio of the sides from which axes of equal scale leave no room for a shape
 
 
@@ -214,18 +214,13 @@ def _name_extremes(axes: Axes, distortion: Distortion, factor: float) -> None:
     outward = 1e3 * np.einsum("ij,ij->i", moved[nodes], normals)
     centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
     for number in _extremes(outward, places[nodes]):
-        node, normal = nodes[number], normals[number]
-        point = 1e3 * (places[node] + factor * moved[node])
-        sideways = np.array([-normal[1], normal[0]])
-        inwards = centre - places[node]
-        aside = float(sideways @ inwards) / float(np.linalg.norm(inwards))
-        sideways *= np.sign(aside) if abs(aside) > _ASIDE else 0.0
+        point = 1e3 * (places[nodes[number]] + factor * moved[nodes[number]])
+        name = point + _INWARDS * (1e3 * centre - point)  # off the shell, as long as that is thin
         axes.annotate(
             _signed(float(outward[number])),
             xy=(point[0], point[1]),
-            xytext=tuple(-46.0 * normal + 32.0 * sideways),
-            textcoords="offset points",
-            ha="center",
+            xytext=(name[0], name[1]),
+            ha="right" if point[0] > 1e3 * centre[0] else "left",
             va="center",
             fontsize=8.5,
             color=_MOVED,

@@ -16,7 +16,7 @@ from castfem.output.fields import Fields
 from castfem.output.plot_section import Steel, section_triangles, shade
 from castfem.output.plot_shape import SOFT, STRESS_MAP, stress_levels
 from castfem.output.shape import Outline, displacement, magnification, von_mises
-from castfem.output.style import CELSIUS, LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
+from castfem.output.style import CELSIUS, LIQUIDUS_COLOUR, SOLIDUS_COLOUR, low_legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,6 +38,7 @@ _AROUND = 0.01  # of the size of a picture: half an edge
 _HEIGHT = 5.2  # inches of a picture
 _LEFT, _BESIDE, _BELOW, _ABOVE = 0.95, 0.25, 1.15, 0.35  # inches around the pictures
 _EDGE: dict[str, Any] = {"color": "#333333", "linewidth": 0.6}
+_RING: dict[str, Any] = {"color": "#555555", "linewidth": 0.45, "alpha": 0.55}
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,9 +205,7 @@ def draw_stack(fields: Fields, steel: Steel | None) -> Figure | None:
         figure.colorbar(shades, cax=bar, orientation="horizontal", label=label)
     _draw_scale(rows[0], stack, views[0])
     handles = _legend(stack, steel)
-    figure.legend(
-        handles=handles, loc="lower center", ncols=len(handles), frameon=False, columnspacing=1.2
-    )
+    low_legend(figure, handles)
     return figure
 
 
@@ -250,6 +249,7 @@ def _draw_view(
     if steel is not None:
         _draw_isotherms(axes, bottom, kelvin, steel, kind)
     _draw_edges(axes, stack, view)
+    _draw_rings(axes, stack, view)
     axes.set_aspect("equal")
     axes.set_axis_off()
     axes.set_title("from the core" if view.inside else "from outside", fontsize=9.5)
@@ -310,14 +310,30 @@ def _draw_edges(axes: Axes, stack: Stack, view: View) -> None:
     axes.add_collection(LineCollection([*first, *last, *lines], **_EDGE))
 
 
-def _draw_scale(axes: Axes, stack: Stack, view: View) -> None:
-    """Positions below the meniscus, along the left of the picture."""
+def _ticks(stack: Stack) -> tuple[Array, float, str]:
+    """Round positions below the meniscus in the unit of the scale, that unit in m, its name."""
     from matplotlib.ticker import MaxNLocator
 
     scale, unit = (1.0, "m") if stack.position[-1] > 2.0 else (1e3, "mm")
     start, end = scale * stack.position[0], scale * stack.position[-1]
-    ticks = MaxNLocator(7, steps=[1, 2, 5, 10]).tick_values(start, end)
-    ticks = ticks[(ticks >= start - 1e-9) & (ticks <= end + 1e-9)]
+    ticks = np.asarray(MaxNLocator(7, steps=[1, 2, 5, 10]).tick_values(start, end))
+    return ticks[(ticks >= start - 1e-9) & (ticks <= end + 1e-9)], scale, unit
+
+
+def _draw_rings(axes: Axes, stack: Stack, view: View) -> None:
+    """The positions of the scale all over the walls: at an edge they lie higher than beside it."""
+    from matplotlib.collections import LineCollection
+
+    ticks, scale, _ = _ticks(stack)
+    inner = ticks[(ticks > scale * stack.position[0]) & (ticks < scale * stack.position[-1])]
+    points = _at_rows(inner / scale, stack.position, stack.points)
+    rings = view.project(points)[:, view.pieces].reshape(-1, 2, 2)
+    axes.add_collection(LineCollection([*rings], **_RING))
+
+
+def _draw_scale(axes: Axes, stack: Stack, view: View) -> None:
+    """Positions below the meniscus, along the left of the picture."""
+    ticks, scale, unit = _ticks(stack)
     drawn = view.project(stack.points)
     column = drawn[:, int(drawn[0, :, 0].argmin())]
     left = float(drawn[..., 0].min())

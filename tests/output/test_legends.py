@@ -1,0 +1,107 @@
+"""Legends stand within their panel and hide no curve; what the figures draw of new columns."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+import pytest
+from matplotlib.lines import Line2D
+
+from castfem.output.plot_history import draw_shell
+from castfem.output.plot_mechanics import draw_contact
+from castfem.output.style import Course, low_legend, new_figure, new_panels, place_legend
+
+X = np.linspace(0.0, 1.0, 51)
+LONG = "mid-face, narrow face and mid-face extrados, solidus (shell)"
+CURVES = {
+    "rising": [X, 0.5 * X],
+    "falling": [1.0 - X, 0.5 - 0.5 * X],
+    "everywhere": [0.5 + 0.5 * np.sin(40.0 * X), X, 1.0 - X],
+    "levels": [np.full(51, level) for level in (0.05, 0.3, 0.6, 0.95)],
+    "gaps": [np.where(X < 0.5, np.nan, X), X**4],
+    "steep": [np.where(X < 0.02, 1.0, 0.01)],
+}
+
+
+@pytest.mark.parametrize("label", ["corner", LONG])
+@pytest.mark.parametrize("name", CURVES)
+def test_a_legend_hides_no_curve(name: str, label: str) -> None:
+    figure, (panel,) = new_panels(1, 2.0)
+    for number, y in enumerate(CURVES[name]):
+        panel.plot(X, y, label=f"{label} {number}")
+    panel.set_xlim(0.0, 1.0)
+    place_legend(panel)
+    figure.canvas.draw()
+    legend = panel.get_legend()
+    assert legend is not None
+    box, around = legend.get_window_extent(), panel.get_window_extent()
+    assert box.x0 >= around.x0 and box.x1 <= around.x1 and box.y1 <= around.y1
+    for line in panel.lines:
+        path = line.get_transform().transform(np.asarray(line.get_xydata(), float))
+        fine = np.linspace(path[0, 0], path[-1, 0], 2000)
+        y = np.interp(fine, *path.T)
+        inside = (fine > box.x0) & (fine < box.x1) & (y > box.y0) & (y < box.y1)
+        assert not inside.any()
+
+
+def test_a_legend_below_is_as_wide_as_its_figure_at_most() -> None:
+    figure = new_figure(3.0, 4.0, layout="none")
+    low_legend(figure, [Line2D([], [], label=f"displacement {i}") for i in range(6)])
+    figure.canvas.draw()
+    (legend,) = figure.legends
+    box = legend.get_window_extent()
+    assert box.x0 >= 0.0 and box.x1 <= figure.bbox.width
+    assert len(legend.get_texts()) == 6
+
+
+def _table(columns: dict[str, tuple[str, np.ndarray]]) -> pandas.DataFrame:
+    table = pandas.DataFrame({name: values for name, (_, values) in columns.items()})
+    table.attrs["units"] = {name: unit for name, (unit, _) in columns.items()}
+    return table
+
+
+def test_the_band_of_the_cells_is_that_of_the_solidus_alone() -> None:
+    columns = {
+        "shell_corner": ("mm", 40.0 * X),
+        "liquidus_depth_corner": ("mm", 60.0 * X),
+        "solidus_cell_corner": ("mm", np.full(51, 4.2)),
+    }
+    course = Course(10.0 * X, X)
+    figure = draw_shell(_table(columns), course, None)
+    assert figure is not None
+    (band,) = figure.axes[0].collections
+    corners = band.get_paths()[0].vertices
+    at_end = corners[np.isclose(corners[:, 0], 1e3), 1]
+    assert (at_end.min(), at_end.max()) == pytest.approx((39.3, 40.7))
+    del columns["solidus_cell_corner"]  # of an older run
+    figure = draw_shell(_table(columns), course, None)
+    assert figure is not None and not figure.axes[0].collections
+
+
+def test_friction_is_drawn_of_the_whole_strand_and_pressure_as_a_mean() -> None:
+    columns = {
+        "contact_pressure_corner": ("MPa", X),
+        "mean_contact_pressure_max": ("MPa", 2.0 * X),
+        "contact_pressure_max": ("MPa", 5.0 * X),
+        "contact_share": ("percent", 100.0 - X),
+        "friction_force": ("kN/m", -X),
+        "mould_friction": ("kN/m", 4.0 * X),
+    }
+    course = Course(10.0 * X, X)
+    figure = draw_contact(_table(columns), course, None)
+    assert figure is not None
+    pressure, share, friction = figure.axes
+    assert [line.get_label() for line in pressure.lines] == [
+        "corner",
+        "largest anywhere, over 5 mm",
+    ]
+    assert np.nanmax(pressure.lines[-1].get_ydata()) == 2.0
+    assert np.nanmin(share.lines[0].get_ydata()) == 99.0
+    assert friction.get_ylabel() == "friction force,\nwhole strand [kN/m]"
+    assert np.nanmax(friction.lines[0].get_ydata()) == 4.0
+    older = _table({"contact_share": ("-", 1.0 - 0.01 * X), "friction_force": ("kN/m", -X)})
+    figure = draw_contact(older, course, None)
+    assert figure is not None
+    share, friction = figure.axes
+    assert np.nanmin(share.lines[0].get_ydata()) == 99.0
+    assert "modelled part" in friction.get_ylabel()
