@@ -33,7 +33,7 @@ class MechanicalStepper:
         self._validity: Validity | None = None
         if judge:
             law, large = problem.slice.law, problem.slice.large_strain
-            self._validity = Validity(problem.points, problem.fields, law, large)
+            self._validity = Validity(problem.points, problem.fields, law, large, problem.contact)
 
     def initial(self, time: float, temperature: Array) -> MechanicalState:
         """Undeformed and free of stress at temperatures of the owned vertices (owned,), K."""

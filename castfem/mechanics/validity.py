@@ -16,13 +16,14 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 
-from castfem import reductions
+from castfem import nodal, reductions
 from castfem.compat import Tabulation
 from castfem.forms.finite_strain import deformation
 from castfem.laws.base import Law, equivalent_stress
 from castfem.mechanics.state import MechanicalState
 
 if TYPE_CHECKING:
+    from castfem.contact.touch import WallContact
     from castfem.mechanics.kinematics import Fields
     from castfem.mechanics.points import Points
 
@@ -67,12 +68,14 @@ class Judged:
     Attributes:
         values: On this rank (n,); the larger, the worse. places: Where (n, 2), m.
         limit: Of the values. told: What to say beyond it, of the value and of its opposite.
+        loaded: Whether a load from outside makes it large where there is no shell yet.
     """
 
     values: Array
     places: Array
     limit: float
     told: str
+    loaded: bool = False
 
 
 class Validity:
@@ -83,10 +86,18 @@ class Validity:
         fields: Displacement and generalized strains as the forms see them.
         law: Of the material.
         large: Whether strain is large.
+        contact: With a wall, or None.
     """
 
-    def __init__(self, points: Points, fields: Fields, law: Law, large: bool) -> None:
-        self._points, self._law, self._large = points, law, large
+    def __init__(
+        self,
+        points: Points,
+        fields: Fields,
+        law: Law,
+        large: bool,
+        contact: WallContact | None = None,
+    ) -> None:
+        self._points, self._law, self._large, self._contact = points, law, large, contact
         self._limits = LARGE if large else SMALL
         self._comm = points.section.comm
         mesh = points.section.mesh
@@ -113,8 +124,8 @@ class Validity:
                 _, x, y = reductions.peak(self._comm, one.values, one.places)
                 at = f" at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm" if np.isfinite(x) else ""
                 told = f"beyond {self._limits.name}: {one.told.format(worst, -worst)}{at}"
-                shell = reductions.any_of(self._comm, bool(solid.any()))
-                return f"{told}; {self._limits.mend if shell else NO_SHELL}"
+                early = one.loaded and not reductions.any_of(self._comm, bool(solid.any()))
+                return f"{told}; {NO_SHELL if early else self._limits.mend}"
         return ""
 
     def _judged(self, state: MechanicalState, temperature: Array, coherent: Flags) -> list[Judged]:
@@ -128,8 +139,8 @@ class Validity:
         thinnest, thickest = limits.thickness
         told = "the slice is {{{}:.3g}} times as thick as it was (at {} {:.2g})"
         found = [
-            Judged(-thickness, place, -thinnest, told.format(1, "least", thinnest)),
-            Judged(thickness, place, thickest, told.format(0, "most", thickest)),
+            Judged(-thickness, place, -thinnest, told.format(1, "least", thinnest), True),
+            Judged(thickness, place, thickest, told.format(0, "most", thickest), True),
             Judged(-area[solid], place[solid], -FOLDED, "the shell folds"),
         ]
         if self._large:  # its equations are written on the slice as it is
@@ -145,7 +156,19 @@ class Validity:
         told = f"its mean stress alone strains the shell by {{0:.2g}} (at most {COMPRESSED:g})"
         squeezed = self._squeezed(state, temperature, mean)
         found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, told))
+        if self._contact is not None and state.contact is not None:
+            told = f"the wall's pressure alone strains it by {{0:.2g}} (at most {COMPRESSED:g})"
+            pressed = self._pressed(self._contact, state)
+            found.append(Judged(pressed, state.contact.place, COMPRESSED, told))
         return found
+
+    def _pressed(self, contact: WallContact, state: MechanicalState) -> Array:
+        """Elastic strain along each axis that contact pressure would make of a mean stress."""
+        assert state.contact is not None
+        local = nodal.with_ghosts(self._points.section.vertex_space, state.temperature)
+        elasticity = self._law.elasticity
+        at = np.minimum(contact.at_vertices @ local, elasticity.solidity.solidus)
+        return np.asarray(state.contact.pressure / (3.0 * elasticity.moduli(at)[1]))
 
     def _bulges(self, place: Array, moved: Array) -> list[Judged]:
         """How far points of the shell, or of all that is, move apart, over the section's size.

@@ -51,3 +51,11 @@ def test_a_slab_that_nothing_holds_below_the_mould(tmp_path: Path) -> None:
     told, time = refused(tmp_path, "taper_1", *SLAB)
     assert "beyond small strain" in told and 'mechanics.strain = "large"' in told
     assert time >= 5.0  # the mould held it
+
+
+def test_a_face_that_is_held_in_a_mould_that_closes(tmp_path: Path) -> None:
+    """It cannot give way, and the wall goes on into it: 16 GPa before the end of the mould."""
+    held = 'mechanics.held=[{on=["narrow_face"], component="x"}]'
+    told, time = refused(tmp_path, "taper_1", held, "casting.length=150 mm")
+    assert "the wall's pressure alone" in told and "supports" in told
+    assert 0.2 < time < 2.0
