@@ -146,18 +146,18 @@ class Validity:
         if self._large:  # its equations are written on the slice as it is
             found.append(Judged(-area, place, 0.0, "the liquid folds"))
         else:
-            told = f"the shell turns by {{0:.2g}} rad (at most {limits.rotation:g})"
+            told = f"the shell turns by {{0:.3g}} rad (at most {limits.rotation:g})"
             found.append(Judged(turned[solid], place[solid], limits.rotation, told))
             shell = reductions.any_of(self._comm, bool(solid.any()))
             found += self._bulges(place, moved[solid] if shell else moved)
         borne = self._borne(state, temperature, solid)
-        told = f"the shell is strained by {{0:.2g}} (at most {limits.strain:g})"
+        told = f"the shell is strained by {{0:.3g}} (at most {limits.strain:g})"
         found.append(Judged(borne, place[solid], limits.strain, told))
-        told = f"its mean stress alone strains the shell by {{0:.2g}} (at most {COMPRESSED:g})"
+        told = f"its mean stress alone strains the shell by {{0:.3g}} (at most {COMPRESSED:g})"
         squeezed = self._squeezed(state, temperature, mean)
         found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, told))
         if self._contact is not None and state.contact is not None:
-            told = f"the wall's pressure alone strains it by {{0:.2g}} (at most {COMPRESSED:g})"
+            told = f"the wall's pressure alone strains it by {{0:.3g}} (at most {COMPRESSED:g})"
             pressed = self._pressed(self._contact, state)
             found.append(Judged(pressed, state.contact.place, COMPRESSED, told))
         return found
@@ -179,7 +179,7 @@ class Validity:
         high = reductions.largest_of(self._comm, [v.max(initial=-np.inf) for v in ends])
         share = (high[4:6] + high[6:]) / (high[:2] + high[2:4])
         nowhere = np.full((1, 2), np.nan)
-        told = f"bulge or shrinkage is {{0:.2g}} of the section (at most {self._limits.size:g})"
+        told = f"bulge or shrinkage is {{0:.3g}} of the section (at most {self._limits.size:g})"
         return [Judged(share[[i]], nowhere, self._limits.size, told) for i in range(2)]
 
     def _borne(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
