@@ -46,6 +46,8 @@ def description(march: March) -> dict[str, Any]:
         "time": thermal.time,
         "removed": thermal.removed,
         "generated": thermal.generated,
+        # Without end where a flux is given, which JSON has no number for.
+        "allowed": [a if np.isfinite(a) else None for a in thermal.allowed or ()],
         "counts": asdict(march.counts),
         "step": march.scene.control.step,
         "substep": march.scene.steps.control.step,
@@ -67,6 +69,9 @@ def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> No
     thermal = march.scene.stepper.state_from(
         meta["time"], enthalpy, rate, meta["removed"], meta["generated"], course
     )
+    if meta["allowed"]:
+        low, high = meta["allowed"]
+        thermal.allowed = low, np.inf if high is None else high
     mechanical = None
     if march.archive is not None:
         mechanical = march.archive.state(meta["mechanical"], by_node)

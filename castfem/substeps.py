@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 ROUNDING = 1e-9  # of a step: how much longer it may be
+FALLS = "the heat flux falls so steeply as the surface warms that the step has several solutions"
+BELOW = 0.7  # of the longest step that has one: what is tried
 Moment = tuple[float, Array]  # a time, s, and temperatures of the owned vertices then, K
 
 
@@ -74,9 +76,15 @@ class ThermalSteps:
             end = self.control.propose(state.time, stop)
             dt = end - state.time
             result = self.stepper.step(state, end)
-            if not result.converged:
-                log.logger.debug("t = %.6g s: step %.3g s: %s", state.time, dt, result.reason)
-                self.control.failed(dt, result.reason)
+            stray = self.stepper.stray(state, result.state) if result.converged else ""
+            longest = self.stepper.longest(state, result.state) if not stray else np.inf
+            if not result.converged or stray:
+                reason = stray or result.reason
+                log.logger.debug("t = %.6g s: step %.3g s: %s", state.time, dt, reason)
+                self.control.failed(dt, reason)
+            elif dt > longest * (1.0 + ROUNDING):
+                log.logger.debug("t = %.6g s: step %.3g s: the flux falls", state.time, dt)
+                self.control.failed(dt, FALLS, BELOW * longest)
             else:
                 self.control.learn(dt, result.error)
                 if self.control.accepts(result.error):

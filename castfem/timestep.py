@@ -119,13 +119,18 @@ class StepControl:
             proposed = max(proposed, self.step)
         self.step = min(max(proposed, control.smallest), control.largest)
 
-    def failed(self, taken: float, reason: str) -> None:
+    def failed(self, taken: float, reason: str, wanted: float | None = None) -> None:
         """Cut the step back after the solver failed on the step `taken` (s).
+
+        Args:
+            taken: Its length.
+            reason: Why it failed.
+            wanted: What to try instead, s; a share of it if not known.
 
         Raises:
             RunFailure: If the step is already the smallest.
         """
-        shorter = self._shorter(taken, taken * FAILED)
+        shorter = self._shorter(taken, taken * FAILED if wanted is None else wanted)
         if shorter is None:
             raise RunFailure(f"the solver fails at the smallest step ({taken:.3g} s): {reason}")
         self.step = shorter

@@ -156,7 +156,9 @@ class Radiation:
         wall = self.wall_emissivity
         if callable(wall):  # the wall is as warm as the surroundings it stands for
             wall = float(wall(np.array([self.ambient]))[0])
-        resistance = 1.0 / strand + 1.0 / wall - 1.0
+        # An emissivity of 0 resists without end: nothing is radiated.
+        with np.errstate(divide="ignore"):
+            resistance = 1.0 / np.asarray(strand, float) + 1.0 / np.asarray(wall, float) - 1.0
         if self.absorption and self.gap is not None:
             gap = np.maximum(self.gap, 0.0)
             resistance = resistance + 0.75 * self.absorption * gap
@@ -193,8 +195,8 @@ class PrescribedFlux:
         return np.full_like(temperature, q), np.zeros_like(temperature)
 
     def ambient_range(self, time: float) -> tuple[float, float]:
-        """Without bounds: a flux does not know where it leads."""
-        return -np.inf, np.inf
+        """Without bounds but absolute zero: a flux does not know where it leads."""
+        return 0.0, np.inf
 
 
 @dataclass(frozen=True)

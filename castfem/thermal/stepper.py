@@ -18,8 +18,10 @@ import numpy.typing as npt
 
 from castfem import reductions
 from castfem.materials.curve import CurvePoint
+from castfem.thermal.branch import Branch
 from castfem.thermal.problem import Stage, ThermalProblem
 
+ZERO_CELSIUS = 273.15
 Array = npt.NDArray[np.float64]
 
 # Alexander's two-stage, stiffly accurate, L-stable scheme (SIAM J. Numer. Anal. 14 (1977) 1006).
@@ -34,6 +36,8 @@ DEFECT = (
 IDLE = 1e-6  # share of the heat removed so far below which a step counts as idle
 SHEARED = 0.01  # of the range: a sheared mesh keeps the maximum principle but for its shear
 WARMER = 2.0  # heat generated inside, over what it warms at the capacity of reference
+# Of the range: how far a mesh without the maximum principle may leave it, and a sheared one.
+STRAY, STRAY_SHEARED = 5e-3, 2e-2
 BOUND_SLACK = 1e-6  # K, what rounding and the solver's tolerance may add to the physical bounds
 DAMPED = 4  # parts of a step that is taken again with backward Euler
 REBOUND = 0.2  # K, by which a vertex may come back after a step
@@ -55,6 +59,8 @@ class ThermalState:
         extremes: Coldest and hottest vertex of the section, K.
         generated: Heat generated inside the modelled part since the meniscus, J/m.
         course: dH/dt with which the next step is expected to begin (owned,), W/m3.
+        allowed: Coldest and hottest that the data have allowed since the meniscus, K; None if that
+            is not known yet.
     """
 
     time: float
@@ -65,6 +71,7 @@ class ThermalState:
     extremes: tuple[float, float]
     generated: float
     course: Array
+    allowed: tuple[float, float] | None = None
 
 
 @dataclass(slots=True)
@@ -103,6 +110,7 @@ class ThermalStepper:
     ) -> None:
         self.problem, self.scheme, self.estimate = problem, scheme, estimate
         self.comm = problem.section.comm
+        self._branch = Branch(problem)
 
     def initial(self, temperature: float) -> ThermalState:
         """The slice at one temperature (K) at the meniscus."""
@@ -186,6 +194,39 @@ class ThermalStepper:
         size = np.abs(back)
         found = (back * moved < 0.0) & (size > REBOUND) & (size < DOUBT * error)
         return reductions.any_of(self.comm, bool(found.any())), after.rate
+
+    def stray(self, old: ThermalState, new: ThermalState) -> str:
+        """Why a new state is not what the data allow; "" if it is.
+
+        That is the range of all temperatures so far, of the surroundings and of the heat generated
+        inside, and above absolute zero.  A mesh that is not quite of the maximum principle may
+        leave a little of the range.
+        """
+        cooling, warmer = self.problem.cooling, WARMER * self.problem.warming
+        low, high = old.allowed if old.allowed is not None else old.extremes
+        ambient = cooling.ambient_range(new.time)
+        low, high = min(low, ambient[0]), max(high, ambient[1])
+        high += warmer * (new.time - old.time)
+        new.allowed = low, high
+        share = STRAY if self.problem.shape is None else STRAY_SHEARED
+        slack = BOUND_SLACK + (share * (high - low) if np.isfinite(high - low) else 0.0)
+        coldest, hottest = new.extremes
+        if coldest <= 0.0:
+            return "more heat is taken than there is: below absolute zero"
+        kind, end = ("hotter", high) if hottest > high + slack else ("colder", low)
+        if coldest >= low - slack and hottest <= high + slack:
+            return ""
+        found = hottest if kind == "hotter" else coldest
+        return (
+            f"{found - ZERO_CELSIUS:.5g} degC, though there is nothing {kind} than "
+            f"{end - ZERO_CELSIUS:.5g} degC"
+        )
+
+    def longest(self, old: ThermalState, new: ThermalState) -> float:
+        """Longest step on the way from old to new whose stages have one solution each, s."""
+        share = GAMMA if self.scheme == "sdirk2" else 1.0
+        asked = share * (new.time - old.time)
+        return self._branch.longest_stage(old.point, new.point, new.time, asked) / share
 
     def _bounds(self, old: ThermalState, time: float) -> tuple[float, float]:
         """What old temperatures and surroundings allow the new ones to be, K.

@@ -1,0 +1,112 @@
+"""Boiling: which of several roots is taken; and temperatures that no data allow are refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import castfem
+from castfem.errors import RunFailure
+from castfem.thermal.laws import Radiation
+from castfem.thermal.sprays import wendelstorf
+
+STRIP = """
+title = "boiling strip"
+[casting]
+speed = "1 m/min"
+length = "2 m"
+temperature = "1000 degC"
+[steel]
+name = "carbon_042"
+[section]
+shape = "strip"
+length = "10 mm"
+width = "2 mm"
+[mesh]
+surface_size = "1 mm"
+core_size = "2 mm"
+[[cooling]]
+name = "water"
+[[cooling.surface]]
+law = "convection"
+ambient = "25 degC"
+[cooling.surface.coefficient]
+temperature = [100, 550, 600, 1200]
+temperature_unit = "degC"
+value = [9000, 9000, 600, 600]
+unit = "W/(m^2 K)"
+[output]
+every = "1 h"
+figures = false
+"""
+
+
+@pytest.fixture
+def strip(tmp_path: Path) -> castfem.Case:
+    path = tmp_path / "strip.toml"
+    path.write_text(STRIP)
+    return castfem.load(path)
+
+
+def quenched(case: castfem.Case) -> tuple[float, float]:
+    """When the surface has passed the fall of the boiling curve, s, and the heat removed, J/m."""
+    with castfem.run(case) as result:
+        history = result.history
+        name = next(n for n in history.columns if n.startswith("surface_temperature"))
+        time, surface = history["time"].to_numpy(), history[name].to_numpy()
+        below = int(np.argmax(surface < 550.0))
+        assert surface[below] < 550.0
+        return float(time[below]), result.quantities["heat_removed"]
+
+
+def test_the_film_is_left_when_it_really_ends(strip: castfem.Case) -> None:
+    fine, heat = quenched(strip.with_({"thermal.time.step": "0.2 s"}))
+    for step in ("1 s", "10 s"):
+        when, removed = quenched(strip.with_({"thermal.time.step": step}))
+        assert when == pytest.approx(fine, rel=0.05)
+        assert removed == pytest.approx(heat, rel=2e-3)
+
+
+def test_backward_euler_keeps_to_the_film_too(strip: castfem.Case) -> None:
+    euler = {"thermal.time.scheme": "backward_euler"}
+    fine, _ = quenched(strip.with_({"thermal.time.step": "0.2 s", **euler}))
+    when, _ = quenched(strip.with_({"thermal.time.step": "10 s", **euler}))
+    assert when == pytest.approx(fine, rel=0.2)  # first order, but the same branch
+
+
+def test_no_flux_cools_below_absolute_zero(strip: castfem.Case, tmp_path: Path) -> None:
+    given = [{"law": "flux", "value": "2.5 MW/m^2"}]
+    with pytest.raises(RunFailure, match="below absolute zero"):
+        castfem.run(strip.with_({"cooling.water.surface": given}), tmp_path / "run")
+    result = castfem.api.Result(tmp_path / "run")
+    assert result.summary.status == "failed"
+    assert result.history.filter(like="temperature").to_numpy().min() > -273.15
+
+
+def test_a_law_that_heats_beyond_its_surroundings_is_refused(
+    strip: castfem.Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from castfem.thermal import sprays
+
+    monkeypatch.setitem(sprays.CORRELATIONS, "nozaki", lambda w, tw, t: np.full_like(t, -500.0))
+    spray = {"law": "spray", "water": "5 L/(m^2 s)", "water_temperature": "25 degC"}
+    case = strip.with_({"cooling.water.surface": [{**spray, "correlation": "nozaki"}]})
+    with pytest.raises(RunFailure, match="though there is nothing hotter than 1000 degC"):
+        castfem.run(case)
+
+
+def test_an_emissivity_of_nothing_radiates_nothing() -> None:
+    hot = np.array([500.0, 1500.0])
+    for law in (Radiation(0.0, 300.0), Radiation(0.8, 300.0, 0.0), Radiation(0.0, 300.0, 0.0)):
+        flux, slope = law.flux(hot, 0.0)
+        assert (flux == 0.0).all() and (slope == 0.0).all()
+
+
+def test_more_water_never_heats() -> None:
+    surface = np.linspace(400.0, 1800.0, 200)
+    most = wendelstorf(30.0, 298.15, surface)
+    for water in (35.0, 72.0, 80.0, 500.0):
+        np.testing.assert_array_equal(wendelstorf(water, 298.15, surface), most)
+    assert most.min() > 0.0
