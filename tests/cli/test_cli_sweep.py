@@ -73,7 +73,10 @@ def test_finished_runs_are_not_run_again(castfem, tmp_path):
     other = castfem(*two, "--set", "order=2")
     assert other.status == 1
     assert "mesh.order: 1 there, 2 here" in other.err
-    assert castfem(*two, "--set", "length=30 mm").status == 0
+    shorter = castfem(*two, "--set", "length=30 mm")
+    assert shorter.status == 1
+    assert "0.03 m is asked for, and the run there has come to 0.06 m" in shorter.err
+    assert castfem(*two, "--set", "length=30 mm", "--overwrite").status == 0
     assert [row["position [m]"] for row in _table(Path("out"))] == ["0.03", "0.03"]
 
 

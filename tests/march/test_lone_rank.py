@@ -88,3 +88,28 @@ def test_a_nan_is_a_failure_of_all(tmp_path: Path) -> None:
         == pytest.approx(last)
         == pytest.approx(0.45)
     )
+
+
+STAGE = """
+import sys
+import numpy as np
+from mpi4py import MPI
+from castfem.case import load_case
+from castfem.catalogue import find
+from castfem.scene import build_scene
+scene = build_scene(load_case(find(sys.argv[1]), sys.argv[2:]), MPI.COMM_WORLD)
+state = scene.stepper.initial(scene.start_temperature)
+guess = state.enthalpy.copy()
+if MPI.COMM_WORLD.rank == 1:
+    guess[:] = np.nan
+stage = scene.problem.solve_stage(state.enthalpy, guess, 0.1, 0.1)
+print("converged", stage.outcome.converged, stage.outcome.reason)
+scene.destroy()
+"""
+
+
+def test_ranks_agree_whether_a_stage_is_evaluated_anew(tmp_path: Path) -> None:
+    """It is a product of all: a NaN in the unknowns of one rank alone is not equal to itself."""
+    done = python_on(2, "-c", STAGE, "billet125/thermal", *COARSE, timeout=120.0)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("converged False DIVERGED") == 2
