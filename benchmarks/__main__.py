@@ -22,6 +22,7 @@ BENCHMARKS = {
     "opponent": "benchmarks.duel",
     "costs": "benchmarks.costs",
     "weiner_boley": "benchmarks.weiner_boley",
+    "mean_stress": "benchmarks.mean_stress",
     "mechanical_cost": "benchmarks.mechanical_cost",
     "billet": "benchmarks.billet_study",
     "billet_error": "benchmarks.billet_error",
@@ -36,6 +37,7 @@ BENCHMARKS = {
 PAGES = {
     "verification": "verification.md",
     "weiner_boley": "benchmarks_mechanics.md",
+    "mean_stress": "mechanics.md",
     "mechanical_cost": "benchmarks_mechanics.md",
     "billet": "billet.md",
     "billet_error": "billet.md",

@@ -62,10 +62,13 @@ def single_calls(repeats: int = 12) -> dict[str, float]:
     problem = slice_.problem
     forms = problem.kinematics.forms
     strain, stress = problem.kinematics.increments(problem.old.stress)
+
+    def stiffness() -> None:
+        assemble_into(problem._matrix, forms.stiffness, problem.constraints.conditions)
+        problem.kinematics.volume.add_to(problem._matrix, problem.constraints.free)
+
     calls = {
-        "one assembly of the stiffness": lambda: assemble_into(
-            problem._matrix, forms.stiffness, problem.constraints.conditions
-        ),
+        "one assembly of the stiffness": stiffness,
         "one assembly of the forces": lambda: problem._assemble(forms.work),
         "the law, all points once": lambda: problem._material.integrate(
             strain, stress, problem.old.internal

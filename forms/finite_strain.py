@@ -125,6 +125,16 @@ def _with_material(now: Deformation, old: Deformation, strain: Expr, angle: Expr
     return strain - 0.5 * angle * _turned(ufl.as_vector([*increment(now, old)][:4]))
 
 
+def volume_change(now: Deformation, old: Deformation, by: Direction) -> Expr:
+    """Variation of the trace of the strain increment."""
+    return trace(_change(now, old, by)[0])
+
+
+def volume_rate(at: Deformation, virtual: Direction) -> Expr:
+    """J tr d of a virtual motion: what the mean stress works on, per undeformed area."""
+    return ufl.det(at.gradient) * at.thickness * trace(virtual_rate(at, virtual))
+
+
 def virtual_work(
     at: Deformation,
     deviator: Expr,
@@ -154,37 +164,37 @@ def _geometric(now: Deformation, stress: Expr, by: Direction, virtual: Direction
 def stiffness(
     now: Deformation,
     old: Deformation,
-    material: tuple[Expr, Expr, Expr, Expr, Expr | None],
+    material: tuple[Expr, Expr, Expr, Expr | None],
     by: Direction,
     virtual: Direction,
     measures: tuple[ufl.Measure, ufl.Measure],
 ) -> ufl.Form:
-    """Derivative of `virtual_work`, consistent with the step.
+    """Derivative of `virtual_work`, consistent with the step, but for the change of mean stress.
 
     For an isotropic law, whose answer turns with stress and strain,
 
         d sigma = C : (dD - dW D + D dW) + dW sigma - sigma dW,      dW the spin of the variation,
 
-    where dD itself contains half of dW D - D dW.
+    where dD itself contains half of dW D - D dW.  The mean stress changes with the change of volume
+    of its cell: to this comes int K P(`volume_change`) P(`volume_rate`), see `forms.mechanics`.
 
     Args:
         now: At the end of the step.
         old: At its start.
-        material: Deviatoric tangent (4, 4), bulk modulus, stress deviator, mean stress, and
-            ferrostatic pressure or None.
+        material: Deviatoric tangent (4, 4), stress deviator, mean stress, and ferrostatic pressure
+            or None.
         by: Motion.
         virtual: Virtual motion.
         measures: For the deviator and for the mean stress.
     """
-    tangent, bulk, deviator, mean, pressure = material
+    tangent, deviator, mean, pressure = material
     strain, angle = _change(now, old, by)
     turned = _with_material(now, old, strain, angle)
     rate = virtual_rate(now, virtual)
     volume = ufl.det(now.gradient) * now.thickness
     shape = ufl.inner(tangent * turned + angle * _turned(deviator), rate)
     shape += _geometric(now, deviator, by, virtual)
-    size = bulk * trace(strain) * trace(rate)
-    size += _geometric(now, isotropic(mean, pressure), by, virtual)
+    size = _geometric(now, isotropic(mean, pressure), by, virtual)
     return volume * shape * measures[0] + volume * size * measures[1]
 
 

@@ -11,7 +11,11 @@ it, and give the rows and columns of the nodal displacements and of the modes al
 
 Stress and strain are Mandel vectors [xx, yy, zz, sqrt(2) xy].  The stress deviator is integrated
 with one rule and the mean stress with a poorer one: with a mean stress in every point of the full
-rule, cells of second order lock where flow leaves the volume unchanged (docs/mechanics.md).
+rule, cells of second order lock where flow leaves the volume unchanged.  On each cell mean stress,
+pressure and change of volume are linear in x and y (docs/mechanics.md): the fields of the forms are
+so, and the law sees a strain whose trace is.  In the stiffness that makes products of integrals
+over a cell, int K P(tr eps(u)) P(tr eps(v)), P the projection on 1, x, y; UFL cannot say them, they
+are added to these forms cell by cell (`castfem.mechanics.volume`).
 """
 
 from __future__ import annotations
@@ -97,26 +101,16 @@ def virtual_work(
     return ufl.inner(deviator, virtual) * dx_deviator + ufl.inner(stress, virtual) * dx_mean
 
 
-def stiffness(
-    tangent: Expr,
-    bulk: Expr,
-    change: Expr,
-    virtual: Expr,
-    dx_deviator: ufl.Measure,
-    dx_mean: ufl.Measure,
-) -> ufl.Form:
-    """Int (C eps(u)) : eps(v), the derivative of `virtual_work`.
+def stiffness(tangent: Expr, change: Expr, virtual: Expr, dx_deviator: ufl.Measure) -> ufl.Form:
+    """Int (C eps(u)) : eps(v), the derivative of `virtual_work` but for the change of volume.
 
     Args:
         tangent: Deviatoric part of the material's tangent (4, 4).
-        bulk: Its bulk modulus.
         change: Strain of the motion u.
         virtual: Strain of the virtual motion v.
         dx_deviator: As in `virtual_work`.
-        dx_mean: As in `virtual_work`.
     """
-    shape = ufl.inner(tangent * change, virtual) * dx_deviator
-    return shape + bulk * trace(change) * trace(virtual) * dx_mean
+    return ufl.inner(tangent * change, virtual) * dx_deviator
 
 
 def traction_work(traction: Expr, v: Expr, ds: ufl.Measure) -> ufl.Form:

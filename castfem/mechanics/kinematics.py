@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,7 @@ from castfem.forms import finite_strain, mechanics
 from castfem.laws.base import Response, turned
 from castfem.mechanics.points import Points
 from castfem.mechanics.supports import SurfacePressure, Traction
+from castfem.mechanics.volume import VolumeStiffness
 from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
@@ -38,7 +39,7 @@ class Fields:
         modes: Generalized strains now (4,). modes_old: At the start of the step.
         one: A direction of the generalized strains (4,). other: A second one.
         deviator: Stress deviator. tangent: Deviatoric tangent (4, 4).
-        mean: Mean stress. bulk: Bulk modulus. pressure: Ferrostatic pressure, or None.
+        mean: Mean stress. pressure: Ferrostatic pressure, or None; both linear on each cell.
     """
 
     u: fem.Function
@@ -50,27 +51,35 @@ class Fields:
     deviator: fem.Function
     tangent: fem.Function
     mean: fem.Function
-    bulk: fem.Function
     pressure: fem.Function | None
 
     def take_stress(self, points: Points, response: Response) -> tuple[Array, Array]:
         """Split the stress of a response between the rules.
 
         Returns:
-            Deviators at the points of theirs (split, 4), mean stress at those of its own.
+            Deviators at the points of theirs (split, 4), mean stress, linear on each cell, at those
+            of its own.
         """
         every = response.stress @ MEAN
         deviator = response.stress[: points.split] - np.outer(every[: points.split], ONE)
-        mean = every[points.split :]
+        mean = points.linear(every[points.split :])
         points.deviator.fill(self.deviator, deviator)
         points.mean.fill(self.mean, mean)
         return deviator, mean
 
-    def take_tangent(self, points: Points, response: Response) -> None:
+    def take_pressure(self, points: Points, pressure: Array) -> None:
+        """Take up the ferrostatic pressure at the points of the mean stress (n,), Pa."""
+        if self.pressure is not None:
+            points.mean.fill(self.pressure, points.linear(pressure))
+
+    def take_tangent(self, points: Points, response: Response) -> Array:
         """Split the tangent likewise: laws change volume elastically alone.
 
         Where a point flows, a trace of stiffness against change of shape stays: that of perfect
         plasticity is zero along the flow, and rounding makes it negative.
+
+        Returns:
+            Bulk modulus at the points of the mean stress, Pa.
         """
         tangent = response.tangent.reshape(-1, 16)
         bulk = tangent @ np.outer(MEAN, MEAN).ravel()
@@ -78,7 +87,7 @@ class Fields:
         flows = np.flatnonzero(response.flows[: points.split])
         shape[flows] += np.outer(TRACE * bulk[flows], np.eye(4) - np.outer(ONE, ONE) / 3.0)
         points.deviator.fill(self.tangent, shape)
-        points.mean.fill(self.bulk, bulk[points.split :])
+        return np.asarray(bulk[points.split :])
 
     @classmethod
     def on(
@@ -90,14 +99,14 @@ class Fields:
         return cls(
             fem.Function(space), fem.Function(space),
             vectors[0], vectors[1], vectors[2], vectors[3],
-            at.function(4), at.function(4, 4), mean.function(), mean.function(),
+            at.function(4), at.function(4, 4), mean.function(),
             mean.function() if pressure else None,
         )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
 class Forms:
-    """Compiled forms.
+    """Compiled forms; to stiffness, column, row and corner comes that of `VolumeStiffness`.
 
     Attributes:
         work: Forces in the plane (vector). stiffness: Their derivative (matrix).
@@ -254,9 +263,13 @@ class Kinematics(ABC):
 
     Attributes:
         forms: Compiled. symmetric: Whether the tangent is, if that of the law is.
+        volume: Stiffness against change of volume. constant: Whether volume changes by as much
+            per unit of each motion whatever the displacement.
     """
 
+    constant: ClassVar[bool]
     symmetric: bool
+    volume: VolumeStiffness
 
     def __init__(
         self,
@@ -269,6 +282,10 @@ class Kinematics(ABC):
     ) -> None:
         self._points, self._fields = points, fields
         self._prepare(section, contact)
+        weights = points.mean.volume.reshape(points.linear.values.shape[:2])
+        self.volume = VolumeStiffness(
+            fields.u.function_space, points.linear, weights, self._rates, self.constant
+        )
         motions = Motions.of(fields, section.mesh)
         terms = self._terms(section, loads, modes, motions)
         self.forms = terms.touching(contact, motions).compiled(section)
@@ -282,12 +299,21 @@ class Kinematics(ABC):
         """Forms of the stress and of the loads."""
 
     @abstractmethod
+    def _rates(self) -> tuple[Array, Array]:
+        """Change of volume per unit of each motion, see `VolumeStiffness`."""
+
+    @abstractmethod
     def increments(self, stress_old: Array) -> tuple[Array, Array]:
-        """Strain increments of the step (points, 4) and the old stress as the law is to see it."""
+        """Strain increments of the step (points, 4) and the old stress as the law is to see it.
+
+        At the points of the mean stress their trace is linear on each cell.
+        """
 
 
 class SmallStrain(Kinematics):
     """Strain linear in the displacement; the tangent is symmetric if those of law and wall are."""
+
+    constant = True
 
     def _prepare(self, section: Section, contact: WallContact | None) -> None:
         self.symmetric = contact is None or contact.symmetric
@@ -306,15 +332,23 @@ class SmallStrain(Kinematics):
             work -= mechanics.traction_work(traction, v, loads.measure(tags))
         for tags, pressure in loads.pressing(section):
             work -= mechanics.pressure_work(pressure, v, mesh, loads.measure(tags))
-        material = (fields.tangent, fields.bulk)
-        matrix = mechanics.stiffness(*material, moved, nodal, *rules)
+
+        def derivative(by: mechanics.Expr, virtual: mechanics.Expr) -> ufl.Form:
+            return mechanics.stiffness(fields.tangent, by, virtual, rules[0])
+
+        matrix = derivative(moved, nodal)
         along = mechanics.virtual_work(fields.deviator, stress, one, *rules)
-        column = mechanics.stiffness(*material, one, nodal, *rules) if modes else None
-        row = None
-        if modes and not self.symmetric:
-            row = mechanics.stiffness(*material, nodal, one, *rules)
-        corner = mechanics.stiffness(*material, other, one, *rules) if modes else None
+        column = derivative(one, nodal) if modes else None
+        row = derivative(nodal, one) if modes and not self.symmetric else None
+        corner = derivative(other, one) if modes else None
         return Terms(work, matrix, along, column, row, corner)
+
+    def _rates(self) -> tuple[Array, Array]:
+        """See `Kinematics`: the same for all displacements."""
+        points = self._points
+        modes = np.column_stack([self._thickness, np.ones(points.count)])[points.split :]
+        found = np.concatenate([points.dilation, modes.reshape(*points.dilation.shape[:2], 4)], 2)
+        return found, found
 
     def increments(self, stress_old: Array) -> tuple[Array, Array]:
         """See `Kinematics`."""
@@ -330,15 +364,28 @@ class SmallStrain(Kinematics):
 class LargeStrain(Kinematics):
     """Hughes' and Winget's midpoint update on the deformed slice, see `forms.finite_strain`."""
 
+    constant = False
+
     def _prepare(self, section: Section, contact: WallContact | None) -> None:
         self.symmetric = False
-        points, fields = self._points, self._fields
+        points, fields, mesh = self._points, self._fields, section.mesh
         self._now = finite_strain.deformation(fields.u, fields.modes, section.mesh)
         self._old = finite_strain.deformation(fields.u_old, fields.modes_old, section.mesh)
         step = finite_strain.increment(self._now, self._old)
         self._steps = [
             Tabulation(section.mesh, step, rule.points) for rule in (points.deviator, points.mean)
         ]
+        moved = mechanics.of_displacement(ufl.TrialFunction(fields.u.function_space))
+        self._nodal, self._along = (
+            tuple(
+                Tabulation(mesh, expression, points.mean.points)
+                for expression in (
+                    finite_strain.volume_change(self._now, self._old, by),
+                    finite_strain.volume_rate(self._now, by),
+                )
+            )
+            for by in (moved, mechanics.of_modes(fields.one, mesh))
+        )
 
     def _terms(self, section: Section, loads: SurfaceLoads, modes: bool, motions: Motions) -> Terms:
         fields, points, mesh = self._fields, self._points, section.mesh
@@ -347,7 +394,7 @@ class LargeStrain(Kinematics):
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
         nodal, moved, one, other = motions.all
-        material = (fields.tangent, fields.bulk, fields.deviator, fields.mean, fields.pressure)
+        material = (fields.tangent, fields.deviator, fields.mean, fields.pressure)
 
         def derivative(by: mechanics.Direction, virtual: mechanics.Direction) -> ufl.Form:
             return finite_strain.stiffness(now, old, material, by, virtual, rules)
@@ -368,9 +415,21 @@ class LargeStrain(Kinematics):
         corner = derivative(other, one) if modes else None
         return Terms(work, matrix, along, column, row, corner)
 
+    def _rates(self) -> tuple[Array, Array]:
+        """See `Kinematics`: at the displacement there is."""
+        one = self._fields.one
+        given = one.value.copy()
+        found = [[table.values()] for table in self._nodal]
+        for direction in np.eye(4):
+            one.value[:] = direction
+            for parts, table in zip(found, self._along, strict=True):
+                parts.append(table.values())
+        one.value[:] = given
+        change, work = (np.concatenate(parts, axis=2) for parts in found)
+        return change, work
+
     def increments(self, stress_old: Array) -> tuple[Array, Array]:
         """See `Kinematics`: midpoint increments, and the stress turned with the material."""
         found = np.concatenate([t.values().reshape(-1, 5) for t in self._steps])
-        return np.ascontiguousarray(found[:, :4]), turned(
-            stress_old, 2.0 * np.arctan(0.5 * found[:, 4])
-        )
+        strain = self._points.level(np.ascontiguousarray(found[:, :4]))
+        return strain, turned(stress_old, 2.0 * np.arctan(0.5 * found[:, 4]))

@@ -20,6 +20,7 @@ from scipy import sparse
 from castfem import nodal
 from castfem.compat import Tabulation
 from castfem.forms import mechanics as forms
+from castfem.mechanics.volume import Linear
 from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
@@ -32,10 +33,13 @@ class Integration:
     Attributes:
         deviator: For the stress deviator (4: 3 x 3 points, on triangles 6).
         mean: For the mean stress (3: 2 x 2 points, on triangles the 4 of `STRANG_FIX`).
+        linear: Whether the mean stress is linear on each cell, or has a value of its own at each
+            of its points (to show what that does).
     """
 
     deviator: int = 4
     mean: int = 3
+    linear: bool = True
 
     @classmethod
     def of(cls, cell: str, order: int) -> Integration:
@@ -142,7 +146,11 @@ class Points:
         volume: Area of each point (count,), m2; each rule fills the section by itself, on triangles
             that of the mean stress with a negative part.
         position: (count, 2), m.
-        strain: Operator (4 count, local degrees of freedom) from displacement to Mandel strain.
+        linear: Projection of values at the points of the mean stress on each cell.
+        strain: Operator (4 count, local degrees of freedom) from displacement to Mandel strain; at
+            the points of the mean stress its trace is linear on each cell.
+        dilation: Change of volume at the points of the mean stress per unknown of a cell,
+            (cells, points of a cell, unknowns of a cell).
         vertex: Operator (count, local vertices) from vertex values to the points.
     """
 
@@ -150,15 +158,25 @@ class Points:
         self, section: Section, space: fem.FunctionSpace, integration: Integration
     ) -> None:
         self.section = section
-        self._mixed = section.cell == "quadrilateral"
         self.deviator = Rule(section, integration.deviator)
         self.mean = Rule(section, integration.mean)
         self.split, self.count = self.deviator.count, self.deviator.count + self.mean.count
         self.volume = np.concatenate([self.deviator.volume, self.mean.volume])
         self.position = np.concatenate([self.deviator.position, self.mean.position])
+        count = len(self.mean.points)
+        weights = np.reshape(self.mean.volume, (-1, count))
+        inside = np.reshape(self.mean.position, (-1, count, 2))
+        self.linear = Linear(section, weights, inside, integration.linear)
+        self._carry = self._carrying()
         moved = forms.strain(forms.of_displacement(ufl.TrialFunction(space)), section.mesh)
-        self.strain = self._operator(moved, space)
-        self.vertex = self._operator(ufl.TrialFunction(section.vertex_space), section.vertex_space)
+        tables = self._tables(moved, space)
+        by_component = tables[1].reshape(len(tables[1]), count, 4, tables[1].shape[2])
+        self.dilation = forms.trace(by_component.transpose(2, 0, 1, 3))
+        level = self.linear.values @ (self.linear.terms @ self.dilation)
+        by_component[:, :, :3] += ((level - self.dilation) / 3.0)[:, :, None]
+        self.strain = self._operator([tables[0], by_component.reshape(tables[1].shape)], space)
+        hats = self._tables(ufl.TrialFunction(section.vertex_space), section.vertex_space)
+        self.vertex = self._operator(hats, section.vertex_space)
         corners = 3 if section.cell == "triangle" else 4
         nodes = np.asarray(space.dofmap.list)[:, :corners]
         at_vertex = np.zeros(self.vertex.shape[1], np.int64)
@@ -167,18 +185,49 @@ class Points:
         places = section.vertex_space.tabulate_dof_coordinates()
         self._vertex_heights = np.array(places[: section.owned, 1])
 
-    def _operator(self, expression: object, space: fem.FunctionSpace) -> sparse.csr_matrix:
-        """Sparse matrix of a linear expression of a space's functions, rows by point."""
-        cells, dofs = np.arange(self.section.cells), nodal.per_cell(space)
-        blocks = []
-        for rule in (self.deviator, self.mean):
-            values = Tabulation(self.section.mesh, expression, rule.points).values()
-            table = values.reshape(len(cells), values[:1].size // dofs, dofs)
-            blocks.append(nodal.operator(space, cells, table))
+    def _carrying(self) -> Array:
+        """From the mean stress at its own points of a cell to the deviator's points, (p, q).
+
+        By what is linear in the coordinates of the reference cell, on quadrilaterals with the mixed
+        term: on straight sides that contains all that is linear in x and y, and on curved ones it
+        follows the sides, as stress does.
+        """
+        several = 1
+        if len(self.mean.points) > 1:
+            several = 4 if self.section.cell == "quadrilateral" else 3
+        terms = [
+            np.column_stack([np.ones(len(p)), p, p[:, 0] * p[:, 1]])[:, :several]
+            for p in (self.deviator.points, self.mean.points)
+        ]
+        weighted = terms[1] * self.mean.weights[:, None]
+        return np.asarray(terms[0] @ np.linalg.solve(terms[1].T @ weighted, weighted.T))
+
+    def _tables(self, expression: object, space: fem.FunctionSpace) -> list[Array]:
+        """A linear expression of a space's functions at the points of each rule.
+
+        Returns:
+            (cells, points of a cell x components, degrees of freedom of a cell) each.
+        """
+        cells, dofs = self.section.cells, nodal.per_cell(space)
+        values = (
+            Tabulation(self.section.mesh, expression, rule.points).values()
+            for rule in (self.deviator, self.mean)
+        )
+        return [v.reshape(cells, v[:1].size // dofs, dofs) for v in values]
+
+    def _operator(self, tables: list[Array], space: fem.FunctionSpace) -> sparse.csr_matrix:
+        """Sparse matrix of `_tables`, rows by point."""
+        blocks = [nodal.operator(space, np.arange(len(t)), t) for t in tables]
         matrix = sparse.vstack(blocks, format="csr")
         matrix.eliminate_zeros()
         matrix.sort_indices()
         return matrix
+
+    def level(self, strain: Array) -> Array:
+        """Make the change of volume linear on each cell: strains (count, 4) are written to."""
+        size = forms.trace(strain[self.split :].T)
+        strain[self.split :, :3] += ((self.linear(size) - size) / 3.0)[:, None]
+        return strain
 
     def stiffness_temperature(self, temperature: Array) -> Array:
         """Temperatures (count,) that moduli are to be taken at, given those of the points.
@@ -198,23 +247,12 @@ class Points:
     def recovered(self, stress: Array) -> Array:
         """Stress at the deviator's points with the mean stress of its own rule, (split, 4).
 
-        On each cell the mean stress is carried over by its projection on the polynomials it can
-        resolve: linear, on quadrilaterals with the mixed term. What is left does no work with any
-        linear strain: on triangles a mode of the four points that equilibrium does not see.
-
         Args:
             stress: At the points of both rules (count, 4).
         """
-        several = 3 + self._mixed if len(self.mean.points) > 1 else 1
-        terms = [
-            np.column_stack([np.ones(len(p)), p, p[:, 0] * p[:, 1]])[:, :several]
-            for p in (self.deviator.points, self.mean.points)
-        ]
-        weighted = terms[1] * self.mean.weights[:, None]
-        carry = terms[0] @ np.linalg.solve(terms[1].T @ weighted, weighted.T)
-        own = stress[self.split :, :3].mean(axis=1).reshape(-1, len(self.mean.points))
+        own = self.linear(stress[self.split :, :3].mean(axis=1)).reshape(-1, len(self.mean.points))
         found = stress[: self.split].copy()
-        found[:, :3] += ((own @ carry.T).ravel() - found[:, :3].mean(axis=1))[:, None]
+        found[:, :3] += ((own @ self._carry.T).ravel() - found[:, :3].mean(axis=1))[:, None]
         return found
 
     def at_vertices(self, values: Array) -> Array:

@@ -134,6 +134,7 @@ class MechanicalProblem:
         fields, slice_ = self.fields, self.slice
         before, after = self.at_points(old.temperature), self.at_points(temperature)
         self.old, self.dt = old, time - old.time
+        self.kinematics.volume.begin()
         with self.watch.section("law"):
             strain = slice_.thermal_strain
             thermal = np.asarray(strain(after)) - np.asarray(strain(before))
@@ -145,7 +146,7 @@ class MechanicalProblem:
         self.pressure: Array = np.zeros(0)
         if slice_.ferrostatic is not None and fields.pressure is not None:
             self.pressure = slice_.ferrostatic.pressure(after[self.points.split :], time)
-            self.points.mean.fill(fields.pressure, self.pressure)
+            fields.take_pressure(self.points, self.pressure)
             if (liquid := self._loads.liquid) is not None:
                 pressure = slice_.ferrostatic.pressure(temperature, time)
                 liquid.x.array[: self.section.owned] = pressure
@@ -252,10 +253,14 @@ class MechanicalProblem:
                 balance += self.contact.work_on(self._motions.closing)
         return forces, balance
 
-    def _assemble(self, form: fem.Form) -> Array:
-        """Assembled linear form, entries of this rank's own unknowns (valid until the next)."""
+    def _assemble(self, form: fem.Form, beside: Array | float = 0.0) -> Array:
+        """Assembled linear form and what stands beside it at the local unknowns, ghosts included.
+
+        Returns:
+            Entries of this rank's own unknowns (valid until the next).
+        """
         vector = self._work.x
-        vector.array[:] = 0.0
+        vector.array[:] = beside
         fem.assemble_vector(vector.array, form)
         vector.scatter_reverse(la.InsertMode.add)
         return vector.array[: self.owned]
@@ -317,10 +322,13 @@ class MechanicalProblem:
         """Add the forces by which supports, on their way to where they belong, move the rest."""
         if reductions.largest(self.section.comm, np.abs(missing)) == 0.0:
             return
-        self.fields.take_tangent(self.points, self.response)
         form, vector = self.kinematics.forms.stiffness, self._work.x
-        vector.array[:] = 0.0
         with self.watch.section("assembly"):
+            self._take_tangent()
+            vector.array[:] = 0.0
+            vector.array[self.constraints.fixed] = -missing
+            vector.scatter_forward()
+            vector.array[:] = self.kinematics.volume.forces(vector.array)
             for condition in self.constraints.conditions:
                 fem.apply_lifting(
                     vector.array, [form], [[condition]], x0=[self.fields.u.x.array], alpha=-1.0
@@ -328,12 +336,17 @@ class MechanicalProblem:
             vector.scatter_reverse(la.InsertMode.add)
         nodal += vector.array[: self.owned]
 
+    def _take_tangent(self) -> None:
+        """Hand the tangent of the law to the forms, the bulk modulus to what stands beside them."""
+        self.kinematics.volume.take(self.fields.take_tangent(self.points, self.response))
+
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
         """Derivative of the residual at the unknowns integrated last."""
         compiled = self.kinematics.forms
-        self.fields.take_tangent(self.points, self.response)
         with self.watch.section("assembly"):
+            self._take_tangent()
             assemble_into(self._matrix, compiled.stiffness, self.constraints.conditions)
+            self.kinematics.volume.add_to(self._matrix, self.constraints.free)
             if self.constraints.springs is not None:
                 self.constraints.springs.add_to(self._matrix)
             self._fill_border(self.border)
@@ -341,20 +354,24 @@ class MechanicalProblem:
     def _fill_border(self, border: Border) -> None:
         """Derivatives by, and of the balance of, the free motions of the planes."""
         compiled, fields, motions = self.kinematics.forms, self.fields, self._motions
+        volume = self.kinematics.volume
         corner = np.zeros_like(border.corner)
-        for i, direction in enumerate(motions.directions.T):
+        for i in range(self.free):
             assert compiled.column is not None and compiled.corner is not None
+            direction, closing = motions.directions[:, i], motions.closing[:, i]
             fields.one.value[:] = direction
-            border.columns[:, i] = self._assemble(compiled.column)
+            border.columns[:, i] = self._assemble(compiled.column, volume.column(direction))
             if motions.coupled or compiled.row is not None:
-                fields.one.value[:] = motions.closing[:, i]
-                border.rows[:, i] = self._assemble(compiled.row or compiled.column)
+                fields.one.value[:] = closing
+                form = compiled.row or compiled.column
+                border.rows[:, i] = self._assemble(form, volume.row(closing))
             else:
                 border.rows[:, i] = border.columns[:, i]
             border.columns[self.constraints.fixed, i] = 0.0
-            for j, other in enumerate(motions.directions.T):
+            for j in range(self.free):
+                other = motions.directions[:, j]
                 fields.other.value[:] = other
-                corner[i, j] = fem.assemble_scalar(compiled.corner)
+                corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(closing, other)
         if self.free:
             border.corner[:] = reductions.totals(self.section.comm, corner)
         border.updated()
@@ -370,4 +387,5 @@ class MechanicalProblem:
         """Free the PETSc objects; safe to call twice."""
         self.solver.destroy()
         self.border.close()
+        self.kinematics.volume.destroy()
         self._matrix.destroy()

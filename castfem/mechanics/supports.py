@@ -113,7 +113,8 @@ class Constraints:
 
     Attributes:
         conditions: For DOLFINx' assembly.
-        fixed: Prescribed degrees of freedom that this rank owns (k,).
+        fixed: Prescribed degrees of freedom that this rank owns (k,). free: 0 at those and at its
+            ghosts that are prescribed, 1 elsewhere (n,).
         springs: At points, if the section needs any. dofs: Prescribed or with a spring.
         moving: Whether any condition is not zero for ever.
 
@@ -150,6 +151,9 @@ class Constraints:
             self.springs = Springs(_sorted(sprung, owned), springs)
         found = [np.zeros(0, np.int32), *(c.dof_indices()[0] for c in self.conditions)]
         self.fixed = _sorted(found, owned)
+        ghosts = space.dofmap.index_map.num_ghosts * space.dofmap.bs
+        self.free = np.ones(owned + ghosts)
+        self.free[np.concatenate(found)] = 0.0
         self.dofs = self.fixed
         if self.springs is not None:
             self.dofs = np.union1d(self.fixed, self.springs.dofs)

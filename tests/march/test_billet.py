@@ -209,13 +209,13 @@ def test_order_decides_through_which_gap_heat_flows(
     monkeypatch.setattr(
         Zones, "set_gap", lambda zones, gap: taken.append(gap.copy()) or set_gap(zones, gap)
     )
-    single = (f"coupling.order={order}", "coupling.passes=1", "casting.length=90 mm")
+    single = (f"coupling.order={order}", "coupling.passes=1", "casting.length=105 mm")
     scene = build_scene(billet("taper_0", *single), MPI.COMM_SELF)
     try:
         March(scene, Gaps()).run()  # type: ignore[arg-type]
     finally:
         scene.destroy()
-    assert len(taken) == 6 and 1e-6 < found[-1].max() < 1e-4
+    assert len(taken) == 7 and 1e-6 < found[-1].max() < 1e-4
     before, after = found[:-1], found[1:]
     one, other = (before, after) if order == "thermal_first" else (after, before)
     assert np.array_equal(taken, one) and not np.array_equal(taken[-1], other[-1])

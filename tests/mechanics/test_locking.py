@@ -13,7 +13,7 @@ from castfem.mechanics.supports import SurfacePressure
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, elastic, mapped, ring
 
 INNER, OUTER, PRESSURE, E, NU = 0.02, 0.04, 1e7, 200e9, 0.499999
-ONE_RULE = Integration(4, 4)
+ONE_RULE = Integration(4, 4, linear=False)
 
 
 def tube(cells: int, cell: str, rules: Integration | None, law: object = None) -> SliceScene:

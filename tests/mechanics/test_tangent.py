@@ -16,7 +16,13 @@ from mechanics.scenes import Array, SliceScene, elastic, expansion, mapped, skew
 
 FREE = ("left", "bottom", "right", "top")
 STEEL = Elasticity.constant(200e9, 0.3)
-LAWS = {"elastic": elastic(), "creep": NortonCreep.constant(STEEL, 1e-2, 1e8, 3.0)}
+# Moduli that change eightfold over the section, and so within a cell.
+SOFT = Elasticity(lambda T: 200e9 * np.exp(-T / 50.0), lambda T: 0.2 + 1e-3 * T)
+LAWS = {
+    "elastic": elastic(),
+    "softening": ThermoElastic(SOFT),
+    "creep": NortonCreep.constant(STEEL, 1e-2, 1e8, 3.0),
+}
 PLANES: dict[str, Any] = {
     "all free": PlainPlanes(("a0", "a1", "a2", "across")),
     "bent": BentPlanes(lambda t: 0.5 * t, 0.03),

@@ -1,0 +1,97 @@
+"""The mean stress is stable: felt by the displacements alike on any mesh, free of patterns."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.mean_stress import (
+    FOUR_TERMS,
+    MESHES,
+    SIDES,
+    Block,
+    colliding,
+    inf_sup,
+    punch,
+    punch_error,
+)
+from mechanics.scenes import SliceScene, box, elastic, mapped, skewed
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), zip(MESHES, (0.41, 0.42, 0.32, 0.34, 0.2, 0.16), strict=True)
+)
+def test_inf_sup_constant_does_not_fall(name: str, least: float) -> None:
+    """Only the uniform mean stress is not felt between sticking walls, however fine the mesh."""
+    cell, shape, order = MESHES[name]
+    counts = (2, 4, 8, 16) if name == "square" else (2, 4, 8)
+    found = [inf_sup(mapped(n, n, shape, cell, order, SIDES), None) for n in counts]
+    assert [unfelt for unfelt, _ in found] == [1] * len(counts)
+    constants = np.array([constant for _, constant in found])
+    assert constants.min() > least
+    assert (constants[1:] > 0.92 * constants[:-1]).all()
+
+
+def test_a_fourth_term_is_felt_less_on_finer_meshes() -> None:
+    found = [inf_sup(mapped(n, n, box(1.0, 1.0), groups=SIDES), FOUR_TERMS) for n in (2, 4, 8)]
+    assert [unfelt for unfelt, _ in found] == [2, 2, 2]
+    assert found[-1][1] < 0.4 * found[0][1]
+
+
+def mixed_in_results(block: Block) -> float:
+    """Term xy of the mean stress as results have it, by cell, over that of its rms."""
+    points = block.problem.points
+    x, y = 2.0 * points.deviator.points.T - 1.0
+    mean = points.recovered(block.state.stress)[:, :3].mean(axis=1).reshape(-1, len(x))
+    terms = np.linalg.lstsq(np.column_stack([np.ones(len(x)), x, y, x * y]), mean.T, rcond=None)[0]
+    return float(np.sqrt(np.mean(terms[3] ** 2) / np.mean(mean**2)))
+
+
+def test_no_checkerboard_under_a_punch() -> None:
+    """Poisson's ratio 0.499999; against a mesh four times as fine."""
+    fine = punch(32, None)
+    blocks = {n: punch(n, None) for n in (4, 8)}
+    errors = np.array([punch_error(block, fine, n) for n, block in blocks.items()])
+    assert errors[-1, 0] < 0.012
+    assert errors[0, 0] > 2.5 * errors[1, 0]
+    four = punch(8, FOUR_TERMS)
+    assert punch_error(four, fine, 8)[1] > 3.0 * errors[-1, 0]
+    assert mixed_in_results(blocks[8]) < 1e-12
+    assert mixed_in_results(four) > 0.03
+
+
+@pytest.mark.parametrize(("cell", "last"), [("quadrilateral", 8e-3), ("triangle", 4e-2)])
+def test_mean_stress_of_colliding_flows(cell: str, last: float) -> None:
+    """Stokes' flow between walls, known in closed form: second order."""
+    errors = np.array([colliding(n, None, cell) for n in (4, 8, 16)])
+    assert errors[-1] < last
+    assert np.log2(errors[:-1] / errors[1:]).min() > 1.7
+
+
+def test_linear_part_of_a_cell() -> None:
+    """The projection keeps what is linear in x and y on any cell, and is its own adjoint."""
+    for order in (1, 2):
+        points = SliceScene(mapped(3, 3, skewed(0.1, 0.07), order=order), elastic()).problem.points
+        x, y = points.mean.position.T
+        straight = 3.0 - 20.0 * x + 7.0 * y
+        assert np.abs(points.linear(straight) - straight).max() < 1e-13
+        one, other = np.random.default_rng(0).normal(size=(2, len(x)))
+        volume = points.mean.volume
+        work = volume @ (points.linear(one) * other)
+        assert work == pytest.approx(volume @ (one * points.linear(other)), rel=1e-12)
+        assert np.abs(points.linear(points.linear(one)) - points.linear(one)).max() < 1e-12
+        by_cell = (volume * (one - points.linear(one))).reshape(-1, 4).sum(axis=1)
+        assert np.abs(by_cell).max() < 1e-16  # resultants stay
+
+
+@pytest.mark.parametrize("thin", [1.0, 1e3])
+def test_linear_part_of_thin_and_turned_cells(thin: float) -> None:
+    def shape(s: Any, t: Any) -> Any:
+        return 0.8 * s - 0.6 * t / thin, 0.6 * s + 0.8 * t / thin
+
+    points = SliceScene(mapped(2, 2, shape, groups=SIDES), elastic()).problem.points
+    x, y = points.mean.position.T
+    straight = 3.0 - 20.0 * x + 7.0 * y
+    assert np.abs(points.linear(straight) - straight).max() < 1e-11
