@@ -11,6 +11,7 @@ the ratio:
 
 from __future__ import annotations
 
+import argparse
 import os
 import subprocess
 import sys
@@ -50,10 +51,24 @@ def seconds(way: Way, name: str, together: bool) -> float:
         return time.perf_counter() - begun
 
 
+def parse(words: list[str]) -> argparse.Namespace:
+    """The command line."""
+    about, _, ways = (__doc__ or "").partition("\n\n")
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.throughput",
+        description=about,
+        epilog=ways.partition("\n\n")[2],
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("name", nargs="?", default="billet125/taper_1", metavar="CASE")
+    parser.add_argument("repeats", nargs="?", type=int, default=3, metavar="REPEATS")
+    return parser.parse_args(words)
+
+
 def main(words: list[str]) -> None:
     """Measure and print a line each time."""
-    name = words[0] if words else "billet125/taper_1"
-    repeats = int(words[1]) if len(words) > 1 else 3
+    given = parse(words)
+    name, repeats = given.name, given.repeats
     ways: dict[str, Way] = {"two runs": two_runs, "a sweep of eight": sweep}
     seconds(two_runs, name, together=True)  # forms and meshes come from the cache from now on
     for title, way in ways.items():

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from castfem.measure import Reading
     from castfem.mechanical_measure import MechanicalReading
     from castfem.passage import Strained
+    from castfem.scene import Scene
 
 
 def summarise(march: March, status: str) -> Summary:
@@ -32,7 +33,24 @@ def summarise(march: March, status: str) -> Summary:
         wall_time=dict(scene.watch.seconds),
         zones=tuple(Zone(s.name, s.start, s.end, s.whole) for s in scene.zones.spans),
         mould_exit=scene.case.mould_exit(),
+        unchecked=_unchecked(scene),
     )
+
+
+def _unchecked(scene: Scene) -> tuple[str, ...]:
+    """Data of steel and law that are from memory of their source, one line a source."""
+    found = {key: o.source for key, o in scene.steel.origins.items() if o.status == "M"}
+    if scene.case.mechanics is not None:
+        from castfem.laws.library import unchecked
+
+        law = unchecked(scene.case.mechanics.law)
+        found |= {
+            f"mechanics.law {key}".removesuffix(" law"): source for key, source in law.items()
+        }
+    sources: dict[str, list[str]] = {}
+    for key, source in found.items():
+        sources.setdefault(source or "no source given", []).append(key.replace("_", " "))
+    return tuple(f"{', '.join(keys)}: {source}" for source, keys in sources.items())
 
 
 def last_results(march: March) -> tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]]:

@@ -91,6 +91,7 @@ _NUMBERS = {
     "coldest": Kind("K", "degC"),
 }
 _CARBON = "carbon"  # wt% of the steel that the numbers are of
+FROM_MEMORY = "M"  # status of a number that was not compared with its source
 _TEXTS = ("law", "description", "source", "status", "note")
 _NOTES = ("source", "status", "note")
 
@@ -177,6 +178,20 @@ def load_law(
     """
     data, label = _parse(name, Path(base_dir or "."), "law")
     return law_from(data, elasticity, label, carbon=carbon, delta_share=delta_share)
+
+
+def unchecked(name: str, base_dir: str | os.PathLike[str] | None = None) -> dict[str, str]:
+    """Parameters of a law with status M, from memory of their source, each with that source.
+
+    Raises:
+        InputError: As `load_law`.
+    """
+    data, _ = _parse(name, Path(base_dir or "."), "law")
+    found = {"law": str(data.get("source", ""))} if data.get("status") == FROM_MEMORY else {}
+    for key, given in data.items():
+        if isinstance(given, Mapping) and given.get("status") == FROM_MEMORY:
+            found[key] = str(given.get("source", ""))
+    return found
 
 
 def law_carbon(name: str, base_dir: str | os.PathLike[str] | None = None) -> float | None:

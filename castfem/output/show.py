@@ -169,6 +169,9 @@ def _print_summary(out: Console, summary: Summary) -> None:
         text = f"the case of these references had other values of {', '.join(keys)}"
         for line in _wrapped(out, text, f"{UNCHANGED}: "):
             _print(out, line)
+    for line in summary.unchecked:
+        for part in _wrapped(out, line, "from memory, not compared with its source: "):
+            _print(out, part)
     out.print()
     for name, terms in summary.balances.items():
         table = _table(f"Balance of {name.replace('_', ' ')}", "term", "value", "unit")

@@ -8,7 +8,7 @@
      "balances": {NAME: {NAME: {"value", "unit", "label"}, ...}, ...},
      "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
      "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...],
-     "mould_exit": 0.6}
+     "mould_exit": 0.6, "unchecked": ["density: SOURCE", ...]}
 
 In the file each value is in the unit beside it. In Python `value` and `unit` are SI, `shown` and
 `shown_unit` what the file has. Zones, `at` (null: the end of the run) and `mould_exit` (null: there
@@ -176,6 +176,8 @@ class Summary:
         zones: The cooling, in casting order.
         mould_exit: Where the mould ends, below the meniscus [m], though the run may end before;
             None if there is no mould.
+        unchecked: Data from memory of their source (status M), each with it: the results hang on
+            them as on the others.
     """
 
     title: str
@@ -187,6 +189,7 @@ class Summary:
     wall_time: Mapping[str, float] = field(default_factory=dict)
     zones: tuple[Zone, ...] = ()
     mould_exit: float | None = None
+    unchecked: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file, for `castfem.output.files.write_json`."""
@@ -203,6 +206,7 @@ class Summary:
             "wall_time": dict(self.wall_time),
             "zones": [asdict(zone) for zone in self.zones],
             "mould_exit": self.mould_exit,
+            "unchecked": list(self.unchecked),
         }
 
     @classmethod
@@ -225,6 +229,7 @@ class Summary:
             wall_time=content["wall_time"],
             zones=tuple(Zone(**zone) for zone in content["zones"]),
             mould_exit=content.get("mould_exit"),
+            unchecked=tuple(content.get("unchecked", ())),
         )
 
     @classmethod

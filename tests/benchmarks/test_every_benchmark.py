@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import wall_study
+from benchmarks import throughput, wall_study
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.report import PAGE, ROOT, Output
 
@@ -81,3 +81,10 @@ def test_shortest_form_runs(name: str, tmp_path: Path, monkeypatch: pytest.Monke
     original = PAGE.with_name(output.name).read_text(encoding="utf-8")
     assert output.page.read_text(encoding="utf-8") != original
     assert list((tmp_path / "data").glob("*.csv"))
+
+
+def test_help_runs_nothing(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        throughput.main(["--help"])
+    assert end.value.code == 0
+    assert "REPEATS" in capsys.readouterr().out

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import castfem
+from castfem.case import load_case
 from castfem.errors import InputError
 from castfem.output.files import plain, write_json
 from castfem.output.summary import Quantity, Reference, Summary, compare, from_si, to_si
@@ -169,3 +172,23 @@ def test_no_difference_is_taken_from_a_number_of_the_unchanged_case() -> None:
     summary = Summary("t", "finished", references=(found,))
     (again,) = Summary.from_json(json.loads(json.dumps(plain(summary.to_json())))).references
     assert again == found
+
+
+def test_data_from_memory_are_told_in_every_run(tmp_path: Path) -> None:
+    from rich.console import Console
+
+    from castfem.catalogue import find
+    from castfem.laws.library import unchecked
+    from castfem.output.show import show
+
+    changes = ["casting.length=6 mm", "mechanics.law=kozlowski_zhu", "mesh.surface_size=3 mm"]
+    case = load_case(find("billet125/idealised"), [*changes, "output.fields=[]"])
+    with castfem.run(case, tmp_path / "run") as result:
+        told = " ".join(result.summary.unchecked)
+    assert "density: usual size for carbon steel" in told and "conductivity: usual" in told
+    assert "mechanics.law:" in told and "thermal expansion" not in told, "that is from the thesis"
+    assert Summary.load(tmp_path / "run").unchecked == result.summary.unchecked
+    console = Console(record=True, width=200)
+    show(tmp_path / "run", console, figures=False)
+    assert "from memory, not compared with its source: density" in console.export_text()
+    assert unchecked("norton_hoff_kozlowski") == {}
