@@ -99,10 +99,12 @@ class Relaxation:
 
     Args:
         comm: Ranks that have the field.
+        weight: Of each value in sums: the surface that is its own, so that a section and a part
+            of it that symmetry leaves are relaxed alike, and so are fine and coarse meshes.
     """
 
-    def __init__(self, comm: MPI.Comm) -> None:
-        self._comm, self._factor = comm, 1.0
+    def __init__(self, comm: MPI.Comm, weight: Array) -> None:
+        self._comm, self._weight, self._factor = comm, weight, 1.0
         self._before: Array | None = None
 
     def __call__(self, tried: Array, found: Array) -> Array:
@@ -111,7 +113,8 @@ class Relaxation:
         residual = np.where(reached, difference(found, tried), 0.0)
         if self._before is not None:
             change = residual - self._before
-            sums = [float(self._before @ change), float(change @ change)]
+            weighted = self._weight * change
+            sums = [float(self._before @ weighted), float(change @ weighted)]
             along, size = reductions.totals(self._comm, sums)
             if size > 0.0:
                 self._factor = float(np.clip(-self._factor * along / size, *FACTORS))
@@ -166,7 +169,8 @@ class Coupler:
         self._follow_shape(old.mechanical)
         begun = gap = self.gap_of(old.mechanical)
         repeats = begun is not None and self.order == "thermal_first"
-        learnt, relaxed = self.thermal.control.step, Relaxation(self.mechanics.comm)
+        learnt = self.thermal.control.step
+        relaxed = Relaxation(self.mechanics.comm, self.zones.perimeter_share())
         taken = self._pass(old, end, gap)
         while taken.converged and repeats:
             assert begun is not None and gap is not None and taken.state.mechanical is not None
