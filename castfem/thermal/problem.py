@@ -200,6 +200,11 @@ class ThermalProblem:
         first = self._laplacian.getOwnershipRange()[0]
         self._fixed_rows = (self._fixed + first).astype(np.int32)
 
+    @property
+    def fixed(self) -> npt.NDArray[np.int64]:
+        """Owned vertices whose temperature is given."""
+        return self._fixed
+
     def set_source(self, source: Array) -> None:
         """Heat generated inside from now on: `source` at the owned vertices (owned,), W/m3.
 

@@ -305,4 +305,5 @@ class ThermalStepper:
         else:
             change = 0.5 * (stages[0].rate - old.rate)
         kelvin = np.abs(dt * change * stages[-1].point.temperature_slope)
+        kelvin[self.problem.fixed] = 0.0  # a temperature that is given is exact, though it jumps
         return reductions.largest(self.comm, kelvin)

@@ -97,6 +97,19 @@ def test_a_law_that_heats_beyond_its_surroundings_is_refused(
         castfem.run(case)
 
 
+@pytest.mark.parametrize("value", ["20 degC", "999 degC", "1300 degC"])
+def test_adaptive_steps_begin_with_a_temperature_that_jumps(
+    strip: castfem.Case, value: str
+) -> None:
+    given = {"cooling.water.surface": [{"law": "temperature", "value": value}]}
+    case = strip.with_({"casting.length": "100 mm", **given})
+    one = castfem.run(case)
+    fine = castfem.run(case.with_({"thermal.time.step": "10 ms"}))
+    found, exact = (r.quantities["heat_removed"] for r in (one, fine))
+    assert found == pytest.approx(exact, rel=5e-3)
+    assert one.summary.steps["accepted"] < 200.0
+
+
 def test_an_emissivity_of_nothing_radiates_nothing() -> None:
     hot = np.array([500.0, 1500.0])
     for law in (Radiation(0.0, 300.0), Radiation(0.8, 300.0, 0.0), Radiation(0.0, 300.0, 0.0)):
