@@ -30,6 +30,7 @@ from castfem.table import Table
 from castfem.units import format, nearest
 from castfem.wording import choices
 
+_FINEST = 1e-5  # of half the section: smallest cell
 _ROUNDING = 1e-9  # of a length: how far two that are one may differ
 _SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the same place
 _THINNEST = (
@@ -107,6 +108,13 @@ def _mesh(case: Case) -> Iterator[Problem]:
             what = "half the thickness of" if key == "surface_size" else "half"
             yield Problem(
                 ("mesh", key), f"({_mm(value)}) is larger than {what} the section ({_mm(most)})"
+            )
+        # Curved cells so flat lose their shape in rounding, and DOLFINx finds no point in them.
+        if value is not None and large is not None and value < _FINEST * large:
+            yield Problem(
+                ("mesh", key),
+                f"({_mm(value)}) is too fine to be told apart in the section; at least "
+                f"{_mm(_FINEST * large)}",
             )
     for small, big in (("surface_size", "core_size"), ("corner_size", "face_size")):
         fine, coarse = getattr(mesh, small), getattr(mesh, big)

@@ -96,6 +96,12 @@ MISTAKES = {
         "cooling.1.surface.0.emissivity",
         ["(1.2)", "must not be above 1"],
     ),
+    "cells too small for the section": (
+        'surface_size = "0.5 mm"',
+        'surface_size = "1 nm"',
+        "mesh.surface_size",
+        ["(1e-06 mm)", "too fine", "at least 0.000625 mm"],
+    ),
     "water that is ice": (
         'law = "radiation"\nambient = "25 degC"',
         'law = "spray"\nwater = "5 L/(m^2 s)"\nwater_temperature = "25 K"\ncorrelation = "nozaki"',
