@@ -6,12 +6,13 @@ With the vertex rule of `forms.heat` the stage reads, for the enthalpies H (J/m3
 
 M the vertices' areas, L the Laplacian of the section, w their shares of the perimeter, s heat
 generated inside.  L is assembled once, or once an interval in a slice that moves; a Newton step
-only scales its columns by dtheta/dH.  Where the flux grows with the temperature the Jacobian is an
-M-matrix with dominant columns for every step and every freezing range, so the stage has one
-solution; where it falls (boiling) a long stage may have several, see `branch`.  Newton's method on
-H (not on T) has no difficulty with isothermal freezing.
-(What the shear of the shell adds to L is smaller than its entries by the strain, and may have the
-other sign.)
+only scales its columns by dtheta/dH.  On rectangles and Delaunay triangles, and where the flux
+grows with the temperature, the Jacobian is an M-matrix with dominant columns for every step and
+every freezing range, so the stage has one solution; where the flux falls (boiling) a long stage may
+have several, see `branch`.  Newton's method on H (not on T) has no difficulty with isothermal
+freezing.  Other quadrilaterals, as they stand round an arc, give L some positive entries off its
+diagonal, up to 7 % of it, and the shear of the shell as many as it has strain; there the maximum
+principle holds but for hundredths of a kelvin (docs/thermal.md).
 
 M stays that of the undeformed slice, whose steel it holds: the enthalpy is per volume at the
 meniscus, and no movement adds to it.

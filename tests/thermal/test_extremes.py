@@ -165,3 +165,33 @@ def test_heat_is_exact_at_any_step() -> None:
         scene.cool(("surface", laws.PrescribedTemperature(1000.0))).march(1e8, 1e8 / steps)
         removed.append(scene.state.removed)
     assert np.ptp(removed) / removed[0] < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("radius", "cell", "least", "most"),
+    [
+        (0.0, "quadrilateral", 0.0, 1e-12),
+        (5e-3, "triangle", 0.0, 1e-12),
+        (5e-3, "quadrilateral", 0.01, 0.07),
+    ],
+)
+def test_where_conduction_is_an_m_matrix(
+    radius: float, cell: str, least: float, most: float
+) -> None:
+    """On rectangles and Delaunay triangles; round an arc of quadrilaterals not quite."""
+    scene = ThermalScene(billet(radius, cell), constant_steel(1725.15, 1775.65), CAST)
+    matrix = scene.problem._laplacian
+    starts, columns, values = matrix.getValuesCSR()
+    rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    off = rows != columns
+    share = (values[off] / matrix.getDiagonal().getArray()[rows[off]]).max()
+    assert least <= max(share, 0.0) <= most
+
+
+def test_round_an_arc_liquid_is_warmed_by_hundredths_of_a_kelvin() -> None:
+    """The corner alone is quenched, in short steps: the maximum principle, but for its entries."""
+    curve = constant_steel(1725.15, 1775.65, datum=CAST)
+    mesh = billet(5e-3, surface_size=1e-3, corner_size=1e-3)
+    scene = ThermalScene(mesh, curve, CAST, "backward_euler")
+    scene.cool(("corner", laws.Convection(3e4, 298.15))).march(1.0, 0.01)
+    assert CAST < scene.high < CAST + 0.1
