@@ -257,8 +257,8 @@ def test_full_caster_by_one_key(tmp_path: Path) -> None:
 
 def test_emissivity_that_the_steel_lacks_is_missed_before_the_run(tmp_path: Path) -> None:
     case = load_case(
-        CASES / "verification" / "alloy_similarity.toml",
-        ['cooling.0.surface=[{law="radiation", on=["surface"], ambient="25 degC"}]'],
+        CASES / "billet125" / "thermal.toml",
+        ["steel.name=alloy_similarity", 'cooling.0.surface=[{law="radiation", ambient="25 degC"}]'],
     )
     with pytest.raises(InputError, match="emissivity"):
         run(case, tmp_path)
