@@ -258,6 +258,11 @@ def locking(output: Output, quick: bool) -> None:
                 rows.append({"tube": word, "cell": cell, "cells": cells, **errors})
     rows.sort(key=lambda row: [w for pair in names.values() for w in pair].index(row["tube"]))
     output.csv("locking", rows)
+
+
+def show_locking(output: Output) -> None:
+    """Two rules and one, from the data."""
+    rows = output.rows("locking")
     columns = {
         "tube": "tube", "cell": "cells", "cells": "n", "two": "error, two rules, %",
         "one": "error, one rule, %",
@@ -288,6 +293,12 @@ def stability(output: Output, quick: bool) -> None:
             row: dict[str, Any] = {"mesh": name, "terms": terms, "unfelt": found[0][0]}
             rows.append(row | {f"n{n}": one[1] for n, one in zip(counts, found, strict=True)})
     output.csv("inf_sup", rows)
+
+
+def show_stability(output: Output) -> None:
+    """The inf-sup constants, from the data."""
+    rows = output.rows("inf_sup")
+    counts = [int(key[1:]) for key in rows[0] if key[0] == "n" and key[1:].isdigit()]
     columns = {"mesh": "section", "terms": "mean stress on a cell", "unfelt": "not felt at all"}
     columns |= {f"n{n}": f"n = {n}" for n in counts}
     output.insert("inf_sup", table(rows, columns, {f"n{n}": ".2g" for n in counts}))
@@ -306,6 +317,11 @@ def errors(output: Output, quick: bool) -> None:
                  "flow": 100 * flow}
             )  # fmt: skip
     output.csv("mean_stress", rows)
+
+
+def show_errors(output: Output) -> None:
+    """Under a punch and in colliding flows, from the data."""
+    rows = output.rows("mean_stress")
     columns = {
         "cells": "n", "terms": "mean stress on a cell", "punch": "punch: error, %",
         "mixed": "of it the mixed term, %", "flow": "colliding flows: error, %",
@@ -318,3 +334,11 @@ def main(output: Output, quick: bool = False) -> None:
     locking(output, quick)
     stability(output, quick)
     errors(output, quick)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    show_locking(output)
+    show_stability(output)
+    show_errors(output)

@@ -18,6 +18,7 @@ SLOW = {
     "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",
     "caster": "22 s: a caster of 20 m, run by tests/march",
     "jumps": "its marches with a fine step; tests/thermal covers what they show",
+    "mean_stress": "meshes to n = 16; tests/mechanics has the coarse ones",
     "latent_heat": "15 s: needs its whole run to have fronts to compare",
     "costs": "30 s: processes of their own, several times each",
     "weiner_boley": "44 s: past 21 s of freezing; tests/verification runs the shipped case",
