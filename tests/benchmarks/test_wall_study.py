@@ -20,4 +20,5 @@ def test_springs_carry_less_than_points(tmp_path: Path, monkeypatch: pytest.Monk
     assert float(held["carried"]) > 0.1 * float(held["wall"])
     assert float(sprung["carried"]) < 1e-5 * float(sprung["wall"])
     assert float(sprung["drift"]) < 1e-3  # um: the same place but for what springs give way
+    wall_study.show_springs(Output(tmp_path))
     assert "| 1e-07 E |" in (tmp_path / "mechanics.md").read_text(encoding="utf-8")

@@ -201,7 +201,7 @@ def test_sizes_are_shown_on_the_way_through_the_mould(tmp_path, end, places):
     reference = Reference("heat_removed_slice", 142e3, "kJ", "thesis")
     made = [_in_the_mould(tmp_path, name, 1e5, reference, end) for name in ("one", "two")]
     zones = (Zone("mould", 0.0, 0.6), Zone("spray", 0.6, 1.2, whole=False))
-    made = [replace(run, summary=replace(run.summary, zones=zones)) for run in made]
+    made = [replace(run, summary=replace(run.summary, zones=zones, mould_exit=0.6)) for run in made]
     table = [line for line in lines(made, made[0]) if line.label.startswith("diagonal")]
     assert [line.label for line in table] == [*(f"diagonal, at {z} mm" for z in places), "diagonal"]
     for line, z in zip(table, (*places, 1e3 * end), strict=True):

@@ -68,6 +68,12 @@ class CastScene:
         self.state = self.stepper.initial(0.0, self.thermal.state.point.temperature)
         self.results: list[MechanicalResult] = []
 
+    def frozen(self, until: float, step: float) -> CastScene:
+        """Freeze first: the mechanics begin at `until` (s), free of stress."""
+        self.thermal.march(until, step)
+        self.state = self.stepper.initial(until, self.thermal.state.point.temperature)
+        return self
+
     def march(self, end: float, step: float) -> CastScene:
         """Even steps to `end`."""
         count = round((end - self.state.time) / step)

@@ -12,7 +12,7 @@ from castfem.contact.contact import Contact
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SPRING, Held, Traction
 from castfem.mould import Mould, RoundCavity, Taper, same
-from mechanics.casting import CastScene
+from mechanics.casting import STEEL, CastScene
 from mechanics.scenes import Array, SliceScene, box, elastic, expansion, mapped
 
 SIDES = ("left", "bottom", "right", "top")
@@ -130,16 +130,27 @@ def test_a_section_that_nothing_touches_stays_where_it_is(options: str) -> None:
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_a_whole_round_does_not_turn_in_its_mould(cell: str) -> None:
-    """Springs, or points held rigidly: the wall's forces balance anyway."""
+    """Springs, or points held rigidly: the wall's forces balance anyway.
+
+    A shell meets the wall.  Liquid would meet one 1e6 times stiffer than itself, and which of its
+    points touch first Newton's method does not find in steps like these.
+    """
+    begin = 8.0
     mesh = meshes.build(
         "round", symmetry="whole", diameter=0.16, surface_size=5e-3, core_size=1.4e-2, cell=cell
     )
-    wall = Mould(RoundCavity(0.16), 0.6, same(Taper.single(0.01, 0.6)), None, None)
-    contact = Contact(wall, mesh.groups, lambda time: 0.06 * time)
-    pinned, sprung = (
-        CastScene(mesh, springs=springs, contact=contact).march(1.0, 0.25)
-        for springs in (None, SPRING)
-    )
+    wall = Mould(RoundCavity(0.16), 0.6, same(Taper.single(0.06, 0.6)), None, None)
+    contact = Contact(wall, mesh.groups, lambda time: 0.06 * (time - begin))
+
+    def cast(springs: float | None) -> CastScene:
+        scene = CastScene(mesh, springs=springs, contact=contact).frozen(begin, 0.5)
+        assert scene.thermal.low < STEEL.solidus - 200.0
+        return scene.march(begin + 1.0, 0.25)
+
+    pinned, sprung = (cast(springs) for springs in (None, SPRING))
+    wall_contact = sprung.problem.contact
+    assert wall_contact is not None and wall_contact.now is not None
+    assert wall_contact.now.pressure.max() > 1e4
     assert [r.newton for r in sprung.results] == [r.newton for r in pinned.results]
     size = np.abs(pinned.moved).max()
     assert size > 1e-5
