@@ -12,9 +12,9 @@ from castfem.mould.wall import Wall
 
 METHODS = ("penalty", "nitsche")
 FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/contact.md
-# Nitsche's tangent is coercive from 3 on where the surface is liquid; cells thinner than the mean
-# one ask for more.
-LEAST_NITSCHE = 4.0
+# Nitsche's tangent of elastic steel is coercive from 8.1 on at Poisson's ratio 0.4, that of the
+# solidus; cells thinner than the mean one ask for more.
+LEAST_NITSCHE = 9.0
 
 
 def _still(time: float) -> float:

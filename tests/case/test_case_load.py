@@ -206,17 +206,17 @@ MOULD_WORD = "[mould]\ncontact = %s\n"
 def test_keys_join_the_method_of_contact_that_one_word_gave(write, tmp_path):
     """In the same case, and in one that extends it: the method stays."""
     nitsche = [*MOULD, "mould.contact=nitsche"]
-    touch = load_case(write(), [*nitsche, "mould.contact.factor=8"]).mould.contact
-    assert (touch.method, touch.factor) == ("nitsche", 8.0)
+    touch = load_case(write(), [*nitsche, "mould.contact.factor=9"]).mould.contact
+    assert (touch.method, touch.factor) == ("nitsche", 9.0)
     base = load_case(write(), nitsche)
     (tmp_path / "base.toml").write_text(base.resolved_toml())
     inherits = tmp_path / "more.toml"
-    for text, method in [("factor = 8", "nitsche"), ('factor = 8\nmethod = "penalty"', "penalty")]:
+    for text, method in [("factor = 9", "nitsche"), ('factor = 9\nmethod = "penalty"', "penalty")]:
         base_text = MOULD_WORD % '"nitsche"'
         inherits.write_text(f'extends = "word.toml"\n[mould.contact]\n{text}\n')
         (tmp_path / "word.toml").write_text(f'extends = "base.toml"\n{base_text}')
         touch = load_case(inherits).mould.contact
-        assert (touch.method, touch.factor) == (method, 8.0)
+        assert (touch.method, touch.factor) == (method, 9.0)
     inherits.write_text('extends = "word.toml"\n[mould.contact]\nfactor = 2\n')
     with pytest.raises(InputError, match="factor: too small for Nitsche"):
         load_case(inherits)

@@ -48,7 +48,7 @@ def elastic_matrix(scene: SliceScene) -> Array:
 
 
 def energy(scene: SliceScene) -> Array:
-    """Stiffness by castfem's two rules, dense."""
+    """Stiffness by castfem's two rules, dense; the change of volume is projected in `strain`."""
     points, tangent = scene.problem.points, elastic_matrix(scene)
     volume = np.outer([1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]) * tangent[:3, :3].sum() / 9.0
     strain = points.strain.toarray().reshape(points.count, 4, -1)
@@ -86,10 +86,16 @@ def least_factor(shape: str, cell: str, poisson: float) -> float:
     return high
 
 
-@pytest.mark.parametrize("shape", ["square", "wide", "deep"])
-def test_liquid_quadrilaterals_ask_for_three(shape: str) -> None:
-    """C = 12 in h |sigma_n|^2 <= C K a(u, u), and a factor of C / 4, whatever the aspect."""
-    assert least_factor(shape, "quadrilateral", 0.0) == pytest.approx(3.0, abs=2e-3)
+@pytest.mark.parametrize(
+    ("shape", "poisson", "least"),
+    [("square", 0.0, 3.52), ("wide", 0.0, 4.10), ("deep", 0.0, 3.00), ("square", 0.4, 8.07)],
+)
+def test_factor_of_the_page(shape: str, poisson: float, least: float) -> None:
+    """C in h |sigma_n|^2 <= C K a(u, u), and a factor of C / 4.
+
+    a has the projected change of volume, sigma_n that of its own place.
+    """
+    assert least_factor(shape, "quadrilateral", poisson) == pytest.approx(least, abs=6e-3)
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.4])
@@ -97,11 +103,10 @@ def test_liquid_quadrilaterals_ask_for_three(shape: str) -> None:
 @pytest.mark.parametrize("shape", ["square", "skewed"])
 def test_usual_factor_is_enough(shape: str, cell: str, poisson: float) -> None:
     least = least_factor(shape, cell, poisson)
-    assert 1.0 < least < 0.8 * FACTOR
-    assert cell == "triangle" or least < LEAST_NITSCHE
+    assert 1.0 < least < LEAST_NITSCHE < FACTOR
 
 
-@pytest.mark.parametrize("factor", [1.0, 3.9])
+@pytest.mark.parametrize("factor", [1.0, 8.9])
 def test_case_with_too_small_a_factor(factor: float) -> None:
     """Said up front, with key and mend; the penalty may be as soft."""
 
@@ -110,6 +115,6 @@ def test_case_with_too_small_a_factor(factor: float) -> None:
 
     with pytest.raises(InputError) as caught:
         case("nitsche")
-    for part in ("mould.contact.factor", f"({factor:g}", "at least 4", "leave it out for 10"):
+    for part in ("mould.contact.factor", f"({factor:g}", "at least 9", "leave it out for 10"):
         assert part in str(caught.value)
     assert case("penalty").mould.contact.factor == factor
