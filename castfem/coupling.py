@@ -168,6 +168,7 @@ class Coupler:
             self.thermal.stepper.problem.set_source(np.asarray(old.heating / (end - old.time)))
         self._follow_shape(old.mechanical)
         begun = gap = self.gap_of(old.mechanical)
+        given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
         repeats = begun is not None and self.order == "thermal_first"
         learnt = self.thermal.control.step
         relaxed = Relaxation(self.mechanics.comm, self.zones.perimeter_share())
@@ -187,7 +188,7 @@ class Coupler:
             taken = taken.before(self._pass(old, end, gap))
         if not (taken.converged and taken.settled):
             self.thermal.control.step = learnt
-        return taken
+        return taken if taken.converged else replace(taken, state=given)
 
     def _pass(self, old: StrandState, end: float, gap: Array | None) -> Interval:
         """Once through an interval, with one gap at each vertex."""

@@ -32,7 +32,8 @@ class Reading:
     Attributes:
         time: s. position: Below the meniscus, m. step: Length of the last step, s.
         newton: Newton iterations of the step. profiles: Temperature along each probe.
-        shell: Depth of the solidus below the surface, by probe, m; liquidus likewise.
+        shell: Depth of the solidus below the surface, by probe, m; liquidus likewise. Of a slice
+            through which the heat flows as it has moved, where they are now.
         cell: Size of the cell in which the solidus lies, along the probe's line, m; NaN without.
         flux: Heat flux at the probe's surface point, W/m2.
         removed: Heat removed from the whole section since the meniscus, J per m of strand.
@@ -115,6 +116,9 @@ class Measure:
         """
         scene, state = self.scene, strand.thermal
         profiles = scene.probes.sample(state.point.temperature)
+        if self.mechanics is not None and scene.problem.shape is not None:
+            assert strand.mechanical is not None
+            profiles = self.mechanics.displaced(profiles, strand.mechanical)
         steel = scene.steel
         self._note_closing(state, state.extremes[1])
         balance = 0.0 if leg is None else leg.balance
@@ -171,7 +175,8 @@ class Measure:
         """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""
         scene = self.scene
         start = float(scene.problem.curve.enthalpy(scene.start_temperature))
-        change = float(scene.problem.area @ (state.enthalpy - start))
+        volume = scene.problem.area * state.filled if state.filled.size else scene.problem.area
+        change = float(volume @ (state.enthalpy - start))
         return reductions.total(scene.section.comm, change)
 
     def _surface_flux(self, state: ThermalState) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ from castfem.laws.base import equivalent_stress
 from castfem.mechanics.gap import SurfaceGap
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.probes import LineProbes
+from castfem.probes import LineProbes, Profile
 
 if TYPE_CHECKING:
     from castfem.section import Section
@@ -133,6 +133,17 @@ class MechanicalMeasure:
         """Size of the section through the probes that end in its centre, m."""
         starts = {name: self.probes.lines[name][0] for name in self._centred}
         return {n: 2.0 * (float(np.linalg.norm(p)) + moved[n]) for n, p in starts.items()}
+
+    def displaced(self, profiles: dict[str, Profile], state: MechanicalState) -> dict[str, Profile]:
+        """Profiles over the depth below the surface as both are now (collective)."""
+        moved = self.problem.points.moved(state.displacement, state.modes)
+        along_x, along_y = (self.probes.along(np.ascontiguousarray(u)) for u in moved.T)
+        found = {}
+        for name, profile in profiles.items():
+            n = self._outward[name]
+            outward = n[0] * along_x[name] + n[1] * along_y[name]
+            found[name] = replace(profile, depth=profile.depth + outward[0] - outward)
+        return found
 
     def fields(self, state: MechanicalState, names: tuple[str, ...]) -> dict[str, Array]:
         """Those of `names` that are mechanical, at the owned vertices (collective)."""

@@ -147,11 +147,15 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
 def _heat_balance(march: March) -> dict[str, Quantity]:
     scene, state = march.scene, march.state.thermal
     gained = march.measure.heat_gained(state)
-    open_ = abs(state.removed + gained - state.generated)
+    open_ = abs(state.removed + gained - state.generated - state.fed)
+    fed = {}
+    if scene.problem.shape is not None:
+        fed["fed"] = Quantity(state.fed, "kJ/m", "brought by liquid that was fed, modelled part")
     return {
         "removed": Quantity(state.removed, "kJ/m", "heat out, modelled part"),
         "lost": Quantity(-gained, "kJ/m", "decrease of enthalpy, modelled part"),
         "generated": Quantity(state.generated, "kJ/m", "viscoplastic work, modelled part"),
+        **fed,
         "worst_step": Quantity(
             march.measure.worst_balance, "-", "largest relative error of a step"
         ),

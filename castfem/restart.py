@@ -29,6 +29,8 @@ def arrays(march: March) -> dict[str, Array | None]:
     """The arrays of the committed state, whole on rank 0 (collective)."""
     gather, state = march.scene.section.gather, march.state
     found = {name: gather(getattr(state.thermal, name)) for name in STATE}
+    if march.scene.problem.shape is not None:
+        found["filled"] = gather(state.thermal.filled)
     if march.archive is not None and state.mechanical is not None:
         found |= march.archive.arrays(state.mechanical)
         if march.scene.case.coupling.dissipation:
@@ -48,6 +50,7 @@ def description(march: March) -> dict[str, Any]:
         "generated": thermal.generated,
         # Without end where a flux is given, which JSON has no number for.
         "allowed": [a if np.isfinite(a) else None for a in thermal.allowed or ()],
+        "fed": thermal.fed,
         "counts": asdict(march.counts),
         "step": march.scene.control.step,
         "substep": march.scene.steps.control.step,
@@ -66,9 +69,13 @@ def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> No
     """Go on from a checkpoint: `description` and arrays by node (on every rank)."""
     nodes = march.scene.section.node_of_owned
     enthalpy, rate, course = (np.asarray(by_node[name])[nodes] for name in STATE)
+    filled = np.asarray(by_node["filled"])[nodes] if "filled" in by_node else None
     thermal = march.scene.stepper.state_from(
-        meta["time"], enthalpy, rate, meta["removed"], meta["generated"], course
-    )
+        meta["time"], enthalpy, rate, meta["removed"], meta["generated"], course, filled,
+        meta.get("fed", 0.0),
+    )  # fmt: skip
+    if thermal.filled.size:
+        march.scene.problem.fill(thermal.filled)
     if meta["allowed"]:
         low, high = meta["allowed"]
         thermal.allowed = low, np.inf if high is None else high

@@ -110,10 +110,10 @@ def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> S
         mechanics = _mechanics(case, steel, section, watch)
     shape = None
     if mechanics is not None and case.coupling.follow_shape:
-        shape = Shape(section, mechanics.problem.space)
+        shape = Shape(section, mechanics.problem.space, steel.solidus)
     with watch.section("setup: thermal"):
         zones = Zones(case, steel, Surface(section, shape))
-        curve = thermal_curve(steel, zones, start)
+        curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None)
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
         probes = LineProbes(section)
     stepping = case.thermal.time
@@ -172,14 +172,22 @@ def case_steel(case: Case) -> Steel:
     )
 
 
-def thermal_curve(steel: Steel, zones: Zones, start: float) -> ThermalCurve:
-    """T(H) between the coldest surroundings and the start, zero at the start."""
+def thermal_curve(
+    steel: Steel, zones: Zones, start: float, keeps_mass: bool = False
+) -> ThermalCurve:
+    """T(H) between the coldest surroundings and the start, zero at the start.
+
+    Args:
+        steel: The steel.
+        zones: Have the surroundings.
+        start: Temperature at the meniscus, K.
+        keeps_mass: Whether the slice moves, so that solid keeps its mass and not its volume.
+    """
     coldest, hottest = zones.ambient_range()
     lower = max(min(coldest, start), ROOM) - MARGIN
     upper = (max(hottest, start) if hottest < np.inf else start) + MARGIN
     upper = max(upper, steel.liquidus + MARGIN)
-    capacity = steel.enthalpy_knots(lower, upper)
-    return ThermalCurve(capacity, steel.conductivity_knots(lower, upper), start)
+    return steel.thermal_curve(lower, upper, start, start if keeps_mass else None)
 
 
 def starting_temperature(case: Case, steel: Steel) -> float:

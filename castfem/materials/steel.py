@@ -168,19 +168,25 @@ class Steel:
         return self.latent_heat * (1.0 - self.fraction(temperature, side))
 
     def enthalpy_knots(
-        self, lower: float, upper: float
+        self, lower: float, upper: float, poured: float | None = None
     ) -> tuple[Array, Array, Array, Array, Array]:
         """Volumetric heat capacity in pieces, whose integral is the enthalpy density H (24).
 
-        dH = rho(T) dh, with h the enthalpy per kilogram: rho stands inside the integral.  The mesh
-        is fixed, so with a varying density a cell does not keep its mass: H is the heat given off
-        by the volume, each step with the mass that is in it then, and the mass that shrinkage draws
-        in brings no heat along.  A set with constant density is free of this; by Harste's formulas
-        the density of the solid changes by 1 % in 150 K.
+        Of a section that does not move, dH = rho(T) dh, with h the enthalpy per kilogram: rho
+        stands inside the integral.  With a varying density a cell then does not keep its mass: H is
+        the heat given off by the volume, each step with the mass that is in it then, and the mass
+        that shrinkage draws in brings no heat along.  By Harste's formulas the density of the solid
+        changes by 1 % in 150 K.
+
+        Of a section that moves with its steel, H = rho(T) (h(T) - h(poured)) per volume that the
+        steel had when it froze: liquid and mush are fed with steel as it was poured, solid keeps
+        the mass it froze with, that is the density at the solidus.
 
         Args:
             lower: First temperature, K.
             upper: Last temperature, K.
+            poured: Temperature of the steel at the meniscus, K, if the section moves with its
+                steel; None if it does not.
 
         Returns:
             T (n,), K; rho c at the left and the right end of each piece (n-1,), J/m3K; the part of
@@ -195,11 +201,19 @@ class Steel:
         density, heat = self._law("density"), self._law("specific_heat")
         law = self.properties.get("enthalpy")
         curved = not isinstance(density, Constant) or heat.curved or self.fraction.curved
-        t = knots.grid(self._thermal_breakpoints(lower, upper), lower, upper, curved)
+        if isinstance(density, Constant):
+            poured = None  # nothing tells the two apart
+        breaks = self._thermal_breakpoints(lower, upper)
+        if poured is not None:
+            breaks = knots.merged([poured], list(breaks), lower, upper)
+        t = knots.grid(breaks, lower, upper, curved)
         points, width = knots.nodes(t), np.diff(t)
         rho = knots.one_sided(density, points)
         capacity = rho * knots.one_sided(heat, points)
         h = knots.one_sided(law or self._transformation, points)
+        if poured is not None:
+            per_mass = h if law else h + _integrated(knots.one_sided(heat, points), width)
+            return self._of_mass(t, rho, per_mass, knots.one_sided(heat, points), poured)
         gain = knots.heat_of(rho, h - h[:, :1])
         if law is None:
             gain = gain + capacity @ knots.WEIGHTS * width
@@ -208,6 +222,32 @@ class Steel:
         if not curved and law is None:
             latent = np.where(np.abs(latent) < 1e-12 * rho_c_left, 0.0, latent)
         return t, rho_c_left, rho_c_right, latent, self._isothermal(t)
+
+    def _of_mass(
+        self, t: Array, rho: Array, h: Array, heat: Array, poured: float
+    ) -> tuple[Array, Array, Array, Array, Array]:
+        """As `enthalpy_knots`, of steel that keeps its mass once it is solid.
+
+        Args:
+            t: Knots (n,), K.
+            rho: Density at the points of the pieces (n-1, k), kg/m3.
+            h: Enthalpy per mass there; in its own datum on each piece, J/kg.
+            heat: Specific heat there, J/(kg K).
+            poured: See `enthalpy_knots`, K.
+        """
+        rho = np.where(knots.nodes(t) > self.solidus, rho, self.density(self.solidus, "below"))
+        law = self.properties.get("enthalpy", self._transformation)
+        jump = np.where(np.isin(t, self._jumps()), law(t, "above") - law(t, "below"), 0.0)
+        gain = h[:, -1] - h[:, 0]
+        after = np.cumsum(jump) + np.concatenate([[0.0], np.cumsum(gain)])  # above each knot
+        h0 = float(np.interp(poured, t, after))
+        below, above = after - jump - h0, after - h0
+        at_left, at_right = rho[:, 0] * above[:-1], rho[:, -1] * below[1:]
+        left, right = rho[:, 0] * heat[:, 0], rho[:, -1] * heat[:, -1]
+        constant = (at_right - at_left) / np.diff(t) - 0.5 * (left + right)
+        from_above = np.concatenate([at_left, [rho[-1, -1] * above[-1]]])
+        from_below = np.concatenate([[rho[0, 0] * below[0]], at_right])
+        return t, left, right, constant, np.maximum(from_above - from_below, 0.0)
 
     def _isothermal(self, t: Array) -> Array:
         """Heat absorbed at each of the knots `t`, J/m3, by the mean of the two densities there."""
@@ -226,14 +266,16 @@ class Steel:
         t = knots.grid(knots.merged(law.kinks, law.jumps, lower, upper), lower, upper, law.curved)
         return t, law(t[:-1], "above"), law(t[1:], "below")
 
-    def thermal_curve(self, lower: float, upper: float, datum: float | None = None) -> ThermalCurve:
+    def thermal_curve(
+        self, lower: float, upper: float, datum: float | None = None, poured: float | None = None
+    ) -> ThermalCurve:
         """Enthalpy, temperature and conduction as functions of each other, `lower` to `upper`.
 
-        The temperature `datum` (K) is where the enthalpy counts as zero, see `ThermalCurve`.
+        The temperature `datum` (K) is where the enthalpy counts as zero, see `ThermalCurve`;
+        `poured` is that of `enthalpy_knots`.
         """
-        return ThermalCurve(
-            self.enthalpy_knots(lower, upper), self.conductivity_knots(lower, upper), datum
-        )
+        capacity = self.enthalpy_knots(lower, upper, poured)
+        return ThermalCurve(capacity, self.conductivity_knots(lower, upper), datum)
 
     def _thermal_breakpoints(self, lower: float, upper: float) -> Array:
         """Breakpoints of the enthalpy alone."""
@@ -258,3 +300,10 @@ class Steel:
                 )
         if problems:
             raise InputError(problems)
+
+
+def _integrated(values: Array, width: Array) -> Array:
+    """Integral of values at the points of pieces (n-1, k) from the start of each, at its end."""
+    found = np.zeros_like(values)
+    found[:, -1] = values @ knots.WEIGHTS * width
+    return found

@@ -14,8 +14,9 @@ freezing.  Other quadrilaterals, as they stand round an arc, give L some positiv
 diagonal, up to 7 % of it, and the shear of the shell as many as it has strain; there the maximum
 principle holds but for hundredths of a kelvin (docs/thermal.md).
 
-M stays that of the undeformed slice, whose steel it holds: the enthalpy is per volume at the
-meniscus, and no movement adds to it.
+Of a slice that moves, H is per volume that the steel had when it froze, and M the volume that each
+vertex' steel fills then: that of the undeformed slice times `filled`, which follows the shape while
+there is liquid to feed it and stays as it is in what has frozen (docs/coupling.md).
 """
 
 from __future__ import annotations
@@ -127,6 +128,8 @@ class ThermalProblem:
 
     Attributes:
         area: Area that belongs to each owned vertex (owned,), m2.
+        filled: Volume that its steel fills, over that of the undeformed slice (owned,).
+        volume: Both together, M (owned,), m2.
         warming: Fastest rise of a temperature by heat generated inside, K/s.
         iterations: Newton iterations since the start. stages: Stages solved since the start.
     """
@@ -144,6 +147,7 @@ class ThermalProblem:
         self.watch = watch if watch is not None else Stopwatch()
         self.shape = shape
         self._assemble_operators()
+        self.filled, self.volume = np.ones_like(self.area), self.area
         self._work = self._laplacian.createVecLeft()
         self._theta = self._laplacian.createVecRight()
         chosen = {**default_options(section.comm.size), **(options or {})}
@@ -190,6 +194,10 @@ class ThermalProblem:
             assemble_into(self._laplacian, self._conduction, [])
         self._scale_operators()
         self._state = self._evaluate(self._state.enthalpy)
+
+    def fill(self, filled: Array) -> None:
+        """From now on the vertices' steel fills these shares of the undeformed slice (owned,)."""
+        self.filled, self.volume = filled, self.area * filled
 
     def set_cooling(self, cooling: Cooling) -> None:
         """Cool the surface as `cooling` says from now on."""
@@ -269,12 +277,12 @@ class ThermalProblem:
         out = state.out
         if len(self._fixed):
             # A prescribed temperature removes whatever the balance of its vertices leaves over.
-            reaction = -(self.area * change / tau + state.flow)[self._fixed]
+            reaction = -(self.volume * change / tau + state.flow)[self._fixed]
             out += float(reaction.sum())
         free = np.abs(change)
         free[self._fixed] = 0.0
         generated = float(self._source.sum())
-        open_, size = self.area @ change + tau * (out - generated), self.area @ free
+        open_, size = self.volume @ change + tau * (out - generated), self.volume @ free
         if self.section.comm.size > 1:
             open_, size = reductions.totals(self.section.comm, [open_, size])
         if abs(open_) < SPREAD * size:
@@ -303,7 +311,7 @@ class ThermalProblem:
     def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
         """Heat balance of each vertex over the stage, J/m (see the module)."""
         self._state = state = self._evaluate(x.getArray(readonly=True))
-        balance = self.area * (state.enthalpy - self._base) + self._tau * state.flow
+        balance = self.volume * (state.enthalpy - self._base) + self._tau * state.flow
         balance[self._fixed] = 0.0
         out.setArray(balance)
 
@@ -314,7 +322,7 @@ class ThermalProblem:
             self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
             scale.setArray(self._tau * point.conduction_slope)
             out.diagonalScale(None, scale)
-            scale.setArray(self.area + self._tau * self._state.slope * point.temperature_slope)
+            scale.setArray(self.volume + self._tau * self._state.slope * point.temperature_slope)
             out.setDiagonal(scale, addv=PETSc.InsertMode.ADD_VALUES)
             if self.cooling.prescribed:
                 out.zeroRows(self._fixed_rows, diag=1.0)
@@ -330,7 +338,7 @@ class ThermalProblem:
         if self.cooling.prescribed:
             self._theta.setArray(point.conduction)
             self._laplacian.mult(self._theta, self._work)
-            whole = self._source - self.area * rate - self._work.getArray(readonly=True)
+            whole = self._source - self.volume * rate - self._work.getArray(readonly=True)
             flow[self._fixed] = whole[self._fixed]
         return flow
 
@@ -343,7 +351,7 @@ class ThermalProblem:
         """
         state, comm = self._state, self.section.comm
         residual = f.getArray(readonly=True)
-        scale = self.area + self._tau * self._stiffness
+        scale = self.volume + self._tau * self._stiffness
         worst = reductions.largest(comm, np.abs(residual) / scale)
         sizes = {"heat": worst / self.curve.reference_capacity / self.tolerance}
         if sizes["heat"] <= 1.0:
@@ -351,7 +359,7 @@ class ThermalProblem:
             rounding = self._tau * (
                 self._laplacian_diagonal @ np.abs(state.point.conduction) + state.gross
             )
-            stored = float(self.area @ np.abs(state.enthalpy - self._base))
+            stored = float(self.volume @ np.abs(state.enthalpy - self._base))
             sums = [float(residual.sum()), stored, stored + rounding]
             if comm.size > 1:
                 sums = list(reductions.totals(comm, sums))

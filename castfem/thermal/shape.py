@@ -7,7 +7,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
+from castfem.compat import assemble_owned
 from castfem.forms.finite_strain import deformation
+from castfem.forms.heat import slice_measure, storage
 from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
@@ -23,13 +25,15 @@ class Shape:
     Args:
         section: The section.
         space: Of the displacement.
+        solidus: Below it steel is solid, K.
 
     Attributes:
         gradient: In-plane deformation gradient F (2, 2). thickness: e, over the undeformed one.
     """
 
-    def __init__(self, section: Section, space: fem.FunctionSpace) -> None:
+    def __init__(self, section: Section, space: fem.FunctionSpace, solidus: float) -> None:
         mesh = section.mesh
+        self.solidus = solidus
         self._displacement = fem.Function(space)
         self._modes = fem.Constant(mesh, np.zeros(4))
         moved = deformation(self._displacement, self._modes, mesh)
@@ -42,6 +46,27 @@ class Shape:
             ]
         )
         self.thickness = moved.thickness
+        v, dx = ufl.TestFunction(section.vertex_space), slice_measure(mesh)
+        now = self.thickness * ufl.det(self.gradient)
+        self._owned = section.owned
+        self._volume = section.compile("heat.volume.moved", storage(now, v, dx))
+        one = fem.Constant(mesh, np.float64(1.0))
+        self._undeformed = assemble_owned(
+            section.compile("heat.storage", storage(one, v, dx)), section.owned
+        )
+
+    def filled(self, before: Array, temperature: Array) -> Array:
+        """Volume that the steel of each vertex fills, over the undeformed one (owned,).
+
+        Liquid is fed: it fills what the slice encloses now.  Solid has filled its share once for
+        all when it froze.
+
+        Args:
+            before: The same before (owned,).
+            temperature: At the vertices (owned,), K.
+        """
+        now = assemble_owned(self._volume, self._owned) / self._undeformed
+        return np.where(temperature < self.solidus, before, now)
 
     def take(self, displacement: Array, modes: Array) -> None:
         """Move the slice.

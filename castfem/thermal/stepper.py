@@ -11,7 +11,7 @@ backward Euler in `DAMPED` equal parts, which carry no vertex past its rest.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -61,6 +61,9 @@ class ThermalState:
         course: dH/dt with which the next step is expected to begin (owned,), W/m3.
         allowed: Coldest and hottest that the data have allowed since the meniscus, K; None if that
             is not known yet.
+        filled: Volume that the vertices' steel fills, over the undeformed one (owned,); empty
+            where nothing moves.
+        fed: Heat that liquid has brought along as it was fed (negative: colder than poured), J/m.
     """
 
     time: float
@@ -72,6 +75,8 @@ class ThermalState:
     generated: float
     course: Array
     allowed: tuple[float, float] | None = None
+    filled: Array = field(default_factory=lambda: np.zeros(0))
+    fed: float = 0.0
 
 
 @dataclass(slots=True)
@@ -126,12 +131,41 @@ class ThermalStepper:
         removed: float,
         generated: float = 0.0,
         course: Array | None = None,
+        filled: Array | None = None,
+        fed: float = 0.0,
     ) -> ThermalState:
         """A state from its stored arrays (checkpoint); its course is its rate if it has none."""
         point = self.problem.curve.at(enthalpy)
         extremes = self._extremes(point)
         course = rate if course is None else course
-        return ThermalState(time, enthalpy, rate, point, removed, extremes, generated, course)
+        if filled is None:
+            filled = np.zeros(0) if self.problem.shape is None else np.ones_like(enthalpy)
+        return ThermalState(
+            time,
+            enthalpy,
+            rate,
+            point,
+            removed,
+            extremes,
+            generated,
+            course,
+            filled=filled,
+            fed=fed,
+        )
+
+    def feed(self, old: ThermalState) -> ThermalState:
+        """Let liquid flow to where the shape of the problem has room for it now (collective).
+
+        What comes is as warm as what is there, so that moving changes no temperature; the heat it
+        brings along is noted.
+        """
+        problem = self.problem
+        if problem.shape is None:
+            return old
+        filled = problem.shape.filled(old.filled, old.point.temperature)
+        problem.fill(filled)
+        heat = float((problem.area * (filled - old.filled)) @ old.enthalpy)
+        return replace(old, filled=filled, fed=old.fed + reductions.total(self.comm, heat))
 
     def _extremes(self, point: CurvePoint) -> tuple[float, float]:
         """Coldest and hottest vertex over all ranks, K."""
@@ -257,7 +291,7 @@ class ThermalStepper:
             sum(w * getattr(s, name) for w, s in zip(weights, stages, strict=True))
             for name in ("out", "generated")
         )
-        change = float(self.problem.area @ (last.enthalpy - old.enthalpy))
+        change = float(self.problem.volume @ (last.enthalpy - old.enthalpy))
         sums = reductions.totals(self.comm, [gone, change, made])
         out, gained, generated = (float(value) for value in sums)
         removed = old.removed + out
@@ -265,7 +299,9 @@ class ThermalStepper:
         size = max(abs(out), abs(gained), abs(generated), IDLE * abs(removed), 1e-300)
         balance = (out + gained - generated) / size
         generated += old.generated
-        state = self.state_from(time, last.enthalpy, last.rate, removed, generated, course)
+        state = self.state_from(
+            time, last.enthalpy, last.rate, removed, generated, course, old.filled, old.fed
+        )
         return state, balance
 
     def _euler(

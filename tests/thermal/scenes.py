@@ -62,6 +62,7 @@ class ThermalScene:
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_SELF)
     options: dict[str, object] = field(default_factory=dict)
     moves: bool = False
+    solidus: float = 0.0
 
     def __post_init__(self) -> None:
         """Build section, problem and stepper."""
@@ -71,7 +72,8 @@ class ThermalScene:
             self.displacement = fem.Function(
                 fem.functionspace(self.section.mesh, ("Lagrange", 2, (2,)))
             )
-            shape = Shape(self.section, self.displacement.function_space)
+            space = self.displacement.function_space
+            shape = Shape(self.section, space, self.solidus)
         self.problem = ThermalProblem(self.section, self.curve, self.options, shape=shape)
         self.surface = Surface(self.section, shape)
         self.stepper = ThermalStepper(self.problem, self.scheme, estimate=True)
