@@ -30,11 +30,13 @@ def build_law(
     Raises:
         InputError: With all problems found, one line each.
     """
+    fed = table.liquid == "fed"
     solidity = Solidity.of(
         steel,
         stiffness_ratio=table.liquid_stiffness,
-        mush=table.mush,
+        mush=table.mush or ("none" if fed and not table.coherency else "geometric"),
         coherency=table.coherency,
+        memory=not fed,
     )
     delta = None if steel.diagram is None else DeltaShare(steel.diagram)
     problems: list[str] = []

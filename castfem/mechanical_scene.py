@@ -80,6 +80,7 @@ def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Sectio
         ferrostatic=_ferrostatic(case, table, steel),
         contact=_contact(case, section),
         large_strain=table.strain == "large",
+        liquid=table.liquid,
     )
 
 

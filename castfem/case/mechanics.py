@@ -95,19 +95,29 @@ class Mechanics(TableModel):
     )
     liquid_stiffness: Ratio = Field(
         1e-5,
-        description="Young's modulus of the liquid over that of the solid; without [mould] nothing "
-        "else holds a thin shell against the liquid's pressure: take 1e-3 there (docs/billet.md)",
+        description="Young's modulus over that of the solid of what is liquid in a cell that "
+        "freezes; of all liquid where it is elastic",
     )
-    mush: Literal["geometric", "linear"] = Field(
-        "geometric", description="how the modulus goes with the solid fraction in the mush"
+    liquid: Literal["fed", "elastic"] = Field(
+        "fed",
+        description="fed: the liquid flows in from above where the shell moves away and carries "
+        "its pressure alone; elastic: a soft body, as in the thesis (V.1.6), which holds the shell",
+    )
+    mush: Literal["none", "geometric", "linear"] | None = Field(
+        None,
+        description="how the modulus of the mush goes with the solid fraction; none: it is as soft "
+        "as the liquid. By default geometric where the liquid is elastic or a coherency is given, "
+        "else none",
+        examples=["geometric"],
     )
     coherency: Solid = Field(
         0.0, description="solid fraction up to which the mush is as soft as the liquid"
     )
     ferrostatic: Literal["proportional", "full", "none", "off"] = Field(
-        "proportional",
-        description="pressure of the liquid in the mush: proportional to the liquid (eq. 219), "
-        "full until all is solid, none as soon as anything is; off: no pressure at all",
+        "full",
+        description="pressure of the liquid in the mush: full until all is solid, for the liquid "
+        "between the crystals bears it; proportional to the liquid (eq. 219); none as soon as "
+        "anything is solid; off: no pressure at all",
     )
     strain: Literal["small", "large"] = Field(
         "small", description="small strain, or an objective update on the deformed slice"

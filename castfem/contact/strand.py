@@ -63,6 +63,10 @@ class Solid(Protocol):
         """Its liquid; None where it does not press."""
 
     @property
+    def liquid(self) -> str:
+        """Whether its liquid is "fed", or an "elastic" body."""
+
+    @property
     def large_strain(self) -> bool:
         """Whether geometry is that of the deformed slice."""
 

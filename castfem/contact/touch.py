@@ -182,8 +182,19 @@ class WallContact:
         self.stiffness = contact.strength * bulk / self._height
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
+        solidity = solid.law.elasticity.solidity
+        self._molten: Flags = temperatures[1] > solidity.solidus
+        self._wets: Flags = np.zeros(self.facets.count, dtype=bool)
+        if solid.liquid == "fed":
+            fluid = solidity.weight(temperatures[1]) == 0.0
+            self._wets = fluid & (self._liquid(after, end) > 0.0)
         if self._stress is not None:
-            self._stress.begin(old, temperatures, self._dt, solid, self._liquid(after, end))
+            liquid = self._liquid(after, end)
+            if solid.liquid == "fed":
+                temperatures = self._hottest(before), self._hottest(after)
+                if solid.ferrostatic is not None:
+                    liquid = np.asarray(solid.ferrostatic.pressure(temperatures[1], end))
+            self._stress.begin(old, temperatures, self._dt, solid, liquid)
 
     def _liquid(self, temperature: Array, end: float) -> Array:
         """Ferrostatic pressure at the points that nothing holds but the wall (n,), Pa."""
@@ -194,6 +205,18 @@ class WallContact:
         if liquid.outside == "held":
             pressure = pressure - self._at_points_from(liquid.pressure(temperature, end))
         return pressure
+
+    def _hottest(self, owned: Array) -> Array:
+        """Largest temperature in the cell of each point (n,), K.
+
+        A cell that has not frozen as a whole has hardly any stiffness where its liquid is fed. A
+        stress that the surface alone would have by the same strain would have no counterpart in it.
+        """
+        vertex = self.section.vertex_space
+        local = nodal.with_ghosts(vertex, owned)
+        cells = np.asarray(vertex.dofmap.list)[self.facets.cells]
+        hottest = local[cells].max(axis=1) if len(cells) else np.zeros(0)
+        return np.asarray(np.repeat(hottest, self.facets.per_facet))
 
     def _at_points_from(self, owned: Array) -> Array:
         """Values at the points from those of the owned vertices."""
@@ -287,13 +310,18 @@ class WallContact:
         return turned / stretch[:, None], stretch
 
     def _rub(self, seen: Array, along: Array, slip: Array, pressure: Array) -> tuple[Flags, Array]:
-        """Add friction to what the forms see; whether points slide, and their friction."""
+        """Add friction to what the forms see; whether points slide, and their friction.
+
+        It acts on what is solid: liquid and mush have nothing that could be held back.
+        """
         assert self.contact.friction is not None
         moved = np.column_stack(
             [np.einsum("ni,ni->n", along, slip), np.full(len(along), self._slip)]
         )
         trial = self._old.friction - self.stiffness[:, None] * moved
         answer = return_friction(self.contact.friction, trial, pressure, self.stiffness, self._dt)
+        for part in (answer.traction, answer.by_pressure, answer.by_trial):
+            part[self._molten] = 0.0
         frame = np.zeros((len(along), 3, 2))
         frame[:, :2, 0], frame[:, 2, 1] = along, 1.0
         seen[:, TRACTION] += np.einsum("nij,nj->ni", frame, answer.traction)
@@ -305,6 +333,7 @@ class WallContact:
     def hold(self, on: bool) -> bool:
         """Keep closed what was so at the start of the step, or let it open again (collective).
 
+        Liquid that is fed runs to the wall wherever that is: it is kept there too.
         What the wall has left behind meanwhile is let go of.
 
         Returns:
@@ -315,6 +344,7 @@ class WallContact:
             u, modes = self._motion.u_old.x.array, self._motion.modes_old.value
             _, gap, _ = self._meet(self._where(u, modes)[1], self.facing(u, modes)[0])
             self._held = (self._old.pressure > 0.0) & (gap < REACH * self._height)
+            self._held |= self._wets & np.isfinite(gap)
         return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
 
     def kink(self, base: Touch) -> float:

@@ -48,7 +48,7 @@ class Criteria:
         scale, fixed, reach = trial.scale, self.constraints.fixed, self.scales.reach
         nodal = np.abs(residual[: len(reach)]) / reach
         missing = nodal[fixed] * reach[fixed]
-        nodal[fixed] = 0.0
+        nodal[self.constraints.prescribed] = 0.0
         largest = np.abs(trial.local[fixed]).max(initial=0.0)
         worst = reductions.largest_of(
             self.comm, [nodal.max(initial=0.0), missing.max(initial=0.0), largest]

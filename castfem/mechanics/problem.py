@@ -19,7 +19,8 @@ from castfem.contact.touch import WallContact
 from castfem.mechanics.border import Border
 from castfem.mechanics.criteria import Criteria
 from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
-from castfem.mechanics.material import Material
+from castfem.mechanics.liquid import FedLiquid
+from castfem.mechanics.material import FedPoints, Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.planes import ScaledMotions, check_modes
 from castfem.mechanics.points import Integration, Points, displacement_element
@@ -36,6 +37,8 @@ from castfem.stopwatch import Stopwatch
 Array = npt.NDArray[np.float64]
 
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
+STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
+LEAST_YOUNG = 1e-6  # the same over that of the solid at the solidus, where nothing presses
 PATIENCE = 8  # Newton iterations in which contact may overshoot
 
 
@@ -55,6 +58,7 @@ class MechanicalProblem:
         space: Space of the displacement. points: Quadrature points. scales: Sizes.
         contact: Contact with the wall, or None.
         owned: This rank's own displacement unknowns. free: Free motions of the planes.
+        liquid: Where the liquid is fed; None where it is an elastic body.
         iterations: Newton iterations since the start.
 
     Raises:
@@ -106,6 +110,10 @@ class MechanicalProblem:
         )
         held = [*symmetry_supports(section.groups), *slice_.held]
         self.constraints = Constraints(section, self.space, held, slice_.pin, springs)
+        self.liquid: FedLiquid | None = None
+        if slice_.liquid == "fed":
+            supports = self.constraints.conditions
+            self.liquid = FedLiquid(section, self.space, self.points, supports)
 
     def _build_solver(self, options: Options) -> None:
         """SNES on displacement and scalars."""
@@ -139,7 +147,8 @@ class MechanicalProblem:
             strain = slice_.thermal_strain
             thermal = np.asarray(strain(after)) - np.asarray(strain(before))
             stiff = self.points.stiffness_temperature
-            self._material.begin(stiff(before), stiff(after), thermal, self.dt)
+            fed = None if self.liquid is None else self._feed(self.liquid, after, time)
+            self._material.begin(stiff(before), stiff(after), thermal, self.dt, fed)
         fields.u_old.x.array[:] = old.displacement
         fields.modes_old.value[:] = old.modes
         self._motions = ScaledMotions.of(slice_.planes, time, self.scales.length)
@@ -156,6 +165,8 @@ class MechanicalProblem:
             self.contact.begin(old.contact, old.time, time, old.temperature, temperature)
         self._loads.set(time)
         self.constraints.set(time, self._target)
+        if self.liquid is not None:
+            self._prescribe(self.liquid, old.displacement)
         if (springs := self.constraints.springs) is not None:
             young = slice_.law.elasticity.moduli(after)[2]
             springs.begin(old.displacement, reductions.largest(self.section.comm, young))
@@ -182,6 +193,9 @@ class MechanicalProblem:
         solution = self.solver.x.getArray(readonly=True)
         if outcome.converged and not self._known(solution):
             self.trial = self._evaluate(solution)
+        if outcome.converged and self.liquid is not None:
+            with self.watch.section("liquid"):
+                self.liquid.follow(self.fields.u)
         return outcome
 
     def _approach(self, start: Array) -> int:
@@ -202,8 +216,25 @@ class MechanicalProblem:
             self.solver.x.setArray(start)
         return outcome.iterations
 
+    def _feed(self, liquid: FedLiquid, temperature: Array, time: float) -> FedPoints:
+        """Where there is liquid, and what stands in for its stiffness."""
+        elasticity, pressing = self.slice.law.elasticity, self.slice.ferrostatic
+        solid = elasticity.solidity.weight(temperature) > 0.0
+        liquid.begin(solid)
+        head = 0.0 if pressing is None else pressing.head(time)
+        least = LEAST_YOUNG * float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
+        return FedPoints(liquid.carries, ~solid, max(STAND_IN * head, least))
+
+    def _prescribe(self, liquid: FedLiquid, old: Array) -> None:
+        """Leave the deep liquid where it was: it follows when the shell is in equilibrium."""
+        self.constraints.hold_too(liquid.deep, liquid.held)
+        self._target[liquid.deep] = old[liquid.deep]
+
     def _start(self, guess: Array, scalars: Array) -> Array:
         """Local unknowns of a guess."""
+        if self.liquid is not None:
+            guess = guess.copy()
+            guess[self.liquid.deep] = self._target[self.liquid.deep]
         return self.border.join(guess, scalars / self._motions.scaling)
 
     def _imbalance(self, local: Array) -> float:
@@ -284,10 +315,10 @@ class MechanicalProblem:
             self.trial = self._evaluate(local)
         assert self.trial is not None
         nodal, dofs = self.trial.forces.copy(), self.constraints.fixed
-        missing = local[dofs] - self._target[dofs]
         if self.constraints.moving:
-            self._lift(nodal, missing)
-        nodal[dofs] = missing
+            self._lift(nodal, local[dofs] - self._target[dofs])
+        dofs = self.constraints.prescribed
+        nodal[dofs] = local[dofs] - self._target[dofs]
         if (springs := self.constraints.springs) is not None:
             nodal[springs.dofs] += springs.pull(local)
         return self.border.join(nodal, self.trial.balance)
@@ -345,7 +376,7 @@ class MechanicalProblem:
         compiled = self.kinematics.forms
         with self.watch.section("assembly"):
             self._take_tangent()
-            assemble_into(self._matrix, compiled.stiffness, self.constraints.conditions)
+            assemble_into(self._matrix, compiled.stiffness, self.constraints.every)
             self.kinematics.volume.add_to(self._matrix, self.constraints.free)
             if self.constraints.springs is not None:
                 self.constraints.springs.add_to(self._matrix)
@@ -367,7 +398,7 @@ class MechanicalProblem:
                 border.rows[:, i] = self._assemble(form, volume.row(closing))
             else:
                 border.rows[:, i] = border.columns[:, i]
-            border.columns[self.constraints.fixed, i] = 0.0
+            border.columns[self.constraints.prescribed, i] = 0.0
             for j in range(self.free):
                 other = motions.directions[:, j]
                 fields.other.value[:] = other
@@ -388,4 +419,6 @@ class MechanicalProblem:
         self.solver.destroy()
         self.border.close()
         self.kinematics.volume.destroy()
+        if self.liquid is not None:
+            self.liquid.destroy()
         self._matrix.destroy()

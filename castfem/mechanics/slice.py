@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,8 @@ class Slice:
         pin: Hold by points, or springs, the rigid motions that symmetry and held leave.
         integration: Quadrature rules; the usual ones if None.
         contact: With a rigid wall; None for none.
+        liquid: "fed" from above, so that it carries its pressure alone; or "elastic", a body of its
+            own stiffness.
     """
 
     law: Law
@@ -45,3 +48,4 @@ class Slice:
     pin: bool = True
     integration: Integration | None = None
     contact: Contact | None = None
+    liquid: Literal["fed", "elastic"] = "elastic"

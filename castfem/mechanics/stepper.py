@@ -125,7 +125,7 @@ class MechanicalStepper:
         held = trial.forces[supports]
         sums = [held[supports % 2 == i].sum() for i in range(2)]
         free = trial.forces / problem.scales.reach
-        free[supports] = 0.0
+        free[supports] = free[problem.constraints.prescribed] = 0.0
         worst = reductions.largest(self.comm, np.abs(free))
         scale = trial.scale
         left = float(np.abs(trial.balance).max(initial=0.0)) * problem.scales.length

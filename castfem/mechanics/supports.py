@@ -115,6 +115,7 @@ class Constraints:
         conditions: For DOLFINx' assembly.
         fixed: Prescribed degrees of freedom that this rank owns (k,). free: 0 at those and at its
             ghosts that are prescribed, 1 elsewhere (n,).
+        prescribed: `fixed` and, in a step, those of deep liquid. every: Conditions for both.
         springs: At points, if the section needs any. dofs: Prescribed or with a spring.
         moving: Whether any condition is not zero for ever.
 
@@ -158,6 +159,12 @@ class Constraints:
         if self.springs is not None:
             self.dofs = np.union1d(self.fixed, self.springs.dofs)
         self.moving = any(one.value is not None for *_, one in self._parts)
+        self.prescribed, self.every = self.fixed, self.conditions
+
+    def hold_too(self, dofs: npt.NDArray[np.int64], condition: fem.DirichletBC) -> None:
+        """Prescribe further degrees of freedom `dofs` of this rank in the steps that follow."""
+        self.prescribed = np.union1d(self.fixed, dofs)
+        self.every = [*self.conditions, condition]
 
     def spread(self, component: int) -> float:
         """How far apart, along that component, the places are where it is held, m (collective)."""

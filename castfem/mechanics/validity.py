@@ -9,7 +9,7 @@ would make the rest meaningless.  docs/mechanics.md has the limits and their rea
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,6 +58,7 @@ class Limits:
 SMALL = Limits(
     "small strain", 0.1, (0.9, 1.1), 0.1, 0.2, f'{LOOK}; mechanics.strain = "large" goes farther'
 )
+TURNED = 0.6  # rad: fed liquid turns, as a corner fills, before it freezes; that counts in, too
 LARGE = Limits("large strain", 1.0, (1.0 / 3.0, 3.0), np.inf, np.inf, LOOK)
 
 
@@ -99,6 +100,8 @@ class Validity:
     ) -> None:
         self._points, self._law, self._large, self._contact = points, law, large, contact
         self._limits = LARGE if large else SMALL
+        if not (large or law.elasticity.solidity.memory):
+            self._limits = replace(SMALL, rotation=TURNED)
         self._comm = points.section.comm
         mesh = points.section.mesh
         now = deformation(fields.u, fields.modes, mesh)

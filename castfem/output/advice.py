@@ -203,7 +203,7 @@ def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         row = int(np.nanargmax(moved))
         if moved[row] > _BULGED * across[0]:
             where = f"at {_at(float(position[row]), table)}; nothing holds the shell there, see "
-            where += "mechanics.liquid_stiffness in docs/case_files.md"
+            where += "mechanics.liquid in docs/case_files.md"
             yield Remark(f"bulge, {label}", float(moved[row]), unit_of(table, column), where)
 
 

@@ -10,7 +10,7 @@ from moulded import billet, marched, run
 
 from castfem.output.history import read_history
 
-RUBBING = ("casting.length=60 mm", "mould.friction.law=coulomb", "mould.friction.coefficient=0.3")
+RUBBING = ("casting.length=150 mm", "mould.friction.law=coulomb", "mould.friction.coefficient=0.3")
 
 
 @pytest.mark.parametrize("method", ["penalty", "nitsche"])

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from march.moulded import CASES, COARSE, Kept, billet, marched, run
+from march.moulded import CASES, COARSE, ELASTIC, FED, Kept, billet, marched, run
 
 import castfem
 from castfem.cli import execute
@@ -30,13 +30,14 @@ from castfem.zones import Zones
 
 MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
 REAL = MOULDS[1:]
+LEFT = "taper_minus_3_as_thesis"
 TIGHT = 1e-6  # m: a gap below this is contact
 
 
 @lru_cache
 def six(name: str) -> Kept:
-    """One of the six, marched once for all tests."""
-    return marched(billet(name))
+    """One of the six as shipped, but for its cells, marched once for all tests."""
+    return marched(billet(name, *(FED if name.startswith("taper") and name != LEFT else ())))
 
 
 def strained(reading: Reading) -> MechanicalReading:
@@ -52,8 +53,15 @@ def share(name: str) -> float:
 def test_heat_removed_falls_with_the_taper() -> None:
     assert share("taper_3") > 0.985 and share("taper_1") > 0.985
     assert share("taper_0") < 0.95
-    assert share("taper_minus_1") < share("taper_0") - 0.1
-    assert share("taper_minus_3") < share("taper_minus_1") - 0.1
+    assert share("taper_minus_1") < share("taper_0") - 0.03
+
+
+def test_elastic_liquid_stays_behind_a_wall_that_opens() -> None:
+    """As the thesis has it; liquid that is fed pushes the faces after the wall, not the corner."""
+    assert share(LEFT) < 0.4 < 0.8 < share("taper_minus_3")
+    fed, left = (six(name) for name in ("taper_minus_3", LEFT))
+    assert left.value("contact_share") == 0.0 == left.value("shell_mid_face")
+    assert fed.value("shell_mid_face") > 4e-3 > 2e-3 > fed.value("shell_corner")
 
 
 def test_contact_is_lost_first_at_the_corner() -> None:
@@ -105,13 +113,13 @@ def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
             assert mechanics.contact.penetration < 1e-6
     assert kept.summary is not None
     assert kept.summary.balances["heat"]["whole"].value < 1e-9
-    assert kept.summary.steps["intervals cut back"] == 0
+    assert kept.summary.steps["intervals cut back"] <= (6 if name == "taper_minus_3" else 0)
 
 
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_gap_of_an_interval_settles(name: str) -> None:
     """Repeating intervals until gap and heat agree changes little: they agreed nearly before."""
-    kept = marched(billet(name, "coupling.passes=1"))
+    kept = marched(billet(name, "coupling.passes=1", *FED))
     for quantity, close in (
         ("heat_removed", 2e-3), ("shell_mid_face", 1e-3), ("shell_corner", 0.02),
         ("von_mises_max", 0.05),
@@ -139,10 +147,12 @@ def test_triangles_agree_with_quadrilaterals() -> None:
     Quadrilaterals of 2 mm are 12.5 % off those of 0.5 mm in the force, 0.52 % in the heat. The
     pressure of triangles ripples (docs/contact.md); its sum must not.
     """
-    other = marched(billet("taper_3", "mesh.cell=triangle", 'casting.length="180 mm"'))
+    one, other = (
+        marched(billet("taper_3", f"mesh.cell={cell}", 'casting.length="180 mm"'))
+        for cell in ("quadrilateral", "triangle")
+    )
     readings = [
-        next(r for r in kept.readings if r.position == pytest.approx(0.18))
-        for kept in (six("taper_3"), other)
+        next(r for r in kept.readings if r.position == pytest.approx(0.18)) for kept in (one, other)
     ]
     contact = [strained(reading).contact for reading in readings]
     assert contact[0] is not None and contact[1] is not None
@@ -253,7 +263,7 @@ ROUNDING = ("energy_error", "axial_force", "force_error")  # nothing but
 def test_killed_and_resumed(name: str, touch: tuple[str, ...], tmp_path: Path) -> None:
     """Contact, friction and Nitsche's own state come back: the end is that of the unbroken run."""
     changes = (*touch, "output.checkpoint_every=5", 'casting.length="240 mm"')
-    words = [str(CASES / f"{name}.toml"), str(tmp_path / "killed"), *COARSE, *changes]
+    words = [str(CASES / f"{name}.toml"), str(tmp_path / "killed"), *COARSE, *ELASTIC, *changes]
     done = subprocess.run([sys.executable, "-c", KILLED, *words], check=False)
     assert done.returncode == -9
     assert json.loads((tmp_path / "killed" / "run.json").read_text())["status"] == "running"
@@ -287,7 +297,7 @@ def test_another_mould_is_another_case(tmp_path: Path, capsys: pytest.CaptureFix
             run(case, tmp_path, resume=True)
         with pytest.raises(InputError, match=re.escape(f"a run of another case ({told}); run")):
             castfem.run(case, tmp_path, resume=True)
-        sets = [word for given in (*COARSE, longer, change) for word in ("--set", given)]
+        sets = [word for given in (*COARSE, *ELASTIC, longer, change) for word in ("--set", given)]
         words = ["run", str(CASES / "taper_1.toml"), "--resume", "-o", str(tmp_path), *sets]
         assert execute(words) == 1
         assert f"a run of another case ({told}); run" in capsys.readouterr().err

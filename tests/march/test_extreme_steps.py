@@ -10,6 +10,7 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
+import pandas
 import pytest
 
 from castfem import march
@@ -43,13 +44,14 @@ def run(case: Case, folder: Path, **options: object) -> Summary:
 def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:
     """Two intervals of 5 s through the mould: in balance, and about the stress of 0.2 s.
 
-    Heat keeps its own steps; the bulge of the first soft shell is what long steps miss.
+    Heat keeps its own steps; the bulge of the first soft shell is what long steps miss.  The shell
+    is measured in the slice as it is, so what its strains are off, a thousandth, is in it.
     """
     long = run(billet("coupling.interval=5 s"), tmp_path / "long")
     fine = run(billet("coupling.interval=0.2 s"), tmp_path / "fine")
     assert long.status == "finished" and long.steps["intervals"] == 2
     for name, close in (
-        ("shell_mid_face", 1e-3),
+        ("shell_mid_face", 2e-3),
         ("heat_removed", 1e-3),
         ("von_mises_corner", 0.2),
         ("axial_strain", 0.25),
@@ -59,7 +61,18 @@ def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:
     for balance in ("axial force", "forces in the plane"):
         assert abs(long.balances[balance]["error"].value) < 1e-6
     table = read_history(tmp_path / "long" / "history.csv")
-    assert np.isfinite(table.to_numpy()).all()
+    assert all(whole(row) for _, row in table.iterrows())
+
+
+def whole(row: pandas.Series) -> bool:
+    """Whether a row of a history has a number for everything that exists.
+
+    Without a shell there is no cell in which the solidus lies, and with one there is.
+    """
+    cells = [name for name in row.index if name.startswith("solidus_cell_")]
+    there = {name: row[name.replace("solidus_cell_", "shell_")] > 0.0 for name in cells}
+    assert cells and all(np.isfinite(row[name]) == is_ for name, is_ in there.items())
+    return bool(np.isfinite(row.drop(cells).to_numpy()).all())
 
 
 def failed(folder: Path, said: str) -> float:
@@ -69,7 +82,7 @@ def failed(folder: Path, said: str) -> float:
     table = read_history(folder / "history.csv")
     last = table.iloc[-1]
     assert record["reached"]["time"] == pytest.approx(last["time"], rel=1e-11)
-    assert np.isfinite(last.to_numpy()).all() and abs(last["force_error"]) < 1e-6
+    assert whole(last) and abs(last["force_error"]) < 1e-6
     return float(last["time"])
 
 
@@ -84,16 +97,18 @@ def test_a_solver_that_gives_up_says_so(tmp_path: Path) -> None:
     assert failed(tmp_path, said) < 2.0
 
 
+@pytest.mark.parametrize("liquid", ["elastic", "fed"])
 def test_a_failed_run_goes_on_from_its_last_good_state(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    liquid: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nothing converges beyond 1 s, until it does: resumed, it is the run that never failed.
 
     The failed attempts have found states, of contact and friction too: none is in the checkpoint.
     """
     case = billet(
-        "casting.length=90 mm", "coupling.interval=0.25 s", "mould.friction.law=coulomb",
-        "mould.friction.coefficient=0.2", name="taper_0",
+        "casting.length=150 mm", "coupling.interval=0.25 s", "mould.friction.law=coulomb",
+        "mould.friction.coefficient=0.2", f"mechanics.liquid={liquid}",
+        f"mechanics.ferrostatic={'full' if liquid == 'fed' else 'proportional'}", name="taper_0",
     )  # fmt: skip
     whole = run(case, tmp_path / "whole")
     step = MechanicalStepper.step

@@ -24,10 +24,10 @@ from castfem.scene import Scene, build_scene
 
 RUBBING = (
     "mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "mould.contact=nitsche",
-    "casting.length=120 mm", "coupling.interval=0.5 s", "mesh.surface_size=3 mm",
+    "casting.length=210 mm", "coupling.interval=0.5 s", "mesh.surface_size=3 mm",
     "mesh.corner_size=3 mm", "mesh.face_size=14 mm",
 )  # fmt: skip
-BEFORE, WHEN = 1.5, 2.0  # s: the interval whose first attempt fails, the corner half open
+BEFORE, WHEN = 3.0, 3.5  # s: the interval whose first attempt fails, the corner half open
 Bits = dict[str, bytes]
 
 

@@ -24,7 +24,7 @@ def test_friction_of_each_law(law: str) -> None:
     """The strand slides down the mould: friction at every point is the law's, and holds it back."""
     keys = f"law={law}".split(", ")
     kept = marched(
-        billet("taper_1", "casting.length=60 mm", *(f"mould.friction.{key}" for key in keys))
+        billet("taper_1", "casting.length=210 mm", *(f"mould.friction.{key}" for key in keys))
     )
     assert kept.summary is not None and kept.summary.status == "finished"
     assert kept.summary.steps["intervals cut back"] == 0

@@ -43,7 +43,9 @@ wall = "160 degC"
 step = "0.25 s"
 
 [mechanics]
+liquid = "elastic"
 liquid_stiffness = 1e-3
+ferrostatic = "proportional"
 
 [mould]
 length = "200 mm"

@@ -83,7 +83,8 @@ def test_resumed_is_the_run_that_was_never_stopped(tmp_path: Path) -> None:
         assert resumed.quantities[name].value == pytest.approx(quantity.value, rel=1e-10), name
     one, other = (read_history(tmp_path / n / "history.csv") for n in ("cut", "whole"))
     exact = [c for c in one.columns if c not in ("force_error", "energy_error", "axial_force")]
-    assert np.allclose(one[exact], other[exact], rtol=1e-10, atol=1e-12)
+    # Without a solidus there is no cell in which it lies, in either.
+    assert np.allclose(one[exact], other[exact], rtol=1e-10, atol=1e-12, equal_nan=True)
 
 
 def test_other_physics_is_refused(tmp_path: Path) -> None:

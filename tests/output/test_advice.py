@@ -202,4 +202,4 @@ def test_a_shell_that_nothing_holds_is_named(table):
     table["displacement_mid_face"] *= 40.0
     bulge = of(remarks(table, summary()), "bulge, mid-face")
     assert bulge.value == table["displacement_mid_face"].max() and bulge.unit == "mm"
-    assert bulge.where.startswith("at 600 mm") and "mechanics.liquid_stiffness" in bulge.where
+    assert bulge.where.startswith("at 600 mm") and "mechanics.liquid" in bulge.where
