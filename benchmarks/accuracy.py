@@ -130,7 +130,7 @@ def cheapest(
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Errors against run time, temperature and heat, with the front of each scheme and cell."""
-    from castfem.output.style import look, new_figure
+    from castfem.plots.style import look, new_figure
 
     colours = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
     with look():

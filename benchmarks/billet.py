@@ -17,13 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.case import Case, from_document, load_case
-from castfem.march import March
-from castfem.measure import CELSIUS, Reading
-from castfem.scene import build_scene
-from castfem.timestep import same_instant
+from castfem.coupling.step_control import same_instant
+from castfem.results.thermal import CELSIUS, Reading
+from castfem.simulation.simulation import build_scene
+from castfem.time_loop.loop import March
 
 if TYPE_CHECKING:
-    from castfem.recorder import Recorder
+    from castfem.time_loop.recorder import Recorder
 
 Array = npt.NDArray[np.float64]
 

@@ -17,10 +17,10 @@ import numpy as np
 from benchmarks.billet_run import CASES, MOULDS, NAMES, QUIET, every, mesh, touch
 from benchmarks.report import Output, table
 from castfem.case import load_case
-from castfem.march import March
 from castfem.mechanics.state import MechanicalResult
-from castfem.scene import build_scene
-from castfem.stopwatch import LIBRARIES, Stopwatch
+from castfem.simulation.simulation import build_scene
+from castfem.support.stopwatch import LIBRARIES, Stopwatch
+from castfem.time_loop.loop import March
 
 RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {

@@ -14,11 +14,11 @@ import numpy.typing as npt
 from benchmarks.report import ROOT
 from castfem.case import load_case
 from castfem.errors import CastfemError
-from castfem.march import March
-from castfem.measure import Reading
-from castfem.output.advice import OPEN, spells
-from castfem.report import quantities
-from castfem.scene import build_scene
+from castfem.report.remarks import OPEN, spells
+from castfem.results.summary import quantities
+from castfem.results.thermal import Reading
+from castfem.simulation.simulation import build_scene
+from castfem.time_loop.loop import March
 
 CASES = ROOT / "cases" / "billet125"
 MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")

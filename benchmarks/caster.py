@@ -17,8 +17,8 @@ from benchmarks.accuracy import default_settings
 from benchmarks.billet import CASE, LENGTHS, Settings, time_table
 from benchmarks.report import Output, table
 from castfem.case import from_document, load_case
-from castfem.march import March
-from castfem.scene import build_scene
+from castfem.simulation.simulation import build_scene
+from castfem.time_loop.loop import March
 
 LENGTH = 20.0  # m
 PLACES = (3.0, 6.0, 10.0, 15.0)  # m below the meniscus

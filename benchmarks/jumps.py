@@ -16,10 +16,10 @@ from benchmarks.accuracy import default_settings
 from benchmarks.billet import Array, Settings, billet_case
 from benchmarks.report import Output, table
 from castfem.case import from_document
-from castfem.march import March
-from castfem.measure import Reading
-from castfem.scene import build_scene
+from castfem.results.thermal import Reading
+from castfem.simulation.simulation import build_scene
 from castfem.thermal.stepper import ThermalStepper
+from castfem.time_loop.loop import March
 
 COEFFICIENTS = (1.6, 8.0, 30.0)  # kW/m2K, to 25 degC, from the meniscus on
 STEPS = (0.5, 0.25)  # s

@@ -32,14 +32,14 @@ from scipy.sparse.linalg import splu
 
 from benchmarks.report import Output, table
 from castfem import meshes
-from castfem.compat import assemble_matrix, assemble_owned
+from castfem.fem.dolfinx_compat import assemble_matrix, assemble_owned
+from castfem.fem.section import Section
 from castfem.forms import heat
 from castfem.materials.curve import ThermalCurve
-from castfem.section import Section
-from castfem.thermal.laws import Convection
+from castfem.thermal.boundary import Cooling, Surface
+from castfem.thermal.flux_laws import Convection
 from castfem.thermal.problem import ThermalProblem
 from castfem.thermal.stepper import ThermalStepper
-from castfem.thermal.surface import Cooling, Surface
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -261,7 +261,7 @@ def compare(
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """Lost heat and error of the front against the step, for each freezing range."""
-    from castfem.output.style import look, new_figure
+    from castfem.plots.style import look, new_figure
 
     colours = ("#0072b2", "#d55e00", "#cc79a7", "#009e73")
     names = list(dict.fromkeys(r["form"] for r in rows))

@@ -4,7 +4,7 @@
 
 integrates 8100 points (900 quadrilaterals with 9 points each) and prints a table: milliseconds of
 the compiled kernel, of the same implicit scheme in vectorised numpy (written for this comparison,
-so that it is an independent check of the kernel, too; tests/laws use it as such), and of the
+so that it is an independent check of the kernel, too; tests/constitutive use it so), and of the
 coefficients, which are computed once a step.  Then the time to the first answer of a new process,
 without and with compiled code on disk.  With `--figures` the pictures of docs/laws.md are drawn.
 """
@@ -22,7 +22,7 @@ from time import perf_counter
 
 import numpy as np
 
-from castfem.laws import (
+from castfem.constitutive import (
     MaterialStep,
     NortonCreep,
     NortonHoff,
@@ -33,15 +33,15 @@ from castfem.laws import (
     load_elasticity,
     load_law,
 )
-from castfem.laws import kernel as k
-from castfem.laws.base import Array
-from castfem.laws.curves import Austenite
-from castfem.laws.flow import RadialReturn
-from castfem.laws.identify import identify
-from castfem.laws.measured import TensileData
-from castfem.laws.tables import Constant
-from castfem.laws.tables import celsius as rows
-from castfem.laws.tensile import plot_tensile_tests
+from castfem.constitutive import kernel as k
+from castfem.constitutive.base import Array
+from castfem.constitutive.curves import Austenite
+from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.identification.fit import identify
+from castfem.constitutive.identification.measured import TensileData
+from castfem.constitutive.tables import Constant
+from castfem.constitutive.tables import celsius as rows
+from castfem.tensile.thesis_tests import plot_tensile_tests
 
 POINTS = 8100
 DT = 0.1  # s
@@ -305,7 +305,7 @@ def start_times() -> tuple[float, float]:
     code = (
         "from time import perf_counter; t = perf_counter()\n"
         "import numpy as np\n"
-        "from castfem.laws import Elasticity, MaterialStep, ThermoElastic\n"
+        "from castfem.constitutive import Elasticity, MaterialStep, ThermoElastic\n"
         "law = ThermoElastic(Elasticity.constant(1e9, 0.3)); one = np.full(1, 300.0)\n"
         "law.integrate(MaterialStep(np.zeros((1, 4)), np.zeros(1), one, one, 1.0),"
         " np.zeros((1, 4)), law.initial_state(1))\n"

@@ -19,17 +19,18 @@ from scipy.sparse.linalg import splu
 
 from benchmarks.mapped import RING_GROUPS, box, mapped, ring, skewed
 from benchmarks.report import Output, table
-from castfem import meshes, nodal
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import NortonCreep, ThermoElastic
+from castfem import meshes
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep, ThermoElastic
+from castfem.fem import dof_values
+from castfem.fem.section import Section
+from castfem.mechanics.definition import Slice
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.points import Integration
 from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.slice import Slice
+from castfem.mechanics.quadrature import Integration
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import Held, SurfacePressure
-from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
 Field = Callable[[Array, float], Array]
@@ -112,7 +113,7 @@ def inf_sup(mesh: meshes.SectionMesh, rules: Integration | None) -> tuple[int, f
     values = points.linear.values
     weighted = values * points.mean.volume.reshape(*values.shape[:2], 1)
     work = weighted.transpose(0, 2, 1) @ points.dilation
-    rows = nodal.operator(space, np.arange(len(work)), work)[:, free].toarray()
+    rows = dof_values.operator(space, np.arange(len(work)), work)[:, free].toarray()
     felt = rows @ splu(norm[free][:, free].tocsc()).solve(rows.T)
     size = scipy.linalg.block_diag(*(weighted.transpose(0, 2, 1) @ values))
     found = scipy.linalg.eigh(0.5 * (felt + felt.T), size, eigvals_only=True)

@@ -14,9 +14,9 @@ from mpi4py import MPI
 from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
-from castfem.march import March
-from castfem.measure import CELSIUS, Reading
-from castfem.scene import build_scene
+from castfem.results.thermal import CELSIUS, Reading
+from castfem.simulation.simulation import build_scene
+from castfem.time_loop.loop import March
 
 FINE = "coupling.interval=0.05 s"
 ORDERS = {

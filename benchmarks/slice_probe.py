@@ -20,13 +20,13 @@ import numpy as np
 from benchmarks.probe import peak
 from benchmarks.slices import CoolingSlice, Heat
 from castfem import meshes
-from castfem.laws.elasticity import Solidity
-from castfem.laws.library import load_elasticity, load_law
+from castfem.constitutive.elasticity import Solidity
+from castfem.constitutive.parameters import load_elasticity, load_law
 from castfem.materials import load_steel
+from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
 from castfem.mechanics.planes import PlainPlanes, allowed_modes
-from castfem.mechanics.slice import Slice
-from castfem.thermal.laws import Contact
+from castfem.thermal.flux_laws import Contact
 
 SECTIONS = {
     "quarter": {"width": 0.125, "height": 0.125, "symmetry": "quarter"},

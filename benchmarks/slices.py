@@ -13,16 +13,16 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem import meshes
+from castfem.fem.section import Section
 from castfem.materials import Steel
+from castfem.mechanics.definition import Slice
 from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.slice import Slice
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.section import Section
-from castfem.stopwatch import Stopwatch
-from castfem.thermal.laws import PrescribedTemperature, SurfaceLaw
+from castfem.support.stopwatch import Stopwatch
+from castfem.thermal.boundary import Cooling, Surface
+from castfem.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
 from castfem.thermal.problem import ThermalProblem
 from castfem.thermal.stepper import ThermalStepper
-from castfem.thermal.surface import Cooling, Surface
 
 Array = npt.NDArray[np.float64]
 Field = Callable[[Array, float], Array]

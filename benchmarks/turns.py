@@ -16,10 +16,10 @@ import numpy as np
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
-from castfem.march import March
-from castfem.measure import Reading
-from castfem.report import summarise
-from castfem.scene import build_scene
+from castfem.results.summary import summarise
+from castfem.results.thermal import Reading
+from castfem.simulation.simulation import build_scene
+from castfem.time_loop.loop import March
 
 STRONG = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="300 mm"')
 TURNS = (

@@ -19,13 +19,13 @@ import numpy.typing as npt
 
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, touch
 from benchmarks.report import Output, table
-from castfem import mechanical_scene
 from castfem.case import load_case
-from castfem.march import March
-from castfem.measure import Reading
-from castfem.mechanical_measure import MechanicalReading
-from castfem.report import summarise
-from castfem.scene import build_scene
+from castfem.results.mechanical import MechanicalReading
+from castfem.results.summary import summarise
+from castfem.results.thermal import Reading
+from castfem.simulation import mechanics as build_mechanics
+from castfem.simulation.simulation import build_scene
+from castfem.time_loop.loop import March
 
 Array = npt.NDArray[np.float64]
 
@@ -225,12 +225,12 @@ SPRINGS: tuple[float | None, ...] = (None, 1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
 @contextmanager
 def sprung(stiffness: float | None) -> Any:
     """Let scenes have springs of another stiffness, or points held rigidly."""
-    shipped = mechanical_scene.SPRING
-    mechanical_scene.SPRING = stiffness  # type: ignore[assignment]
+    shipped = build_mechanics.SPRING
+    build_mechanics.SPRING = stiffness  # type: ignore[assignment]
     try:
         yield
     finally:
-        mechanical_scene.SPRING = shipped
+        build_mechanics.SPRING = shipped
 
 
 def springs(output: Output, quick: bool) -> None:

@@ -12,13 +12,13 @@ import numpy.typing as npt
 from benchmarks.report import Output, front, table
 from benchmarks.slices import KELVIN, CoolingSlice, Heat
 from castfem import meshes
-from castfem.laws.elasticity import Elasticity, Solidity
-from castfem.laws.library import load_law
+from castfem.constitutive.elasticity import Elasticity, Solidity
+from castfem.constitutive.parameters import load_law
 from castfem.materials import load_steel
+from castfem.mechanics.definition import Slice
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.slice import Slice
 from castfem.mechanics.supports import Held
-from castfem.thermal.laws import PrescribedTemperature
+from castfem.thermal.flux_laws import PrescribedTemperature
 from castfem.verification.half_space import DIFFUSIVITY, POISSON, SURFACE, YIELD, YOUNG, HalfSpace
 
 if TYPE_CHECKING:
@@ -225,7 +225,7 @@ COLOURS = ("#0072b2", "#d55e00", "#cc79a7", "#009e73", "#e69f00", "#555555")
 
 def draw(rows: list[dict[str, Any]]) -> Figure:
     """The largest error against run time, with the front of each kind."""
-    from castfem.output.style import look, new_figure
+    from castfem.plots.style import look, new_figure
 
     with look():
         figure = new_figure(6.4, 5.2)
@@ -249,7 +249,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
 
 def draw_profiles() -> Figure:
     """Stress over depth at both instants against the closed form."""
-    from castfem.output.style import look, new_figure
+    from castfem.plots.style import look, new_figure
 
     runs = [(0.5, 0.1, "#e69f00", "o"), (0.1, 0.1, "#0072b2", ".")]
     scenes = [strip(Settings(size, step)) for size, step, *_ in runs]

@@ -5,23 +5,20 @@ that `import castfem` costs nothing.
 
 What there is, upstream first; nothing knows what comes after it (tests/test_layers.py):
 
-    errors log closing stopwatch wording    what everything uses
-    units quantities table                  numbers with units, and tables of them
-    compat reductions parallel nodal        DOLFINx' versions, and work over the ranks
-    section probes snes timestep            mesh over the ranks, lines in it, solver, step control
-    forms/ meshes/                          weak forms in UFL; sections as plain arrays
-    materials/ laws/                        steels, and what strains them
-    thermal/ mould/ contact/ mechanics/     the problems, one step at a time
-    case/ catalogue former                  case files, checked; those that are shipped
-    zones mechanical_law mechanical_scene   from a case to its cooling and its mechanics
-    substeps coupling                       steps within an interval; intervals
-    output/ tabulated                       files of a run, and pictures made of them alone
-    scene                                   all of it, built from a case
-    measure mechanical_measure passage      what is read off the slice
-    report columns recorder restart         ... and written
-    march                                   from the meniscus to the end
-    api sweep/ compare/ cli/                what users call
-    verification verified tensile_run       closed forms, how far off a run is; a tensile test
+    errors values/ support/         numbers with units; what everything uses
+    meshes/ forms/ fem/             sections as plain arrays; weak forms in UFL; DOLFINx and PETSc
+    materials/ constitutive/        steels, and what strains them
+    mould/                          the wall the strand passes
+    thermal/ contact/ mechanics/    the problems, one step at a time
+    verification/ output/           closed forms; the files of a run
+    case/                           case files, checked; those that are shipped
+    coupling/                       temperature and mechanics in turn
+    simulation/                     from a case to all that computes it
+    results/                        what is read off the slice, and the summary
+    time_loop/                      from the meniscus to the end
+    tensile/                        a tensile test of a law: a case without a slice
+    plots/ report/                  figures and words on a run, from its files alone
+    api sweep/ compare/ cli/        what users call
 """
 
 from __future__ import annotations

@@ -24,9 +24,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.closing import Closing
 from castfem.errors import InputError
 from castfem.output.summary import Summary
+from castfem.support.closing import Closing
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -44,7 +44,7 @@ def load(name: str | Path) -> Case:
         InputError: There is none, or something is wrong in it; all problems, one line each.
     """
     from castfem.case import load_case
-    from castfem.catalogue import find
+    from castfem.case.shipped_cases import find
 
     return load_case(find(str(name)))
 
@@ -77,9 +77,10 @@ def run(
     """
     from mpi4py import MPI
 
-    from castfem import former, log, march
-    from castfem.parallel import on_root
-    from castfem.progress import Progress
+    from castfem.fem.root import on_root
+    from castfem.support import log
+    from castfem.support.progress import Progress
+    from castfem.time_loop import existing_run, loop
 
     comm = MPI.COMM_WORLD if comm is None else comm
     sound = load(case) if isinstance(case, str | Path) else case
@@ -89,8 +90,8 @@ def run(
     bar = Progress(0 if progress else -1) if comm.rank == 0 else None
     try:
         if resume:
-            on_root(comm, lambda: former.check(target, sound, resume=True, overwrite=False))
-        summary = march.run(sound, target, comm=comm, resume=resume, progress=bar)
+            on_root(comm, lambda: existing_run.check(target, sound, resume=True, overwrite=False))
+        summary = loop.run(sound, target, comm=comm, resume=resume, progress=bar)
     except BaseException:
         if made is not None:
             shutil.rmtree(made, ignore_errors=True)

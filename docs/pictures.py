@@ -11,11 +11,11 @@ from pathlib import Path
 
 from PIL import Image
 
-from castfem import march
 from castfem.case import load_case
-from castfem.case.wall import build_mould
-from castfem.output.figures import draw_figures
-from castfem.output.plot_mould import draw as draw_mould
+from castfem.case.build_mould import build_mould
+from castfem.plots.figures import draw_figures
+from castfem.plots.mould import draw as draw_mould
+from castfem.time_loop import loop
 
 HERE = Path(__file__).parent
 WIDTH, COLOURS = 900, 256  # pixels in all, and a palette that keeps the file small
@@ -39,7 +39,7 @@ def billet() -> None:
     """Put the temperature and the stress of the shell at the mould's exit side by side."""
     case = load_case(HERE.parent / "cases" / "billet125" / "idealised.toml")
     with tempfile.TemporaryDirectory() as folder:
-        march.run(case, folder)
+        loop.run(case, folder)
         drawn = {path.stem: path for path in draw_figures(folder)}
         pictures = [Image.open(drawn[name]).convert("RGB") for name in PAIR]
         height = min(p.height for p in pictures)

@@ -45,7 +45,7 @@ def collect_together() -> Iterator[None]:
 @pytest.fixture
 def told(caplog: pytest.LogCaptureFixture) -> Iterator[pytest.LogCaptureFixture]:
     """What castfem warns of, whatever a test before has done to its logger."""
-    from castfem.log import end_file, logger
+    from castfem.support.log import end_file, logger
 
     end_file()  # of a run before, made without the command line
     before, logger.propagate = logger.propagate, False

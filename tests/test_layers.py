@@ -38,4 +38,5 @@ def test_dependence_has_one_direction() -> None:
                 needs.setdefault(unit, set()).add(parts[1])
     order = list(graphlib.TopologicalSorter(needs).static_order())
     assert order.index("forms") < order.index("contact") < order.index("mechanics")
-    assert order.index("case") < order.index("scene") < order.index("march") < order.index("cli")
+    assert order.index("case") < order.index("simulation") < order.index("time_loop")
+    assert order.index("time_loop") < order.index("cli")

@@ -27,7 +27,7 @@ from castfem.case.section import (
 )
 from castfem.case.tensile import TensileCase
 from castfem.case.thermal import Adaptive, Stepping, Thermal
-from castfem.table import Table
+from castfem.values.tables import Table
 
 __all__ = [
     "Adaptive",

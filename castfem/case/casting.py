@@ -6,9 +6,9 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
-from castfem import units
 from castfem.case.base import TableModel, written
-from castfem.quantities import Length, Percent, Speed, Superheat, Temperature, Time
+from castfem.values import units
+from castfem.values.quantities import Length, Percent, Speed, Superheat, Temperature, Time
 
 ThermalField = Literal["temperature", "solid_fraction"]
 MechanicalField = Literal[

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from castfem.case.base import TableModel, written
-from castfem.quantities import (
+from castfem.values.quantities import (
     Conductivity,
     Distance,
     HeatTransferCoefficient,
@@ -19,7 +19,7 @@ from castfem.quantities import (
     WaterFlow,
     WaterTemperature,
 )
-from castfem.table import Curve, CurveOr, Table
+from castfem.values.tables import Curve, CurveOr, Table
 
 CoefficientOfTemperature = Annotated[
     float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), over="temperature")

@@ -17,8 +17,8 @@ from typing import Any
 
 from castfem.case import outdated
 from castfem.case.mould import EXAMPLES
-from castfem.units import nearest
-from castfem.wording import dotted, shown
+from castfem.support.messages import dotted, shown
+from castfem.values.units import nearest
 
 Keys = tuple[str | int, ...]
 

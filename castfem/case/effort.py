@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from castfem.case.model import Case
 from castfem.case.problems import Path, Problem
-from castfem.units import format
-from castfem.wording import grouped
+from castfem.support.messages import grouped
+from castfem.values.units import format
 
 _MOST = 1_000_000  # steps; of the cheapest, that is hours
 _MOST_STATES = 50_000  # written fields

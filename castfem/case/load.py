@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from castfem.case import checks, document, names, outdated, plausible, problems, tensile
+from castfem.case import document, key_names, outdated, plausibility, problems, tensile, validation
 from castfem.case.base import LENIENT
 from castfem.case.model import Case
 from castfem.case.problems import Problem
@@ -75,7 +75,7 @@ def read_case(path: str | Path, overrides: Iterable[str] = ()) -> Reading:
     if written.faults:
         return Reading(None, tuple(written.faults))
     kind = _kind(written)
-    document.override(written, overrides, lambda key: names.full_key(kind, written.data, key))
+    document.override(written, overrides, lambda key: key_names.full_key(kind, written.data, key))
     return _validate(written)
 
 
@@ -98,7 +98,7 @@ def changed(
 
     Args:
         case: The case.
-        changes: Dotted or bare key (`castfem.case.names`) and new value.
+        changes: Dotted or bare key (`castfem.case.key_names`) and new value.
         label: Where the changes were written, for messages.
         labels: The same by key, of those that were written elsewhere.
     """
@@ -107,7 +107,7 @@ def changed(
     for key, value in changes.items():
         where = (labels or {}).get(key, label)
         try:
-            full = names.full_key(Case, written.data, key)
+            full = key_names.full_key(Case, written.data, key)
         except ValueError as error:
             written.faults.append(f"{where}: {key}: {error}")
             continue
@@ -129,14 +129,14 @@ def _validate(written: document.Document) -> Reading:
     """Validate a document, check across keys, and collect the problems with their files."""
     kind = _kind(written)
     case, found = _build(kind, written.data)
-    found += list(tensile.check(case) if isinstance(case, TensileCase) else checks.check(case))
+    found += list(tensile.check(case) if isinstance(case, TensileCase) else validation.check(case))
     lines = [*written.faults, *(_line(written, problem) for problem in found)]
     table, name = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
     steel = f"{written.origin((table, name))}: {table}"
     law, elasticity = (
         f"{written.origin(('mechanics', key))}: mechanics.{key}" for key in ("law", "elasticity")
     )
-    odd = plausible.doubts(case) if isinstance(case, Case) and not lines else ()
+    odd = plausibility.doubts(case) if isinstance(case, Case) and not lines else ()
     doubts = tuple(_line(written, problem) for problem in odd)
     line = partial(_line, written)
     return Reading(case, tuple(dict.fromkeys(lines)), steel, law, elasticity, doubts, line)

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.thermal import PetscOption
-from castfem.quantities import Kind, PositiveDifference, Time
-from castfem.table import Curve, CurveOr, Table
+from castfem.values.quantities import Kind, PositiveDifference, Time
+from castfem.values.tables import Curve, CurveOr, Table
 
 FREE = "free"
 

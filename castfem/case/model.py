@@ -30,7 +30,7 @@ from castfem.case.section import Mesh, Section, cooled_groups
 from castfem.case.thermal import Thermal
 from castfem.case.verification import Verification
 from castfem.mould.taper import stretch_ends
-from castfem.table import Table as TableOfValues
+from castfem.values.tables import Table as TableOfValues
 
 _NOT_PHYSICS: Any = {
     "title": True,

@@ -10,9 +10,9 @@ from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 from castfem.case.base import TableModel, written
 from castfem.case.mechanics import Share
 from castfem.case.taper import Perimeter, TaperMark
-from castfem.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
-from castfem.table import Curve, Table
-from castfem.units import nearest
+from castfem.values.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
+from castfem.values.tables import Curve, Table
+from castfem.values.units import nearest
 
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
@@ -88,7 +88,7 @@ class Touch(TableModel):
         """Refuse factors with which Nitsche's method cannot solve a strand (docs/contact.md)."""
         if factor is None or info.data.get("method") != "nitsche":
             return factor
-        from castfem.contact.contact import FACTOR, LEAST_NITSCHE
+        from castfem.contact.settings import FACTOR, LEAST_NITSCHE
 
         if factor >= LEAST_NITSCHE:
             return factor

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from castfem import units
+from castfem.values import units
 
 # Tables and keys that change no result, or only how well it is computed.
 _NO_PHYSICS = (

@@ -12,9 +12,9 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from castfem.case.base import TableModel
-from castfem.quantities import Kind
-from castfem.units import nearest
-from castfem.wording import Path, choices, dotted, shown
+from castfem.support.messages import Path, choices, dotted, shown
+from castfem.values.quantities import Kind
+from castfem.values.units import nearest
 
 _MISSING = object()
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from castfem.case.base import TableModel, written
-from castfem.quantities import Distance, Length
+from castfem.values.quantities import Distance, Length
 
 Symmetry = Literal["quarter", "half", "whole"]
 _SYMMETRY = "part that is modelled; half is the side x >= 0"

@@ -7,9 +7,9 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from castfem.mould.taper import Course, Displaced, Stretch, Taper
-from castfem.quantities import Kind, Notation
-from castfem.table import Curve, Table
-from castfem.units import nearest
+from castfem.values.quantities import Kind, Notation
+from castfem.values.tables import Curve, Table
+from castfem.values.units import nearest
 
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler

@@ -14,8 +14,8 @@ from castfem.case.base import TableModel, written
 from castfem.case.casting import Reference
 from castfem.case.document import is_path
 from castfem.case.problems import Problem
-from castfem.quantities import Kind, Percent, Time
-from castfem.table import Curve, Table
+from castfem.values.quantities import Kind, Percent, Time
+from castfem.values.tables import Curve, Table
 
 TABLE = "tensile"
 _NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True}

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, WithJsonSchema, model_validator
 
 from castfem.case.base import TableModel, written
-from castfem.quantities import PositiveDifference, Time
+from castfem.values.quantities import PositiveDifference, Time
 
 
 def _scalar(value: Any) -> Any:

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from castfem import __version__, catalogue
+from castfem import __version__
+from castfem.case import shipped_cases
 from castfem.errors import InputError
 
 app = typer.Typer(
@@ -141,7 +142,7 @@ def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
     """Check a case, its steel and its mesh without running it."""
     from castfem.cli.checking import check_case
 
-    text = check_case(case, catalogue.find(case), set_ or ())
+    text = check_case(case, shipped_cases.find(case), set_ or ())
     if not quiet:
         print(text)
 
@@ -149,10 +150,10 @@ def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
 @app.command()
 def cases() -> None:
     """List the cases shipped with castfem."""
-    shipped = catalogue.shipped()
+    shipped = shipped_cases.shipped()
     width = max((len(name) for name in shipped), default=0)
     for name, path in shipped.items():
-        print(f"{name:{width}}  {catalogue.title_of(path)}")
+        print(f"{name:{width}}  {shipped_cases.title_of(path)}")
 
 
 @app.command()
@@ -178,16 +179,16 @@ def show(
     """Print the table of a run and draw its figures."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
-    from castfem import tabulated
     from castfem.cli import parallel
     from castfem.output.folder import RUN_NAME
-    from castfem.output.show import show as show_folder
+    from castfem.report import error_pages
+    from castfem.report.show import show as show_folder
     from castfem.sweep.record import SWEEP_NAME
 
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: it is a sweep: castfem compare {folder}")
     show_folder(folder, parallel.console())
-    for line in tabulated.lines({"": folder}):
+    for line in error_pages.lines({"": folder}):
         print(line)
 
 
@@ -227,7 +228,7 @@ def mesh(
     from castfem.case import load_case
     from castfem.cli.drawing import draw_mesh
 
-    path = catalogue.find(case)
+    path = shipped_cases.find(case)
     draw_mesh(load_case(path, set_ or ()), output or Path(f"{path.stem}_mesh.png"))
 
 
@@ -243,7 +244,7 @@ def mould(
     from castfem.case import load_case
     from castfem.cli.mould import draw_mould
 
-    path = catalogue.find(case)
+    path = shipped_cases.find(case)
     draw_mould(load_case(path, set_ or ()), output or Path(f"{path.stem}_mould.png"), case)
 
 
@@ -302,7 +303,7 @@ def schema(
     ] = False,
 ) -> None:
     """Print the JSON schema of case files, for editors."""
-    from castfem.case.reference import markdown_page
-    from castfem.case.schema import schema_text
+    from castfem.case.json_schema import schema_text
+    from castfem.case.reference_page import markdown_page
 
     sys.stdout.write(markdown_page() if markdown else schema_text())

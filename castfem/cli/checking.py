@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem import log
-from castfem.case import AnyCase, Case, Reading, TensileCase, plausible, read_case
+from castfem.case import AnyCase, Case, Reading, TensileCase, plausibility, read_case
 from castfem.errors import InputError
-from castfem.units import convert
+from castfem.support import log
+from castfem.values.units import convert
 
 if TYPE_CHECKING:
     from castfem.materials import Steel
@@ -43,7 +43,7 @@ def _tell_doubts(reading: Reading, steel: Steel | None, law_carbon: float | None
     """Log what a sound case has that was probably not meant."""
     doubts = list(reading.doubts)
     if isinstance(reading.case, Case) and steel is not None:
-        found = plausible.doubts_with(reading.case, steel, law_carbon)
+        found = plausibility.doubts_with(reading.case, steel, law_carbon)
         doubts += [reading.line(problem) for problem in found]
     for doubt in doubts:
         log.logger.warning("%s", doubt)
@@ -70,8 +70,8 @@ def _try_mechanics(reading: Reading, steel: Steel | None) -> float | None:
     table = reading.case.mechanics if isinstance(reading.case, Case) else None
     if table is None or steel is None or reading.problems:
         return None
-    from castfem.laws.library import law_carbon
-    from castfem.mechanical_law import build_law
+    from castfem.constitutive.parameters import law_carbon
+    from castfem.simulation.law import build_law
 
     build_law(table, steel, reading.law, reading.elasticity)
     return law_carbon(table.law)
@@ -80,7 +80,7 @@ def _try_mechanics(reading: Reading, steel: Steel | None) -> float | None:
 def _try_law(reading: Reading, case: TensileCase) -> None:
     """Make the law of a tensile test, if all of the test is sound."""
     if not reading.problems:
-        from castfem.tensile_run import TensileTest
+        from castfem.tensile.tensile_test import TensileTest
 
         TensileTest(case, reading.steel)
 
@@ -135,7 +135,7 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
         f"  mesh of {cells} cells",
     ]
     if case.mechanics is not None:
-        from castfem.laws.library import law_carbon
+        from castfem.constitutive.parameters import law_carbon
 
         walls = "free" if case.mould is None else "in a rigid mould"
         carbon = law_carbon(case.mechanics.law)

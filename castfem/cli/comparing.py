@@ -6,12 +6,12 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from castfem import tabulated
 from castfem.cli import parallel
 from castfem.compare.remarks import remarks
 from castfem.compare.runs import Run, base_of, read_runs
 from castfem.compare.table import CSV_NAME, lines, printed, write_csv
 from castfem.errors import InputError
+from castfem.report import error_pages
 
 
 def compare_runs(
@@ -43,7 +43,7 @@ def compare_runs(
     out = parallel.console()
     for block in printed(runs, table, out.width):
         out.print(block, "", highlight=False)
-    errors = tabulated.lines({run.label: run.folder for run in runs})
+    errors = error_pages.lines({run.label: run.folder for run in runs})
     for remark in [*remarks(runs, measure, table), *errors]:
         out.print(remark, highlight=False, soft_wrap=True)
     written = write_csv(target, runs, table)

@@ -19,7 +19,7 @@ def identify_law(
         data: CSV with the columns temperature, strain rate, strain, stress and their units.
         output: The material file; by default the data's name with .toml.
         degree: Of the polynomials over temperature; None fits each temperature by itself.
-        softening: Bounds of p1, see `castfem.laws.identify.IdentifyOptions`.
+        softening: Bounds of p1, see `castfem.constitutive.identification.fit.IdentifyOptions`.
         overwrite: Replace a material file and a picture that are there.
 
     Raises:
@@ -35,8 +35,8 @@ def identify_law(
         raise InputError(
             f"{there[0]}: is there already; choose another file with -o, or give --overwrite"
         )
-    from castfem.laws.identify import IdentifyOptions, identify
-    from castfem.output.files import write_text
+    from castfem.constitutive.identification.fit import IdentifyOptions, identify
+    from castfem.support.atomic_files import write_text
 
     options = IdentifyOptions(degree=degree, softening=cast(Softening, softening))
     found = identify(data, options)

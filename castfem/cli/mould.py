@@ -27,8 +27,8 @@ def draw_mould(case: Case, picture: Path, origin: str) -> None:
     Raises:
         InputError: The case has no mould, or the picture cannot be written.
     """
-    from castfem.case.wall import build_mould
-    from castfem.output.plot_mould import draw
+    from castfem.case.build_mould import build_mould
+    from castfem.plots.mould import draw
 
     table = case.mould
     if table is None:

@@ -72,7 +72,7 @@ def settle() -> None:
         stream.flush()
     comm = communicator()
     if comm is not None:
-        from castfem.parallel import all_arrive
+        from castfem.fem.root import all_arrive
 
         all_arrive(comm)
         time.sleep(_DRAINED)
@@ -82,6 +82,6 @@ def together(comm: MPI.Intracomm | None) -> AbstractContextManager[object]:
     """Return a block in which an error that one rank meets alone ends all (collective)."""
     if comm is None:
         return nullcontext()
-    from castfem.parallel import Together
+    from castfem.fem.root import Together
 
     return Together(comm)

@@ -8,13 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem import catalogue, former, log, tabulated
-from castfem.case import AnyCase, TensileCase
+from castfem.case import AnyCase, TensileCase, shipped_cases
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
 from castfem.errors import CastfemError, InputError
 from castfem.output.folder import CASE_NAME, RUN_NAME
-from castfem.progress import Progress
+from castfem.report import error_pages
+from castfem.support import log
+from castfem.support.progress import Progress
+from castfem.time_loop import existing_run
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -80,7 +82,7 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     found = parallel.agree(comm, tuple(problems))
     if not found and case is not None and parallel.rank_of(comm) == 0:
         try:
-            former.check(target, case, resume=options.resume, overwrite=options.overwrite)
+            existing_run.check(target, case, resume=options.resume, overwrite=options.overwrite)
         except InputError as error:
             problems = list(error.problems)
     found = found or parallel.agree(comm, tuple(problems))
@@ -100,22 +102,22 @@ def _place(options: Options) -> tuple[Path, Path]:
     is_run = (home / RUN_NAME).is_file() and (given == home or given.name == CASE_NAME)
     if is_run and options.resume:
         return home / CASE_NAME, options.folder or home
-    path = catalogue.find(options.name)
+    path = shipped_cases.find(options.name)
     if options.folder is None and path.parent == given:
         raise InputError(
             f"{given}: is the folder of a run: `castfem run --resume {given}` goes on with it, "
             f"`castfem run {given} -o FOLDER` repeats it elsewhere"
         )
-    return path, options.folder or catalogue.default_folder(options.name, path)
+    return path, options.folder or shipped_cases.default_folder(options.name, path)
 
 
 def _march(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: Options) -> None:
     """Hand the case to the engine; on rank 0 print the table of the run and draw its figures."""
     run: Callable[..., Any]
     if isinstance(case, TensileCase):
-        from castfem.tensile_run import run
+        from castfem.tensile.tensile_test import run
     else:
-        from castfem.march import run
+        from castfem.time_loop.loop import run
 
     root = parallel.rank_of(comm) == 0
     progress = Progress(options.verbosity) if root else None
@@ -138,11 +140,11 @@ def _march(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: Opt
 def _show(target: Path, quiet: bool, *, figures: bool) -> None:
     if quiet and not figures:
         return
-    from castfem.output.show import show
+    from castfem.report.show import show
 
     show(target, parallel.console(quiet=quiet), figures=figures)
     if not quiet:
-        for line in tabulated.lines({"": target}):
+        for line in error_pages.lines({"": target}):
             print(line)
         print(f"results in {target}")
 

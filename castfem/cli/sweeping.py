@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem import catalogue, former
-from castfem.case import load_case
+from castfem.case import load_case, shipped_cases
 from castfem.cli import parallel
 from castfem.errors import InputError, RunFailure
 from castfem.output.folder import OutputFolder
@@ -18,6 +17,7 @@ from castfem.sweep.plan import Variant, plan
 from castfem.sweep.record import Record
 from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
 from castfem.sweep.work import Job, Outcome
+from castfem.time_loop import existing_run
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -105,7 +105,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
         raise InputError("-j is for one machine; under mpirun the ranks do the work")
     if options.processes is not None and options.processes < 1:
         raise InputError(f"-j {options.processes}: at least one process is needed")
-    path = catalogue.find(options.name)
+    path = shipped_cases.find(options.name)
     variants = plan(load_case(path), options.assignments, options.table)
     target = options.folder or _default_folder(options.name, path)
     if target.exists() and not target.is_dir():
@@ -119,7 +119,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
         if not options.overwrite and record.is_finished(job):
             continue
         try:
-            former.check(place, variant.case, resume=False, overwrite=options.overwrite)
+            existing_run.check(place, variant.case, resume=False, overwrite=options.overwrite)
             if place.is_dir() and OutputFolder(place).is_running():
                 raise InputError(f"{place}: a run is at work there; wait for it")
         except InputError as error:
@@ -138,7 +138,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
 
 def _default_folder(name: str, path: Path) -> Path:
     """Return where a sweep goes without -o: beside a run of the case, results/.../NAME_sweep."""
-    alone = catalogue.default_folder(name, path)
+    alone = shipped_cases.default_folder(name, path)
     return alone.with_name(f"{alone.name}_sweep")
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from castfem.compare.figures import Definition, Panel, figures
 from castfem.compare.runs import Run
 from castfem.compare.sections import draw_sections
-from castfem.output.plot_history import plain_unit
-from castfem.output.results import probe_label
-from castfem.output.style import Course, dress, look, new_panels, save
+from castfem.plots.history import plain_unit
+from castfem.plots.style import Course, dress, look, new_panels, save
+from castfem.results.labels import probe_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,7 +13,7 @@ import numpy as np
 import pandas
 
 from castfem.compare.runs import Run
-from castfem.output.plot_mechanics import CLOSED
+from castfem.plots.mechanics import CLOSED
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
 _LAST = ("max", "min", "mean")  # places that are none: their panels come after the others

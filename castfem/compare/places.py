@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.output.style import new_figure
+from castfem.plots.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, Line
-from castfem.output.chief import plain_label
-from castfem.output.show import UNCHANGED, shown, unit_shown
 from castfem.output.summary import unit_of_difference
+from castfem.report.headline import plain_label
+from castfem.report.show import UNCHANGED, shown, unit_shown
 
 _SEPARATOR = "; "  # between the parts of a note
 _HERE = "castfem compare"  # a part that sends the reader of a single run to this very table

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from castfem.compare.places import bar, legend, places
 from castfem.compare.runs import Run
 from castfem.output.fields import Fields
-from castfem.output.plot_section import (
+from castfem.output.xdmf import HDF5_NAME
+from castfem.plots.deformation import STRESS_MAP, cover_soft, draw_outlines, stress_levels
+from castfem.plots.section import (
     STATES,
     Steel,
     draw_isotherms,
@@ -21,11 +23,9 @@ from castfem.output.plot_section import (
     shade,
     state_shares,
 )
-from castfem.output.plot_shape import STRESS_MAP, cover_soft, draw_outlines, stress_levels
-from castfem.output.shape import Distortion, von_mises
-from castfem.output.show import small_gap
-from castfem.output.style import CELSIUS
-from castfem.output.xdmf import HDF5_NAME
+from castfem.plots.shape import Distortion, von_mises
+from castfem.plots.style import CELSIUS
+from castfem.report.show import small_gap
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.compare.runs import Run
-from castfem.output.advice import mould_exit
-from castfem.output.chief import chief, plain_label
-from castfem.output.files import write_text
-from castfem.output.show import is_gap, shown, small_gap, unit_shown
 from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
+from castfem.report.headline import chief, plain_label
+from castfem.report.remarks import mould_exit
+from castfem.report.show import is_gap, shown, small_gap, unit_shown
+from castfem.support.atomic_files import write_text
 
 if TYPE_CHECKING:
     import pandas

@@ -7,8 +7,8 @@ import numpy.typing as npt
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from castfem import reductions
 from castfem.contact.facets import Facets
+from castfem.fem import reductions
 
 Array = npt.NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from dolfinx import fem
 from dolfinx import mesh as dmesh
 from scipy import sparse
 
-from castfem import nodal
-from castfem.compat import Tabulation
-from castfem.section import Section
+from castfem.fem import dof_values
+from castfem.fem.dolfinx_compat import Tabulation
+from castfem.fem.section import Section
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
@@ -138,9 +138,9 @@ class Facets:
         degrees of freedom.
         """
         values = self.tabulate(expression)()  # also without facets: compiling is collective
-        dofs = nodal.per_cell(space)
+        dofs = dof_values.per_cell(space)
         table = values.reshape(self.count, values.shape[1] // dofs, dofs)
-        return nodal.operator(space, np.repeat(self.cells, self.per_facet), table)
+        return dof_values.operator(space, np.repeat(self.cells, self.per_facet), table)
 
 
 class FacetFields:

@@ -35,11 +35,11 @@ from castfem.materials.solid_fraction import (
     TableFraction,
 )
 from castfem.materials.steel import Origin, Steel
-from castfem.quantities import Kind
-from castfem.table import Curve
-from castfem.units import format as write
-from castfem.units import nearest
-from castfem.wording import choices, shown
+from castfem.support.messages import choices, shown
+from castfem.values.quantities import Kind
+from castfem.values.tables import Curve
+from castfem.values.units import format as write
+from castfem.values.units import nearest
 
 CURVES = ("density", "specific_heat", "enthalpy", "conductivity", "emissivity", "youngs_modulus",
           "poisson_ratio")  # fmt: skip

@@ -15,8 +15,8 @@ from castfem.materials.build import Workshop
 from castfem.materials.iron_carbon import ELEMENTS, MAX_ALLOYING, MAX_CARBON
 from castfem.materials.schema import Keys, MaterialFile, Problem
 from castfem.materials.steel import Steel
-from castfem.units import nearest
-from castfem.wording import choices, dotted, shown
+from castfem.support.messages import choices, dotted, shown
+from castfem.values.units import nearest
 
 # Other elements that an analysis of a steel may name.
 TRACES = frozenset((

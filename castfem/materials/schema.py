@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
-from castfem.quantities import Kind
-from castfem.units import nearest
-from castfem.wording import choices, shown
+from castfem.support.messages import choices, shown
+from castfem.values.quantities import Kind
+from castfem.values.units import nearest
 
 Keys = tuple[str | int, ...]
 

@@ -14,14 +14,14 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from castfem.compat import Tabulation
-from castfem.contact.touch import WallContact
+from castfem.constitutive.base import Response, turned
+from castfem.contact.wall_contact import WallContact
+from castfem.fem.dolfinx_compat import Tabulation
+from castfem.fem.section import Section
 from castfem.forms import finite_strain, mechanics
-from castfem.laws.base import Response, turned
-from castfem.mechanics.points import Points
+from castfem.mechanics.quadrature import Points
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.mechanics.volume import VolumeStiffness
-from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
 

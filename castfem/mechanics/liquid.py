@@ -23,11 +23,11 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem, la
 
-from castfem import nodal
-from castfem.compat import assemble_into, create_matrix
+from castfem.fem import dof_values
+from castfem.fem.dolfinx_compat import assemble_into, create_matrix
+from castfem.fem.section import Section
 from castfem.forms.mechanics import following
-from castfem.mechanics.points import Points
-from castfem.section import Section
+from castfem.mechanics.quadrature import Points
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -138,7 +138,7 @@ class FedLiquid:
         load.array[:] = 0.0
         fem.apply_lifting(load.array, [self._form], [conditions])
         load.scatter_reverse(la.InsertMode.add)
-        owned = nodal.owned_of(self._space)
+        owned = dof_values.owned_of(self._space)
         for condition in (*self._supports, moved):
             condition.set(load.array)
         self._right.setArray(load.array[:owned])

@@ -6,7 +6,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from castfem.snes import Options
+from castfem.fem.snes import Options
 
 NEWTON: dict[str, Any] = {"snes_linesearch_type": "basic", "snes_max_it": 30}
 # PETSc's own factorisation has no pivoting and no parallel form; with it nested dissection pays.

@@ -13,26 +13,26 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
-from castfem import nodal, reductions
-from castfem.compat import assemble_into, create_matrix
-from castfem.contact.touch import WallContact
-from castfem.mechanics.border import Border
-from castfem.mechanics.criteria import Criteria
+from castfem.contact.wall_contact import WallContact
+from castfem.fem import dof_values, reductions
+from castfem.fem.bordered_system import Border
+from castfem.fem.dolfinx_compat import assemble_into, create_matrix
+from castfem.fem.section import Section
+from castfem.fem.snes import Options, Outcome, SnesSolver
+from castfem.mechanics.convergence import Criteria
+from castfem.mechanics.definition import Slice
 from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
+from castfem.mechanics.line_search import step_share
 from castfem.mechanics.liquid import FedLiquid
-from castfem.mechanics.material import FedPoints, Material
+from castfem.mechanics.material_points import FedPoints, Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.planes import ScaledMotions, check_modes
-from castfem.mechanics.points import Integration, Points, displacement_element
-from castfem.mechanics.scales import Scales
-from castfem.mechanics.search import step_share
-from castfem.mechanics.slice import Slice
+from castfem.mechanics.quadrature import Integration, Points, displacement_element
+from castfem.mechanics.residual_state import Trial
+from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.supports import Constraints, symmetry_supports
-from castfem.mechanics.trial import Trial
-from castfem.section import Section
-from castfem.snes import Options, Outcome, SnesSolver
-from castfem.stopwatch import Stopwatch
+from castfem.support.stopwatch import Stopwatch
 
 Array = npt.NDArray[np.float64]
 
@@ -80,7 +80,7 @@ class MechanicalProblem:
         check_modes(slice_.planes.free, section.groups)
         self.free = len(slice_.planes.free)
         self.space = fem.functionspace(section.mesh, displacement_element(section.cell))
-        self.owned = nodal.owned_of(self.space)
+        self.owned = dof_values.owned_of(self.space)
         rules = slice_.integration or Integration.of(section.cell, section.order)
         self.points = Points(section, self.space, rules)
         self.scales = Scales(self.points, self.space)
@@ -134,7 +134,7 @@ class MechanicalProblem:
 
     def at_points(self, temperature: Array) -> Array:
         """Temperatures at the points from those of the owned vertices."""
-        local = nodal.with_ghosts(self.section.vertex_space, temperature)
+        local = dof_values.with_ghosts(self.section.vertex_space, temperature)
         return np.asarray(self.points.vertex @ local)
 
     def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:

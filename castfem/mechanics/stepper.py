@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from castfem import reductions
+from castfem.fem import reductions
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.mechanics.validity import Validity

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 
-from castfem import reductions
-from castfem.section import Section
+from castfem.fem import reductions
+from castfem.fem.section import Section
 
 Array = npt.NDArray[np.float64]
 Place = tuple[float, float]

@@ -16,16 +16,16 @@ import numpy as np
 import numpy.typing as npt
 import ufl
 
-from castfem import nodal, reductions
-from castfem.compat import Tabulation
+from castfem.constitutive.base import Law, equivalent_stress
+from castfem.fem import dof_values, reductions
+from castfem.fem.dolfinx_compat import Tabulation
 from castfem.forms.finite_strain import deformation
-from castfem.laws.base import Law, equivalent_stress
 from castfem.mechanics.state import MechanicalState
 
 if TYPE_CHECKING:
-    from castfem.contact.touch import WallContact
+    from castfem.contact.wall_contact import WallContact
     from castfem.mechanics.kinematics import Fields
-    from castfem.mechanics.points import Points
+    from castfem.mechanics.quadrature import Points
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
@@ -168,7 +168,7 @@ class Validity:
     def _pressed(self, contact: WallContact, state: MechanicalState) -> Array:
         """Elastic strain along each axis that contact pressure would make of a mean stress."""
         assert state.contact is not None
-        local = nodal.with_ghosts(self._points.section.vertex_space, state.temperature)
+        local = dof_values.with_ghosts(self._points.section.vertex_space, state.temperature)
         elasticity = self._law.elasticity
         at = np.minimum(contact.at_vertices @ local, elasticity.solidity.solidus)
         return np.asarray(state.contact.pressure / (3.0 * elasticity.moduli(at)[1]))

@@ -20,9 +20,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from castfem import nodal
-from castfem.compat import Tabulation
-from castfem.section import Section
+from castfem.fem import dof_values
+from castfem.fem.dolfinx_compat import Tabulation
+from castfem.fem.section import Section
 
 Array = npt.NDArray[np.float64]
 
@@ -99,7 +99,7 @@ class VolumeStiffness:
         self._linear, self._rates, self._constant = linear, rates, constant
         cells = len(weights)
         self._blocks = np.ascontiguousarray(np.asarray(space.dofmap.list)[:cells], PETSc.IntType)
-        self._dofs = nodal.dofs_of(space, np.arange(cells))
+        self._dofs = dof_values.dofs_of(space, np.arange(cells))
         self._shape = (*weights.shape, self._dofs.shape[1] + 4)
         index_map = space.dofmap.index_map
         self._size = (index_map.size_local + index_map.num_ghosts) * space.dofmap.bs

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from castfem.errors import InputError
-from castfem.output.files import replacing
-from castfem.wording import differences
+from castfem.support.atomic_files import replacing
+from castfem.support.messages import differences
 
 if TYPE_CHECKING:
     import h5py

@@ -28,9 +28,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from castfem import log
-from castfem.output.files import replacing, saving, system_reason
 from castfem.output.layout import UNITS
+from castfem.support import log
+from castfem.support.atomic_files import replacing, saving, system_reason
 
 if TYPE_CHECKING:
     import h5py

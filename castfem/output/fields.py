@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from castfem.closing import Closing
 from castfem.errors import InputError
 from castfem.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5, written
+from castfem.support.closing import Closing
 
 if TYPE_CHECKING:
     import h5py

@@ -10,7 +10,7 @@
     fields/        a run that has not ended in a file a time
     checkpoint.h5  the state to resume from (`castfem.output.checkpoint`)
     summary.json   the results in numbers (`castfem.output.summary`)
-    figures/       what `castfem show` draws (`castfem.output.figures`)
+    figures/       what `castfem show` draws (`castfem.plots.figures`)
 
 castfem begins anew only in a folder without any of these names, or in one that holds its own
 run.json; then it removes these and nothing else. run.json exists from the first moment to the last,
@@ -32,16 +32,22 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from castfem.closing import Closing
 from castfem.errors import CastfemError, InputError
 from castfem.output.checkpoint import CHECKPOINT_NAME
 from castfem.output.field_files import HDF5_NAME, remove_singles, singles
-from castfem.output.files import replacing, saving, system_reason, temporary_name, write_json
 from castfem.output.history import HISTORY_NAME
 from castfem.output.provenance import command, versions
 from castfem.output.summary import SUMMARY_NAME, Summary
 from castfem.output.xdmf import XDMF_NAME
-from castfem.wording import dotted
+from castfem.support.atomic_files import (
+    replacing,
+    saving,
+    system_reason,
+    temporary_name,
+    write_json,
+)
+from castfem.support.closing import Closing
+from castfem.support.messages import dotted
 
 if TYPE_CHECKING:
     from filelock import FileLock

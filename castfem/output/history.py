@@ -12,10 +12,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.closing import Closing
 from castfem.errors import InputError
-from castfem.output.files import saving, write_text
 from castfem.output.xdmf import same_or_before
+from castfem.support.atomic_files import saving, write_text
+from castfem.support.closing import Closing
 
 if TYPE_CHECKING:
     import pandas

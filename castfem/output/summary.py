@@ -30,8 +30,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from castfem import units
 from castfem.errors import InputError
+from castfem.values import units
 
 SUMMARY_NAME = "summary.json"
 _NONE = "-"  # how "no unit" is written
@@ -192,7 +192,7 @@ class Summary:
     unchecked: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """The content of the file, for `castfem.output.files.write_json`."""
+        """The content of the file, for `castfem.support.atomic_files.write_json`."""
         return {
             "title": self.title,
             "status": self.status,

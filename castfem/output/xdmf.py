@@ -23,13 +23,13 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from castfem import log
-from castfem.closing import Closing
 from castfem.errors import InputError, RunFailure
 from castfem.output import field_files
 from castfem.output.field_files import HDF5_NAME, UNREADABLE, Step, open_hdf5
-from castfem.output.files import GrowingFile, saving
 from castfem.output.layout import UNITS, components, vtk_cells
+from castfem.support import log
+from castfem.support.atomic_files import GrowingFile, saving
+from castfem.support.closing import Closing
 
 if TYPE_CHECKING:
     import h5py

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from castfem.case import Case
+from castfem.case.key_names import full_key
 from castfem.case.load import changed
-from castfem.case.names import full_key
 from castfem.errors import InputError
 
 _LONGEST = 100  # characters of a folder's name

@@ -36,7 +36,7 @@ def run_on_ranks(
     """
     from mpi4py.futures import MPICommExecutor
 
-    import castfem.march  # noqa: F401  PETSc is initialised by all ranks together or never
+    import castfem.time_loop.loop  # noqa: F401  PETSc is initialised by all ranks together or never
 
     with MPICommExecutor(comm, root=0) as pool:
         executor: Executor | None = pool  # type: ignore[assignment]  # its stubs are wrong

@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem import units
 from castfem.errors import CastfemError
-from castfem.output.chief import chief, plain_label
-from castfem.output.files import write_text
 from castfem.output.summary import Quantity, Summary
+from castfem.report.headline import chief, plain_label
+from castfem.support.atomic_files import write_text
 from castfem.sweep.plan import Variant, shortened
 from castfem.sweep.record import Record
+from castfem.values import units
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -144,7 +144,7 @@ def _leading_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
 
 def _chief_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     """Header and cells of the chief results, the most wanted first."""
-    from castfem.output.show import shown
+    from castfem.report.show import shown
 
     all_of = [row.quantities for row in table if row.quantities]
     found = []

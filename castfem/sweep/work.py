@@ -11,7 +11,7 @@ from pathlib import Path
 
 from castfem.case import Case
 from castfem.errors import CastfemError
-from castfem.progress import Progress
+from castfem.support.progress import Progress
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,8 @@ def work(job: Job, stop: Stop | None = None) -> Outcome:
     """
     from mpi4py import MPI
 
-    from castfem import log, march
+    from castfem.support import log
+    from castfem.time_loop import loop
 
     log.close()
     log.logger.addHandler(logging.NullHandler())  # not even warnings between the bars: see run.log
@@ -88,9 +89,9 @@ def work(job: Job, stop: Stop | None = None) -> Outcome:
     log.logger.setLevel(logging.INFO)
     begun, progress = time.perf_counter(), stop or Stop()
     try:
-        march.run(job.case, job.folder, comm=MPI.COMM_SELF, resume=job.resume, progress=progress)
+        loop.run(job.case, job.folder, comm=MPI.COMM_SELF, resume=job.resume, progress=progress)
         if job.figures:
-            from castfem.output.figures import draw_figures
+            from castfem.plots.figures import draw_figures
 
             draw_figures(job.folder)
     except CastfemError as error:

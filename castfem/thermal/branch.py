@@ -16,10 +16,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from castfem import reductions
+from castfem.fem import reductions
 from castfem.materials.curve import CurvePoint
+from castfem.thermal.boundary import Cooling
 from castfem.thermal.problem import ThermalProblem
-from castfem.thermal.surface import Cooling
 
 Array = npt.NDArray[np.float64]
 

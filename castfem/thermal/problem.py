@@ -31,8 +31,10 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from castfem import log, reductions
-from castfem.compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
+from castfem.fem import reductions
+from castfem.fem.dolfinx_compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
+from castfem.fem.section import Section
+from castfem.fem.snes import Options, Outcome, SnesSolver
 from castfem.forms.heat import (
     conduction,
     conduction_moved,
@@ -41,11 +43,10 @@ from castfem.forms.heat import (
     storage_measure,
 )
 from castfem.materials.curve import CurvePoint, ThermalCurve
-from castfem.section import Section
-from castfem.snes import Options, Outcome, SnesSolver
-from castfem.stopwatch import Stopwatch
-from castfem.thermal.shape import Shape
-from castfem.thermal.surface import Cooling
+from castfem.support import log
+from castfem.support.stopwatch import Stopwatch
+from castfem.thermal.boundary import Cooling
+from castfem.thermal.deformed_section import Shape
 
 Array = npt.NDArray[np.float64]
 

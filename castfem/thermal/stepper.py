@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from castfem import reductions
+from castfem.fem import reductions
 from castfem.materials.curve import CurvePoint
 from castfem.thermal.branch import Branch
 from castfem.thermal.problem import Stage, ThermalProblem

@@ -9,8 +9,8 @@ from mpi4py import MPI
 
 import psutil
 import pytest
-from march.moulded import billet
 from small_case import write_small
+from time_loop.moulded import billet
 
 import castfem
 from castfem.case import Case

@@ -9,7 +9,7 @@ import pytest
 import castfem
 from castfem.case import load_any, load_case
 from castfem.case.model import Case
-from castfem.catalogue import find
+from castfem.case.shipped_cases import find
 
 THERMAL = find("billet125/thermal")
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from castfem import catalogue
-from castfem.case import Case, read_case
-from castfem.case.plausible import doubts_with
+from castfem.case import Case, read_case, shipped_cases
+from castfem.case.plausibility import doubts_with
 from castfem.materials import load_steel
 
 TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
@@ -159,7 +158,7 @@ def test_what_does_not_fit_the_steel_is_told() -> None:
     assert "lies below the liquidus of plain_carbon" in line and "% of solid" in line
 
 
-@pytest.mark.parametrize("path", catalogue.shipped().values(), ids=catalogue.shipped())
+@pytest.mark.parametrize("path", shipped_cases.shipped().values(), ids=shipped_cases.shipped())
 def test_shipped_cases_are_meant(path: Path) -> None:
     assert read_case(path).doubts == ()
 

@@ -7,9 +7,9 @@ import tomllib
 import pytest
 
 from castfem.case import Case, TensileCase, load_any, load_case, read_case
-from castfem.catalogue import shipped
+from castfem.case.shipped_cases import shipped
 from castfem.errors import InputError
-from castfem.table import Table
+from castfem.values.tables import Table
 
 TEST = """\
 title = "pulled"
@@ -123,11 +123,11 @@ def test_references_hold_at_ends_of_segments_not_at_positions(write):
 
 
 def test_the_shipped_tests_are_those_of_the_thesis():
-    """The same rates, turns and parameters as castfem.laws.tensile, Figs 58-62."""
-    from castfem.laws import tensile
+    """The same rates, turns and parameters as castfem.tensile.thesis_tests, Figs 58-62."""
+    from castfem.tensile import thesis_tests
 
     names = ("constant_rate", "rate_jump", "softening", "unloading", "unloading_softening")
-    for name, test in zip(names, tensile.TESTS, strict=True):
+    for name, test in zip(names, thesis_tests.TESTS, strict=True):
         case = load_any(shipped()[f"tensile/{name}"])
         assert isinstance(case, TensileCase)
         strain, turns = 0.0, []

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from castfem import quantities, units
+from castfem.values import quantities, units
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import pytest
 
 import castfem as package
 from castfem.case import load_case
-from castfem.case.reference import markdown_page
+from castfem.case.reference_page import markdown_page
 
 
 def test_version(castfem):
@@ -116,12 +116,12 @@ def test_help_tells_the_commands(castfem):
 
 
 def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):
-    from castfem import catalogue
+    from castfem.case import shipped_cases
 
     def broken():
         raise error
 
-    monkeypatch.setattr(catalogue, "shipped", broken)
+    monkeypatch.setattr(shipped_cases, "shipped", broken)
     error = ZeroDivisionError("oh")
     outcome = castfem("cases")
     assert outcome.status == 2
@@ -135,7 +135,7 @@ def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):
 
 
 def test_missing_dolfinx_names_the_mend(castfem, monkeypatch, case_file):
-    monkeypatch.setitem(sys.modules, "castfem.march", None)
+    monkeypatch.setitem(sys.modules, "castfem.time_loop.loop", None)
     monkeypatch.setitem(sys.modules, "dolfinx", None)
     from castfem.cli import report
 

@@ -13,16 +13,16 @@ pytestmark = needs_mpirun
 
 ENGINE = """
 import sys, types
-import castfem.parallel as together
+import castfem.fem.root as together
 from castfem.errors import InputError, RunFailure
 def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):
     {body}
-module = types.ModuleType("castfem.march")
+module = types.ModuleType("castfem.time_loop.loop")
 module.run = run
-sys.modules["castfem.march"] = module
-shown = types.ModuleType("castfem.output.show")
+sys.modules["castfem.time_loop.loop"] = module
+shown = types.ModuleType("castfem.report.show")
 shown.show = lambda folder, console, figures: console.print("the table", style="bold red")
-sys.modules["castfem.output.show"] = shown
+sys.modules["castfem.report.show"] = shown
 from castfem.cli import main
 main(sys.argv[1:])
 """

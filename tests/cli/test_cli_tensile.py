@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from castfem.errors import RunFailure
-from castfem.laws.tensile import TESTS
 from castfem.output.history import read_history
+from castfem.tensile.thesis_tests import TESTS
 
 NAMES = ("constant_rate", "rate_jump", "softening", "unloading", "unloading_softening")
 
@@ -145,7 +145,7 @@ def test_no_checkpoint_no_mesh(castfem):
 
 def test_a_failure_keeps_what_was_reached(castfem, monkeypatch):
     """The law stops answering after 50 steps: status 2, the reason, and 50 good rows."""
-    from castfem.laws import uniaxial
+    from castfem.constitutive import uniaxial
 
     whole = uniaxial._balanced
     calls = []

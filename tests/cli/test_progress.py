@@ -7,9 +7,9 @@ import logging
 
 import pytest
 
-from castfem import log
-from castfem import progress as module
-from castfem.progress import Progress
+from castfem.support import log
+from castfem.support import progress as module
+from castfem.support.progress import Progress
 
 
 @pytest.fixture(autouse=True)

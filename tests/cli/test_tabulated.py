@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from castfem.case import load_case
-from castfem.catalogue import find
-from castfem.tabulated import lines
+from castfem.case.shipped_cases import find
+from castfem.report.error_pages import lines
 
 BILLET = 'docs/billet.md, "Error of the shipped default"'
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from mechanics import scenes
 
-from castfem.contact.contact import Contact
+from castfem.contact.settings import Contact
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure, Traction
 from castfem.meshes import SectionMesh

@@ -10,7 +10,7 @@ from mechanics.casting import billet_mesh
 
 from castfem.contact.average import LENGTH, SurfaceMean
 from castfem.contact.facets import Facets
-from castfem.section import Section
+from castfem.fem.section import Section
 
 HALF = 0.0625
 END = np.array([HALF - 5e-3, HALF])  # of the arc, where it goes over into the face

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from mechanics.casting import STEEL, CastScene, billet_mesh
 
-from castfem.contact.archive import ContactArchive
-from castfem.contact.contact import Contact
+from castfem.contact.checkpoint import ContactArchive
 from castfem.contact.friction import Coulomb
-from castfem.contact.outcome import summary
+from castfem.contact.settings import Contact
+from castfem.contact.summary import summary
 from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
-from castfem.mechanics.gap import SurfaceGap
+from castfem.mechanics.surface_gap import SurfaceGap
 from castfem.mould import Mould, RectangleCavity, Taper, same
 
 SPEED, HALF = 0.06, 0.0625

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from castfem.contact.outcome import summary
+from castfem.contact.summary import summary
 from contact.scenes import tapered_block
 
 # With the penalty the wall is a spring: to 0.05 % it must be 500 times as stiff as a cell.

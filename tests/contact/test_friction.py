@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from mechanics.scenes import SliceScene, elastic, mapped, skewed
 
-from castfem.contact.contact import Contact
 from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous, return_friction
-from castfem.contact.outcome import summary
+from castfem.contact.settings import Contact
 from castfem.contact.state import SLIP, STICK
+from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
 from contact.scenes import FOOT, dragged_block

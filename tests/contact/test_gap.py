@@ -9,14 +9,14 @@ import pytest
 from mechanics.scenes import SliceScene, box, elastic, expansion, mapped, skewed
 from scipy.optimize import brentq
 
-from castfem.contact.contact import Contact
-from castfem.contact.outcome import summary
+from castfem.constitutive.elasticity import Elasticity, Solidity
+from castfem.constitutive.flow_laws import ThermoElastic
+from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN
-from castfem.laws.elasticity import Elasticity, Solidity
-from castfem.laws.flow import ThermoElastic
-from castfem.mechanics.gap import SurfaceGap
+from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SurfacePressure
+from castfem.mechanics.surface_gap import SurfaceGap
 from castfem.mould import Mould, RectangleCavity, Taper, same
 from contact.scenes import LineWall
 

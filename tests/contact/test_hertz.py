@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from mechanics.scenes import Array, SliceScene, elastic, mapped
 
-from castfem.contact.contact import Contact
-from castfem.contact.outcome import summary
+from castfem.contact.settings import Contact
 from castfem.contact.state import ContactState
+from castfem.contact.summary import summary
 from castfem.mechanics.supports import Held
 from contact.scenes import PLANE_STRAIN, LineWall
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from mechanics.scenes import Array, SliceScene, expansion, mapped
 
-from castfem.contact.contact import Contact
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep
 from castfem.contact.friction import Coulomb
-from castfem.contact.outcome import summary
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import NortonCreep
+from castfem.contact.settings import Contact
+from castfem.contact.summary import summary
 from castfem.mould.wall import Reach
 from contact.scenes import PLANE_STRAIN
 

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
-from march.moulded import billet
 from mechanics.scenes import Array, Map, SliceScene, box, elastic, mapped, skewed
+from time_loop.moulded import billet
 
-from castfem.contact.contact import FACTOR, LEAST_NITSCHE, Contact
+from castfem.constitutive.base import MaterialStep
+from castfem.contact.settings import FACTOR, LEAST_NITSCHE, Contact
 from castfem.errors import InputError
-from castfem.laws.base import MaterialStep
 from castfem.mechanics.planes import PlainPlanes
 from contact.scenes import LineWall
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from mechanics.scenes import Array, SliceScene, elastic, mapped, skewed
 
-from castfem.contact.contact import Contact
-from castfem.contact.outcome import summary
+from castfem.contact.settings import Contact
+from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
 from castfem.mould import Contour, Reach, Straight

@@ -10,10 +10,10 @@ import pytest
 from mechanics.scenes import Array, SliceScene, box, elastic, mapped
 from scipy.optimize import brentq
 
-from castfem.contact.contact import Contact
 from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
-from castfem.contact.outcome import summary
+from castfem.contact.settings import Contact
 from castfem.contact.state import SLIP, STICK
+from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
 from contact.scenes import FOOT, LineWall, dragged_block

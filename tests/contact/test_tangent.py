@@ -9,11 +9,11 @@ import pytest
 from mechanics.scenes import Array, SliceScene, expansion, mapped, ring, skewed
 from mechanics.test_tangent import jacobians
 
-from castfem.contact.contact import Contact
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep
 from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
+from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mould import Circular, Contour, Reach
 from contact.scenes import TwoWalls

@@ -10,16 +10,16 @@ import numpy as np
 from thermal.scenes import ThermalScene
 
 from castfem import meshes
-from castfem.laws.elasticity import Solidity
-from castfem.laws.library import load_elasticity, load_law
+from castfem.constitutive.elasticity import Solidity
+from castfem.constitutive.parameters import load_elasticity, load_law
 from castfem.materials import load_steel
+from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
 from castfem.mechanics.planes import PlainPlanes, allowed_modes
 from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.slice import Slice
 from castfem.mechanics.state import MechanicalResult
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.thermal import laws
+from castfem.thermal import flux_laws
 
 STEEL = load_steel("carbon_042")
 
@@ -54,7 +54,7 @@ class CastScene:
         curve = STEEL.thermal_curve(400.0, start + 2.0, start)
         self.thermal = ThermalScene(mesh, curve, start, comm=comm)
         names = [g for g in mesh.groups if not g.startswith("symmetry")]
-        self.thermal.cool(*((n, laws.Contact(cooling, 433.15, 0.15)) for n in names))
+        self.thermal.cool(*((n, flux_laws.Contact(cooling, 433.15, 0.15)) for n in names))
         section = self.thermal.section
         elasticity = load_elasticity("elastic_steel", Solidity.of(STEEL, stiffness_ratio=ratio))
         slice_: dict[str, Any] = {

@@ -18,13 +18,13 @@ from benchmarks.mapped import mapped as mapped
 from benchmarks.mapped import ring as ring
 from benchmarks.mapped import skewed as skewed
 from castfem import meshes
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import ThermoElastic
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import ThermoElastic
+from castfem.fem.section import Section
+from castfem.mechanics.definition import Slice
 from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.slice import Slice
 from castfem.mechanics.state import MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.section import Section
 
 Array = npt.NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import NortonCreep
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SurfacePressure
 from mechanics.scenes import (

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from castfem.mechanics import factorisation
-from castfem.mechanics.border import Border
+from castfem.fem import factorisation
+from castfem.fem.bordered_system import Border
 
 MUMPS = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 

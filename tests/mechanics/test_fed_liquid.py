@@ -9,8 +9,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from castfem.laws.elasticity import Elasticity, Solidity
-from castfem.laws.flow import ThermoElastic
+from castfem.constitutive.elasticity import Elasticity, Solidity
+from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held

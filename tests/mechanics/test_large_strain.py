@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from castfem.laws.base import rotation
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import NortonCreep
+from castfem.constitutive.base import rotation
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, mapped, ring, skewed

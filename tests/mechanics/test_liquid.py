@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.laws.elasticity import Elasticity, Solidity
-from castfem.laws.flow import NortonHoff, PerfectlyPlastic, ThermoElastic
-from castfem.laws.tables import Constant, Rows
+from castfem.constitutive.elasticity import Elasticity, Solidity
+from castfem.constitutive.flow_laws import NortonHoff, PerfectlyPlastic, ThermoElastic
+from castfem.constitutive.tables import Constant, Rows
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from ranks import needs_mpirun, python_on
 
-from castfem.contact.contact import Contact
-from castfem.mechanics.points import Cellwise
+from castfem.contact.settings import Contact
+from castfem.mechanics.quadrature import Cellwise
 from castfem.mechanics.supports import SPRING
 from castfem.mould import Mould, RectangleCavity, Taper, same
 from mechanics.casting import CastScene, billet_mesh

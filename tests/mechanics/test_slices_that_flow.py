@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.laws.base import rotation
-from castfem.laws.curves import norton_relaxation
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import NortonCreep, PerfectlyPlastic
-from castfem.laws.tables import Constant
+from castfem.constitutive.base import rotation
+from castfem.constitutive.curves import norton_relaxation
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
+from castfem.constitutive.tables import Constant
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, mapped, ring, skewed

@@ -10,14 +10,14 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
-from castfem.contact.contact import Contact
+from castfem.constitutive.base import Response
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
+from castfem.constitutive.tables import Constant
+from castfem.contact.settings import Contact
 from castfem.errors import InputError
-from castfem.laws.base import Response
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import NortonCreep, PerfectlyPlastic
-from castfem.laws.tables import Constant
+from castfem.mechanics.line_search import step_share
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.search import step_share
 from castfem.mechanics.supports import Held, SurfacePressure
 from castfem.mould.wall import PlaneWall
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, expansion, mapped, ring

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from castfem import meshes
-from castfem.contact.contact import Contact
+from castfem.contact.settings import Contact
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SPRING, Held, Traction
 from castfem.mould import Mould, RoundCavity, Taper, same

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from castfem.laws.elasticity import Elasticity
-from castfem.laws.flow import NortonCreep, ThermoElastic
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep, ThermoElastic
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import BentPlanes, PlainPlanes
 from castfem.mechanics.supports import SurfacePressure, Traction
@@ -101,7 +101,7 @@ def test_jacobian(cell: str, large: bool, law: str, planes: str) -> None:
 
 def test_laws_change_volume_elastically() -> None:
     """What the split into deviator and mean stress relies on."""
-    from castfem.laws.base import MaterialStep
+    from castfem.constitutive.base import MaterialStep
 
     law = LAWS["creep"]
     assert not isinstance(law, ThermoElastic)

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from castfem.laws.elasticity import Elasticity, Solidity
-from castfem.laws.flow import ThermoElastic
+from castfem.constitutive.elasticity import Elasticity, Solidity
+from castfem.constitutive.flow_laws import ThermoElastic
 from mechanics.scenes import SliceScene, box, mapped
 
 SIZE, COLD, HOT = 0.1, 1000.0, 1800.0

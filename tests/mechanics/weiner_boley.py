@@ -9,16 +9,16 @@ import numpy.typing as npt
 from thermal.scenes import ThermalScene
 
 from castfem import meshes
-from castfem.laws.elasticity import Elasticity, Solidity
-from castfem.laws.library import load_law
+from castfem.constitutive.elasticity import Elasticity, Solidity
+from castfem.constitutive.parameters import load_law
 from castfem.materials import load_steel
+from castfem.mechanics.definition import Slice
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.slice import Slice
 from castfem.mechanics.state import MechanicalResult
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import Held
-from castfem.thermal.laws import PrescribedTemperature
+from castfem.thermal.flux_laws import PrescribedTemperature
 from castfem.verification.half_space import POISSON, SURFACE, YIELD, YOUNG, HalfSpace
 
 Array = npt.NDArray[np.float64]

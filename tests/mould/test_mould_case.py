@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from castfem.case import load_case
+from castfem.case.build_mould import build_friction, build_mould
+from castfem.case.json_schema import case_schema
 from castfem.case.mould import Coulomb, Limited, Mould, NoFriction, Tresca, Viscous
-from castfem.case.reference import markdown_page
-from castfem.case.schema import case_schema
+from castfem.case.reference_page import markdown_page
 from castfem.case.section import Round
-from castfem.case.wall import build_friction, build_mould
 from castfem.errors import InputError
 from castfem.mould import Displaced, Taper
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from castfem.case.build_mould import build_mould
 from castfem.case.mould import Mould
 from castfem.case.section import BeamBlank, Rectangle, Round
-from castfem.case.wall import build_mould
 from castfem.meshes import build
 
 MM = 1e-3

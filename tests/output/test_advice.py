@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from castfem.output.advice import OPEN, Spell, remarks, spells
 from castfem.output.fields import Fields
-from castfem.output.show import show
-from castfem.output.spots import hottest, thinnest
 from castfem.output.summary import Summary, Zone
 from castfem.output.xdmf import FieldWriter
+from castfem.report.hot_spots import hottest, thinnest
+from castfem.report.remarks import OPEN, Spell, remarks, spells
+from castfem.report.show import show
 
 from .imagined import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
 

@@ -10,22 +10,22 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from castfem.case import load_case
-from castfem.catalogue import find
+from castfem.case.shipped_cases import find
 from castfem.compare.runs import read_runs
 from castfem.compare.sections import Section, draw_sections
 from castfem.output.fields import Fields
-from castfem.output.figures import draw_figures
 from castfem.output.folder import FIGURES, MECHANICS_FIGURES, OutputFolder
 from castfem.output.layout import components
-from castfem.output.plot_history import draw_steps, probes_with
-from castfem.output.plot_mechanics import draw_axial, draw_contact, draw_size, draw_stress
-from castfem.output.plot_section import Steel
-from castfem.output.plot_shape import SOFT, draw_shape, draw_von_mises, stress_levels
-from castfem.output.plot_stack import Stack, View, draw_stack
-from castfem.output.shape import Outline, displacement, magnification, von_mises
-from castfem.output.style import Course, look, render
-from castfem.output.wall import WallLine
 from castfem.output.xdmf import FieldWriter
+from castfem.plots.deformation import SOFT, draw_shape, draw_von_mises, stress_levels
+from castfem.plots.figures import draw_figures
+from castfem.plots.history import draw_steps, probes_with
+from castfem.plots.mechanics import draw_axial, draw_contact, draw_size, draw_stress
+from castfem.plots.mould_wall import WallLine
+from castfem.plots.section import Steel
+from castfem.plots.shape import Outline, displacement, magnification, von_mises
+from castfem.plots.strand import Stack, View, draw_stack
+from castfem.plots.style import Course, look, render
 
 from .imagined import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
 from .strained import moved_points, write_strained

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 from castfem.errors import InputError, RunFailure
-from castfem.output import files
 from castfem.output import folder as folder_module
 from castfem.output.checkpoint import save_checkpoint
 from castfem.output.folder import OutputFolder, RunRecord, versions
+from castfem.support import atomic_files
 
 from .imagined import summary, write_run
 
@@ -296,7 +296,7 @@ def test_a_folder_that_cannot_be_written_is_an_input_error(tmp_path, monkeypatch
     def refuse(*_: object) -> None:
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(files.os, "replace", refuse)
+    monkeypatch.setattr(atomic_files.os, "replace", refuse)
     with pytest.raises(InputError, match=rf"\({os.strerror(number)}\); choose another with -o"):
         begun(tmp_path)
     monkeypatch.undo()
@@ -309,7 +309,7 @@ def test_a_disk_that_fills_during_the_run_is_a_run_failure(tmp_path, monkeypatch
     def full(*_: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(files.os, "fsync", full)
+    monkeypatch.setattr(atomic_files.os, "fsync", full)
     with pytest.raises(
         RunFailure, match=r"No space left on device\); free some space and continue"
     ):
@@ -348,12 +348,13 @@ assert "dolfinx" not in sys.modules and "petsc4py" not in sys.modules
     assert versions()["python"] == ".".join(map(str, sys.version_info[:3]))
 
 
-def test_the_package_is_light_to_import():
+def test_what_reads_results_is_light_to_import():
     code = """
 import importlib, pkgutil, sys
-import castfem.output
-for module in pkgutil.iter_modules(castfem.output.__path__):
-    importlib.import_module(f"castfem.output.{module.name}")
+import castfem.output, castfem.plots, castfem.report
+for package in (castfem.output, castfem.plots, castfem.report):
+    for module in pkgutil.iter_modules(package.__path__):
+        importlib.import_module(f"{package.__name__}.{module.name}")
 heavy = {"h5py", "matplotlib", "pandas", "meshio", "rich", "pint", "mpi4py", "dolfinx", "vtk"}
 print(*(heavy & set(sys.modules)))
 """

@@ -85,7 +85,7 @@ def fields(k):
 
 
 def run(path, resume):
-    # As castfem.march and castfem.recorder go about it; a checkpoint at every other step.
+    # As run.time_loop and run.recorder go about it; a checkpoint at every other step.
     with OutputFolder(path) as folder:
         folder.begin("title = 'x'\n", resume=resume)
         k = 0

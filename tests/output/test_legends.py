@@ -7,9 +7,9 @@ import pandas
 import pytest
 from matplotlib.lines import Line2D
 
-from castfem.output.plot_history import draw_shell
-from castfem.output.plot_mechanics import draw_contact
-from castfem.output.style import Course, low_legend, new_figure, new_panels, place_legend
+from castfem.plots.history import draw_shell
+from castfem.plots.mechanics import draw_contact
+from castfem.plots.style import Course, low_legend, new_figure, new_panels, place_legend
 
 X = np.linspace(0.0, 1.0, 51)
 LONG = "mid-face, narrow face and mid-face extrados, solidus (shell)"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from castfem import log
+from castfem.support import log
 
 
 @contextmanager

@@ -10,11 +10,11 @@ from rich.console import Console
 
 import castfem
 from castfem.case import load_case
-from castfem.catalogue import find
-from castfem.output.chief import plain_label
+from castfem.case.shipped_cases import find
 from castfem.output.folder import RunRecord
-from castfem.output.results import last_quantities
-from castfem.output.show import show
+from castfem.report.headline import plain_label
+from castfem.report.show import show
+from castfem.results.labels import last_quantities
 
 from .strained import write_strained
 

@@ -17,16 +17,16 @@ from rich.console import Console
 
 from castfem.errors import InputError
 from castfem.output.fields import Fields
-from castfem.output.figures import draw_figures
 from castfem.output.folder import FIGURES, OutputFolder
 from castfem.output.history import read_history
-from castfem.output.plot_history import curves, draw_heat, draw_steps, probes_with
-from castfem.output.plot_section import Steel, draw_states, draw_temperature, section_triangles
-from castfem.output.plot_section import state_shares as shares_of
-from castfem.output.show import show, shown
-from castfem.output.style import Course
 from castfem.output.summary import Zone
 from castfem.output.xdmf import FieldWriter
+from castfem.plots.figures import draw_figures
+from castfem.plots.history import curves, draw_heat, draw_steps, probes_with
+from castfem.plots.section import Steel, draw_states, draw_temperature, section_triangles
+from castfem.plots.section import state_shares as shares_of
+from castfem.plots.style import Course
+from castfem.report.show import show, shown
 
 from .imagined import HALF, LIQUIDUS, SOLIDUS, rectangle, write_run
 
@@ -126,7 +126,7 @@ def test_figures_need_no_display_and_no_pyplot(finished_run, tmp_path):
     code = f"""
 import os, sys
 os.environ.pop("DISPLAY", None)
-from castfem.output.figures import draw_figures
+from castfem.plots.figures import draw_figures
 assert len(draw_figures({str(run)!r})) == {len(FIGURES)}
 assert "matplotlib.pyplot" not in sys.modules
 """

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 import castfem
 from castfem.case import load_case
 from castfem.errors import InputError
-from castfem.output.files import plain, write_json
 from castfem.output.summary import Quantity, Reference, Summary, compare, from_si, to_si
+from castfem.support.atomic_files import plain, write_json
 
 from .imagined import summary
 
@@ -177,9 +177,9 @@ def test_no_difference_is_taken_from_a_number_of_the_unchanged_case() -> None:
 def test_data_from_memory_are_told_in_every_run(tmp_path: Path) -> None:
     from rich.console import Console
 
-    from castfem.catalogue import find
-    from castfem.laws.library import unchecked
-    from castfem.output.show import show
+    from castfem.case.shipped_cases import find
+    from castfem.constitutive.parameters import unchecked
+    from castfem.report.show import show
 
     changes = ["casting.length=6 mm", "mechanics.law=kozlowski_zhu", "mesh.surface_size=3 mm"]
     case = load_case(find("billet125/idealised"), [*changes, "output.fields=[]"])

@@ -11,14 +11,15 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem
 
-from castfem import meshes, reductions
+from castfem import meshes
+from castfem.fem import reductions
+from castfem.fem.section import Section
 from castfem.materials.curve import ThermalCurve
-from castfem.section import Section
-from castfem.thermal.laws import PrescribedTemperature, SurfaceLaw
+from castfem.thermal.boundary import Cooling, Surface
+from castfem.thermal.deformed_section import Shape
+from castfem.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
 from castfem.thermal.problem import ThermalProblem
-from castfem.thermal.shape import Shape
 from castfem.thermal.stepper import StepResult, ThermalState, ThermalStepper
-from castfem.thermal.surface import Cooling, Surface
 
 Array = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import pytest
 
 import castfem
 from castfem.errors import RunFailure
-from castfem.thermal.laws import Radiation
+from castfem.thermal.flux_laws import Radiation
 from castfem.thermal.sprays import wendelstorf
 
 STRIP = """

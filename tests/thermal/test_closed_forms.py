@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from castfem.probes import Profile
-from castfem.thermal import laws
+from castfem.fem.line_probes import Profile
+from castfem.thermal import flux_laws
 from castfem.verification import Neumann, ThreeZones
 from thermal.scenes import ThermalScene, constant_steel, strip
 
@@ -17,7 +17,7 @@ ALLOY = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1000.0, 1450.0, 1500.0, 1540.0)
 def alloy_scene(cells: int, scheme: str = "sdirk2") -> ThermalScene:
     curve = constant_steel(ALLOY.solidus, ALLOY.liquidus, datum=ALLOY.initial)
     scene = ThermalScene(strip(0.12, cells), curve, ALLOY.initial, scheme)
-    return scene.cool(("surface", laws.PrescribedTemperature(ALLOY.surface)))
+    return scene.cool(("surface", flux_laws.PrescribedTemperature(ALLOY.surface)))
 
 
 def errors(scene: ThermalScene, time: float) -> tuple[float, float, float]:
@@ -70,7 +70,7 @@ def test_order_in_time_away_from_freezing(scheme: str, least: float) -> None:
 
     def final(step: float) -> np.ndarray:
         scene = ThermalScene(strip(0.02, 20), curve, 1400.0, scheme)
-        cooling = laws.PrescribedFlux(lambda t: 4e5 * np.sin(0.3 * t) ** 2)
+        cooling = flux_laws.PrescribedFlux(lambda t: 4e5 * np.sin(0.3 * t) ** 2)
         return scene.cool(("surface", cooling)).march(8.0, step).along_x()[1]
 
     steps = np.array([1.0, 0.5, 0.25, 0.125])
@@ -88,7 +88,7 @@ def test_stefan_problem(initial: float, root: float) -> None:
     curve = constant_steel(1494.35, 1494.45, rho=7500.0, c=661.0, k=33.0, datum=initial)
     start = max(initial, 1494.45)
     scene = ThermalScene(strip(0.06, 200), curve, start)
-    scene.cool(("surface", laws.PrescribedTemperature(1000.0))).march(21.0, 0.05)
+    scene.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).march(21.0, 0.05)
     x, temperature = scene.along_x()
     front = Profile(x, temperature).isotherm_depth(1494.35)
     # The front rests at a vertex until its latent heat is gone: up to a cell of 0.3 mm.
@@ -104,7 +104,7 @@ def test_stefan_front_converges() -> None:
     for cells in (50, 100, 200):
         scene = ThermalScene(strip(0.06, cells), curve, 1550.0)
         heat = []
-        scene.cool(("surface", laws.PrescribedTemperature(1000.0)))
+        scene.cool(("surface", flux_laws.PrescribedTemperature(1000.0)))
         scene.march(21.0, 0.05, lambda h=heat, s=scene: h.append(s.state.removed))
         times = np.array([0.05 * (i + 1) for i in range(len(heat))])
         late = times > 5.0
@@ -123,7 +123,8 @@ def test_steady_wall_between_two_fluids() -> None:
     curve = constant_steel(1800.0, 1850.0, k=25.0)
     scene = ThermalScene(strip(0.05, 30), curve, 800.0)
     scene.cool(
-        ("surface", laws.Convection(500.0, 300.0)), ("core_end", laws.Convection(900.0, 1400.0))
+        ("surface", flux_laws.Convection(500.0, 300.0)),
+        ("core_end", flux_laws.Convection(900.0, 1400.0)),
     ).march(1e8, 1e7)
     flux = (1400.0 - 300.0) / (1 / 500.0 + 0.05 / 25.0 + 1 / 900.0)
     x, temperature = scene.along_x()
@@ -137,8 +138,8 @@ def test_gap_in_series(gap: float) -> None:
     curve = constant_steel(1800.0, 1850.0, k=25.0)
     scene = ThermalScene(strip(0.05, 20), curve, 800.0)
     scene.cool(
-        ("surface", laws.Contact(1600.0, 433.15, 0.15, gap)),
-        ("core_end", laws.PrescribedTemperature(1700.0)),
+        ("surface", flux_laws.Contact(1600.0, 433.15, 0.15, gap)),
+        ("core_end", flux_laws.PrescribedTemperature(1700.0)),
     ).march(1e8, 1e7)
     flux = (1700.0 - 433.15) / (0.05 / 25.0 + 1 / 1600.0 + gap / 0.15)
     assert scene.along_x()[1][0] == pytest.approx(1700.0 - flux * 0.05 / 25.0, abs=1e-6)
@@ -147,9 +148,11 @@ def test_gap_in_series(gap: float) -> None:
 def test_radiation_balances_conduction() -> None:
     curve = constant_steel(1800.0, 1850.0, k=25.0)
     scene = ThermalScene(strip(0.05, 20), curve, 1500.0)
-    law = laws.Radiation(0.8, 293.15)
-    scene.cool(("surface", law), ("core_end", laws.PrescribedTemperature(1700.0))).march(1e8, 1e6)
-    sigma = laws.STEFAN_BOLTZMANN
+    law = flux_laws.Radiation(0.8, 293.15)
+    scene.cool(("surface", law), ("core_end", flux_laws.PrescribedTemperature(1700.0))).march(
+        1e8, 1e6
+    )
+    sigma = flux_laws.STEFAN_BOLTZMANN
     exact = brentq(
         lambda t: 0.8 * sigma * (t**4 - 293.15**4) - 25.0 / 0.05 * (1700.0 - t), 293.15, 1700.0
     )
@@ -160,22 +163,22 @@ def test_radiation_cools_a_lump() -> None:
     """A body without inner resistance in cold surroundings: T^-3 = T0^-3 + 3 A t."""
     curve = constant_steel(1800.0, 1850.0, k=1e7, datum=1500.0)
     scene = ThermalScene(strip(0.01, 4), curve, 1500.0)
-    scene.cool(("surface", laws.Radiation(0.8, 1e-3))).march(100.0, 0.5)
-    rate = 0.8 * laws.STEFAN_BOLTZMANN / (7200.0 * 700.0 * 0.01)
+    scene.cool(("surface", flux_laws.Radiation(0.8, 1e-3))).march(100.0, 0.5)
+    rate = 0.8 * flux_laws.STEFAN_BOLTZMANN / (7200.0 * 700.0 * 0.01)
     exact = (1500.0**-3 + 3 * rate * 100.0) ** (-1 / 3)
     assert scene.along_x()[1].mean() == pytest.approx(exact, abs=0.01)
 
 
 def test_gap_factor_of_radiation() -> None:
     """(33) with numbers worked by hand: m = 1.5, a = 400 /m, d = 1 mm, eps 0.8 and 0.4."""
-    law = laws.Radiation(0.8, 433.15, 0.4, 1.5, 400.0, 1e-3)
+    law = flux_laws.Radiation(0.8, 433.15, 0.4, 1.5, 400.0, 1e-3)
     resistance = 0.75 * 400.0 * 1e-3 + 1.25 + 2.5 - 1.0
     assert law.factor(np.array([1500.0]))[0] == pytest.approx(
         2.25 * 5.670374419e-8 / resistance, rel=1e-12
     )
 
 
-BESIDE = (laws.Radiation(0.8, 420.0, 0.4, 1.5, 400.0), laws.Convection(50.0, 300.0))
+BESIDE = (flux_laws.Radiation(0.8, 420.0, 0.4, 1.5, 400.0), flux_laws.Convection(50.0, 300.0))
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-6, 1e-4, 1e-3, np.inf])
@@ -185,7 +188,7 @@ def test_what_crosses_a_gap_beside_its_conduction(gap: float) -> None:
     The temperature between the resistance of contact and the gap is found by its own balance.
     """
     t, conduction = 1500.0, 0.15 / gap if gap else np.inf
-    gamma = laws.Radiation(0.8, 420.0, 0.4, 1.5, 400.0, gap).factor(np.array([t]))[0]
+    gamma = flux_laws.Radiation(0.8, 420.0, 0.4, 1.5, 400.0, gap).factor(np.array([t]))[0]
     h = gamma * (t**2 + 420.0**2) * (t + 420.0)  # (34)
 
     def balance(m: float) -> float:
@@ -193,7 +196,7 @@ def test_what_crosses_a_gap_beside_its_conduction(gap: float) -> None:
         return 1600.0 * (t - m) - crossing
 
     between = brentq(balance, 300.0, t, xtol=1e-12) if gap else 433.15
-    law = laws.Contact(1600.0, 433.15, 0.15, gap, beside=BESIDE)
+    law = flux_laws.Contact(1600.0, 433.15, 0.15, gap, beside=BESIDE)
     assert law.flux(np.array([t]), 0.0)[0][0] == pytest.approx(1600.0 * (t - between), rel=1e-10)
     assert law.ambient_range(0.0) == (300.0, 433.15)
 
@@ -201,9 +204,9 @@ def test_what_crosses_a_gap_beside_its_conduction(gap: float) -> None:
 def test_a_gap_that_opens_never_takes_more_heat() -> None:
     """Nor does the flux jump where contact is lost."""
     gap = np.concatenate([[-1e-5, 0.0], np.geomspace(1e-9, 1e-1, 200)])
-    law = laws.Contact(1600.0, 433.15, 0.15, gap, beside=(laws.Radiation(0.8, 433.15),))
+    law = flux_laws.Contact(1600.0, 433.15, 0.15, gap, beside=(flux_laws.Radiation(0.8, 433.15),))
     flux, _ = law.flux(np.full(len(gap), 1500.0), 0.0)
-    alone = laws.Contact(1600.0, 433.15, 0.15, gap).flux(np.full(len(gap), 1500.0), 0.0)[0]
+    alone = flux_laws.Contact(1600.0, 433.15, 0.15, gap).flux(np.full(len(gap), 1500.0), 0.0)[0]
     assert flux[0] == flux[1] == alone[0]
     assert flux[2] == pytest.approx(flux[1], rel=1e-4)
     assert (np.diff(flux[1:]) < 0.0).all()
@@ -213,14 +216,17 @@ def test_a_gap_that_opens_never_takes_more_heat() -> None:
 @pytest.mark.parametrize(
     "law",
     [
-        laws.Convection(lambda t: 200.0 + 0.1 * t, 300.0),
-        laws.Contact(1600.0, 433.15, 0.15, 0.2e-3),
-        laws.Radiation(lambda t: 0.6 + 1e-4 * t, 300.0),
-        laws.Radiation(0.8, 300.0, 0.5, 1.2, 300.0, 1e-3),
-        *(laws.Contact(1600.0, 433.15, 0.15, gap, beside=BESIDE) for gap in (0.0, 2e-4, np.inf)),
+        flux_laws.Convection(lambda t: 200.0 + 0.1 * t, 300.0),
+        flux_laws.Contact(1600.0, 433.15, 0.15, 0.2e-3),
+        flux_laws.Radiation(lambda t: 0.6 + 1e-4 * t, 300.0),
+        flux_laws.Radiation(0.8, 300.0, 0.5, 1.2, 300.0, 1e-3),
+        *(
+            flux_laws.Contact(1600.0, 433.15, 0.15, gap, beside=BESIDE)
+            for gap in (0.0, 2e-4, np.inf)
+        ),
     ],
 )
-def test_slope_of_the_flux(law: laws.SurfaceLaw) -> None:
+def test_slope_of_the_flux(law: flux_laws.SurfaceLaw) -> None:
     temperature = np.linspace(600.0, 1700.0, 12)
     _, slope = law.flux(temperature, 1.0)
     high, low = (law.flux(temperature + d, 1.0)[0] for d in (0.1, -0.1))
@@ -240,7 +246,7 @@ def test_heat_generated_between_cold_walls_is_a_parabola() -> None:
     curve = constant_steel(1450.0, 1500.0, k=25.0, datum=1200.0)
     scene = ThermalScene(strip(0.02, 10), curve, 1200.0)
     scene.problem.set_source(np.full_like(scene.problem.area, 5e7))
-    wall = laws.PrescribedTemperature(1200.0)
+    wall = flux_laws.PrescribedTemperature(1200.0)
     scene.cool(("surface", wall), ("core_end", wall)).march(1e5, 1e4)
     x, temperature = scene.along_x()
     assert temperature == pytest.approx(1200.0 + 5e7 * x * (0.02 - x) / 50.0, abs=1e-6)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from castfem import meshes
-from castfem.thermal import laws
+from castfem.thermal import flux_laws
 from castfem.verification import Neumann, ThreeZones
 from thermal.scenes import ThermalScene, constant_steel, strip
 
@@ -41,7 +41,9 @@ def test_sudden_quench_stays_within_bounds(step: float, scheme: str, cell: str) 
         billet(0.0, cell), constant_steel(1725.15, 1775.65, datum=CAST), CAST, scheme
     )
     falling = []
-    scene.cool(("wide", laws.Contact(5e4, WALL, 0.15)), ("narrow", laws.Contact(5e4, WALL, 0.15)))
+    scene.cool(
+        ("wide", flux_laws.Contact(5e4, WALL, 0.15)), ("narrow", flux_laws.Contact(5e4, WALL, 0.15))
+    )
     before = scene.state.point.temperature
 
     def watch() -> None:
@@ -60,7 +62,7 @@ def test_sudden_quench_stays_within_bounds(step: float, scheme: str, cell: str) 
 @pytest.mark.parametrize("step", [1e-5, 1e-2, 10.0])
 def test_quench_of_a_rounded_billet_stays_within_bounds(step: float) -> None:
     scene = ThermalScene(billet(5e-3), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
-    law = laws.Contact(5e4, WALL, 0.15)
+    law = flux_laws.Contact(5e4, WALL, 0.15)
     scene.cool(("wide", law), ("narrow", law), ("corner", law)).march(20 * step, step)
     assert within_bounds(scene)
     assert scene.worst_balance < 1e-9
@@ -75,7 +77,7 @@ def test_narrow_freezing_range(freezing_range: float, step: float) -> None:
         solidus, solidus + freezing_range, rho=7500.0, c=661.0, k=33.0, datum=1550.0
     )
     scene = ThermalScene(strip(0.06, 120), curve, 1550.0)
-    scene.cool(("surface", laws.PrescribedTemperature(1000.0))).march(20.0, step)
+    scene.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).march(20.0, step)
     exact = Neumann((33.0, 661.0), (33.0, 661.0), 7500.0, 272e3, 1000.0, solidus, 1550.0)
     x, temperature = scene.along_x()
     # A vertex is solid once the front has passed its share of the strip, half a cell beyond it.
@@ -89,7 +91,7 @@ def test_step_over_the_whole_latent_heat() -> None:
     """One step from liquid to cold solid: all latent heat must leave, exactly."""
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
     scene = ThermalScene(strip(0.02, 40), curve, CAST)
-    scene.cool(("surface", laws.Contact(1600.0, WALL, 0.15))).march(1e4, 1e4)
+    scene.cool(("surface", flux_laws.Contact(1600.0, WALL, 0.15))).march(1e4, 1e4)
     temperature = scene.state.point.temperature
     assert temperature.max() < 460.0
     mean = float(scene.problem.area @ temperature) / float(scene.problem.area.sum())
@@ -104,8 +106,8 @@ def test_conductivity_ratio_of_a_thousand(ratio: float) -> None:
     curve = constant_steel(1500.0, 1500.0, k=(30.0, 30.0 * ratio))
     scene = ThermalScene(strip(0.05, 25), curve, 1600.0)
     scene.cool(
-        ("surface", laws.PrescribedTemperature(1000.0)),
-        ("core_end", laws.PrescribedTemperature(1800.0)),
+        ("surface", flux_laws.PrescribedTemperature(1000.0)),
+        ("core_end", flux_laws.PrescribedTemperature(1800.0)),
     ).march(1e9, 1e8)
     flux = (30.0 * 500.0 + 30.0 * ratio * 300.0) / 0.05
     x, temperature = scene.along_x()
@@ -121,7 +123,7 @@ def test_coefficient_jumping_tenfold_every_tenth_of_a_second() -> None:
     scene = ThermalScene(billet(0.0), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
     time = 0.0
     for i in range(1000):
-        law = laws.Contact(3000.0 if i % 2 == 0 else 300.0, WALL, 0.15)
+        law = flux_laws.Contact(3000.0 if i % 2 == 0 else 300.0, WALL, 0.15)
         scene.cool(("wide", law), ("narrow", law))
         time += 0.1
         scene.march(time, 0.1)
@@ -129,14 +131,14 @@ def test_coefficient_jumping_tenfold_every_tenth_of_a_second() -> None:
     assert scene.worst_balance < 1e-9
     # The long run sees the mean coefficient but for the skin, which breathes.
     mean = ThermalScene(billet(0.0), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
-    law = laws.Contact(1650.0, WALL, 0.15)
+    law = flux_laws.Contact(1650.0, WALL, 0.15)
     mean.cool(("wide", law), ("narrow", law)).march(100.0, 0.1)
     assert scene.state.removed == pytest.approx(mean.state.removed, rel=0.03)
 
 
 def test_radiation_from_1500_into_20_degrees() -> None:
     scene = ThermalScene(strip(0.05, 50), constant_steel(1650.0, 1700.0, datum=1773.15), 1773.15)
-    scene.cool(("surface", laws.Radiation(0.9, 293.15)))
+    scene.cool(("surface", flux_laws.Radiation(0.9, 293.15)))
     scene.march(1.0, 0.01).march(1e4, 50.0)
     assert scene.worst_balance < 1e-9
     scene.march(1e8, 1e6)
@@ -147,7 +149,7 @@ def test_radiation_from_1500_into_20_degrees() -> None:
 def test_second_order_steps_outside_the_bounds_are_taken_again() -> None:
     """A step of many decay times of the skin: SDIRK2 alone would end colder than the wall."""
     scene = ThermalScene(strip(2e-3, 8), constant_steel(1725.15, 1775.65, datum=1500.0), 1500.0)
-    scene.cool(("surface", laws.Contact(5e4, WALL, 0.15)))
+    scene.cool(("surface", flux_laws.Contact(5e4, WALL, 0.15)))
     result = scene.stepper.step(scene.state, 5.0)
     assert result.limited
     raw = scene.stepper._sdirk2(scene.state, 5.0, (0.0, 2000.0))[-1].point.temperature
@@ -162,7 +164,7 @@ def test_heat_is_exact_at_any_step() -> None:
     for steps in (1, 30, 1000):
         curve = constant_steel(alloy.solidus, alloy.liquidus, datum=alloy.initial)
         scene = ThermalScene(strip(0.02, 20), curve, alloy.initial)
-        scene.cool(("surface", laws.PrescribedTemperature(1000.0))).march(1e8, 1e8 / steps)
+        scene.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).march(1e8, 1e8 / steps)
         removed.append(scene.state.removed)
     assert np.ptp(removed) / removed[0] < 1e-6
 
@@ -193,5 +195,5 @@ def test_round_an_arc_liquid_is_warmed_by_hundredths_of_a_kelvin() -> None:
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
     mesh = billet(5e-3, surface_size=1e-3, corner_size=1e-3)
     scene = ThermalScene(mesh, curve, CAST, "backward_euler")
-    scene.cool(("corner", laws.Convection(3e4, 298.15))).march(1.0, 0.01)
+    scene.cool(("corner", flux_laws.Convection(3e4, 298.15))).march(1.0, 0.01)
     assert CAST < scene.high < CAST + 0.1

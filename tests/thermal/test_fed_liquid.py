@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from castfem import meshes
+from castfem.fem.line_probes import Profile
 from castfem.materials import load_steel
-from castfem.probes import Profile
-from castfem.thermal import laws
+from castfem.thermal import flux_laws
 from castfem.verification import ThreeZones
 from thermal.scenes import ThermalScene, constant_steel, strip
 
@@ -24,7 +24,7 @@ def chilled(along: float, across: float, axial: float, fed: bool = True) -> Ther
     scene.move(lambda x: np.array([along * x[0], across * x[1]]), axial)
     if fed:
         scene.state = scene.stepper.feed(scene.state)
-    scene.cool(("surface", laws.PrescribedTemperature(ALLOY.surface)))
+    scene.cool(("surface", flux_laws.PrescribedTemperature(ALLOY.surface)))
     return scene.march(TIME, 0.1)
 
 
@@ -76,7 +76,7 @@ def insulated(axial: float) -> tuple[ThermalScene, float]:
     scene = ThermalScene(mesh, curve, start, moves=True, solidus=steel.solidus)
     scene.move(lambda x: np.zeros((2, x.shape[1])), axial)
     scene.state = scene.stepper.feed(scene.state)
-    scene.cool(("", laws.PrescribedFlux(1e6))).march(13.0, 0.1)
+    scene.cool(("", flux_laws.PrescribedFlux(1e6))).march(13.0, 0.1)
     scene.cool().march(60.0, 1.0)
     low, high = scene.state.extremes
     assert high - low < 1e-3 and high < 1250.0

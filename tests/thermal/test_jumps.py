@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from castfem.case import load_case
-from castfem.march import March
-from castfem.scene import build_scene
-from castfem.thermal import laws
+from castfem.simulation.simulation import build_scene
+from castfem.thermal import flux_laws
 from castfem.thermal.stepper import REBOUND, ThermalStepper
+from castfem.time_loop.loop import March
 from thermal.scenes import Array, ThermalScene, constant_steel, strip
 from thermal.test_extremes import CAST, SLACK, billet
 
@@ -94,10 +94,10 @@ def test_a_zone_downstream_cools_or_warms_one_way(coefficient: float, way: float
     """The skin goes to where the new cooling takes it and does not come back."""
     scene = ThermalScene(billet(0.0, surface_size=2e-3), STEEL, CAST)
     faces = ("wide", "narrow")
-    scene.cool(*((face, laws.Contact(1600.0, 433.15, 0.15)) for face in faces)).march(5.0, 0.5)
+    scene.cool(*((face, flux_laws.Contact(1600.0, 433.15, 0.15)) for face in faces)).march(5.0, 0.5)
     skin = scene.surface.patch(scene.section.required(list(faces))).dofs
     found = [scene.state.point.temperature[skin]]
-    scene.cool(*((face, laws.Convection(coefficient, AMBIENT)) for face in faces))
+    scene.cool(*((face, flux_laws.Convection(coefficient, AMBIENT)) for face in faces))
     scene.march(7.0, 0.5, lambda: found.append(scene.state.point.temperature[skin]))
     assert (way * np.diff(found, axis=0)).max() < REBOUND
     assert (way * (found[0] - found[1])).min() > 50.0
@@ -111,7 +111,7 @@ def test_second_order_returns_after_a_jump() -> None:
 
     def final(step: float) -> tuple[Array, int]:
         scene = ThermalScene(strip(0.02, 10), curve, 1400.0)
-        scene.cool(("surface", laws.Convection(3e4, AMBIENT))).march(8.0, step)
+        scene.cool(("surface", flux_laws.Convection(3e4, AMBIENT))).march(8.0, step)
         return scene.along_x()[1], sum(r.limited for r in scene.results)
 
     steps = np.array([2.0, 1.0, 0.5])

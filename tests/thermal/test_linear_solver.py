@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from castfem import meshes
-from castfem.thermal import laws
+from castfem.thermal import flux_laws
 from thermal.scenes import ThermalScene, constant_steel
 
 STEEL = constant_steel(1725.0, 1775.0, datum=1815.0)
@@ -21,7 +21,7 @@ def cooled(step: float, **options: Any) -> ThermalScene:
     )  # fmt: skip
     scene = ThermalScene(mesh, STEEL, 1815.0, options=options)
     names = [g for g in mesh.groups if not g.startswith("symmetry")]
-    scene.cool(*((name, laws.Contact(1600.0, 433.15, 0.15)) for name in names))
+    scene.cool(*((name, flux_laws.Contact(1600.0, 433.15, 0.15)) for name in names))
     return scene.march(10.0, step)
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from ranks import needs_mpirun, python_on
 
-from castfem.probes import LineProbes
-from castfem.thermal import laws
+from castfem.fem.line_probes import LineProbes
+from castfem.thermal import flux_laws
 from thermal.scenes import ThermalScene, constant_steel
 from thermal.test_extremes import CAST, WALL, billet
 
@@ -22,7 +22,7 @@ HERE = Path(__file__).parents[1]
 def marched(comm: MPI.Comm, cell: str = "quadrilateral", radius: float = 5e-3) -> ThermalScene:
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
     scene = ThermalScene(billet(radius, cell), curve, CAST, comm=comm)
-    law = laws.Contact(1600.0, WALL, 0.15)
+    law = flux_laws.Contact(1600.0, WALL, 0.15)
     scene.cool(("wide", law), ("narrow", law), *([("corner", law)] if radius else []))
     return scene.march(4.0, 0.1)
 

@@ -12,16 +12,16 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from castfem.compat import assemble_owned
+from castfem.fem.dolfinx_compat import assemble_owned
 from castfem.forms import heat
-from castfem.thermal import laws
+from castfem.thermal import flux_laws
 from thermal.scenes import ThermalScene, constant_steel
 from thermal.test_extremes import CAST, WALL, billet
 
 Array = npt.NDArray[np.float64]
 
 STEEL = constant_steel(1725.15, 1775.65, datum=CAST)
-CONTACT = laws.Contact(5e3, WALL, 0.15)
+CONTACT = flux_laws.Contact(5e3, WALL, 0.15)
 COARSE = {"surface_size": 2e-3, "core_size": 1.2e-2}
 
 

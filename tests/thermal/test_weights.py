@@ -10,7 +10,7 @@ from dolfinx import fem
 from castfem import meshes
 from castfem.forms.heat import surface_stretch
 from castfem.meshes import SectionMesh
-from castfem.thermal import laws
+from castfem.thermal import flux_laws
 from thermal.scenes import Array, ThermalScene, constant_steel
 
 RADIUS, SIDE = 5e-3, 0.0625
@@ -66,7 +66,7 @@ def test_area_and_perimeter_are_those_of_the_section(cell: str, size: float, ord
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_surface_that_has_moved_keeps_its_true_length(cell: str) -> None:
     scene = ThermalScene(section(cell, 4e-3, 2), STEEL, 1800.0, moves=True)
-    law = laws.Contact(1600.0, 433.15, 0.15)
+    law = flux_laws.Contact(1600.0, 433.15, 0.15)
     scene.cool(("wide", law), ("narrow", law), ("corner", law)).move(wave)
     shape, mesh = scene.problem.shape, scene.section.mesh
     assert shape is not None

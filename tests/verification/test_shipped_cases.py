@@ -13,10 +13,10 @@ from mpi4py import MPI
 import pytest
 
 from benchmarks.verification import CASES, NAMES, row_of
-from castfem import march
 from castfem.case import Case, load_case, read_case
 from castfem.errors import InputError
 from castfem.output.summary import Summary
+from castfem.time_loop import loop
 from castfem.verification import NAMES as FORMS
 
 DATA = Path(__file__).parents[2] / "docs" / "data" / "verification.csv"
@@ -35,7 +35,7 @@ def case_of(name: str, changes: Sequence[str] = ()) -> Case:
 
 
 def run(case: Case, folder: Path) -> Summary:
-    return march.run(case, folder, comm=MPI.COMM_SELF)
+    return loop.run(case, folder, comm=MPI.COMM_SELF)
 
 
 def documented(name: str) -> dict[str, str]:

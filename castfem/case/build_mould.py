@@ -1,0 +1,251 @@
+"""From the table [mould] to the wall it describes, and what keeps it from fitting the section."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from castfem import mould as wall
+from castfem.case.mould import Coulomb, Limited, Mould, Tresca, Viscous
+from castfem.case.problems import Problem
+from castfem.case.section import BeamBlank, Rectangle, Round, Strip
+from castfem.values.tables import Table
+from castfem.values.units import format
+
+if TYPE_CHECKING:
+    from castfem.contact.friction import Friction as FrictionLaw
+
+
+def build_mould(table: Mould, section: Any) -> wall.Mould:
+    """Return the wall that [mould] describes.
+
+    Where a size is left out, the cavity in working condition has that of the strand at the
+    meniscus: the liquid fills it.
+
+    Args:
+        table: A sound table.
+        section: One of the section models, sound.
+
+    Raises:
+        ValueError: The section has no mould, or the taper does not fit it; told by what is wrong.
+    """
+    expansion = _expansion(table)
+    hot = 1.0 if expansion is None else expansion.factor(0.0)
+    tapers = _tapers(table, section)
+    temperature = None if table.wall_temperature is None else _along(table.wall_temperature)
+    return wall.Mould(_cavity(table, section, hot), table.length, tapers, temperature, expansion)
+
+
+def build_friction(table: Any) -> FrictionLaw | None:
+    """Return the law that [mould.friction] describes, None for a wall without friction."""
+    from castfem.contact import friction
+
+    if isinstance(table, Coulomb):
+        return friction.Coulomb(table.coefficient)
+    if isinstance(table, Limited):
+        return friction.Coulomb(table.coefficient, yield_stress=table.yield_stress)
+    if isinstance(table, Tresca):
+        return friction.Tresca(table.share, table.yield_stress, table.steepest)
+    if not isinstance(table, Viscous):
+        return None
+    speed, exponent, steepest = table.speed, table.exponent, table.steepest
+    if table.yield_stress is None:
+        return friction.Lubricant(table.stress / speed**exponent, exponent, steepest)
+    share = math.sqrt(3.0) * table.stress / table.yield_stress
+    base = friction.Coulomb(table.coefficient)
+    return friction.Viscous(base, share, table.yield_stress, speed, exponent, steepest)
+
+
+def _along(value: float | Table) -> wall.Along:
+    if isinstance(value, Table):
+        return wall.Along(value.arguments, value.values)
+    return wall.Along.constant(value)
+
+
+def _expansion(table: Mould) -> wall.Expansion | None:
+    if table.condition == "working":
+        return None
+    copper = table.copper
+    mean = table.wall_temperature if copper.temperature is None else copper.temperature
+    if mean is None:
+        raise ValueError(
+            'a cold mould needs its temperature at work: wall_temperature = "160 degC"'
+        )
+    return wall.Expansion(copper.expansion, copper.cold, _along(mean))
+
+
+def _cavity(table: Mould, section: Any, hot: float) -> wall.Cavity:
+    """Return the cavity with the sizes at the meniscus; `hot` over cold lengths there."""
+
+    def size(name: str) -> float:
+        given = getattr(table, name, None)
+        return float(getattr(section, name) / hot if given is None else given)
+
+    if isinstance(section, Rectangle):
+        return wall.RectangleCavity(size("width"), size("height"), size("corner_radius"))
+    if isinstance(section, Round):
+        return wall.RoundCavity(size("diameter"))
+    if isinstance(section, BeamBlank):
+        return _beam_blank(section, hot)
+    raise ValueError("a strip has no section that a mould could surround; leave out [mould]")
+
+
+def _beam_blank(section: BeamBlank, hot: float) -> wall.FreeCavity:
+    from castfem.meshes.beam_blank import surface_pieces
+
+    pieces = surface_pieces(
+        (0.5 * section.width, 0.5 * section.height, 0.5 * section.web_thickness),
+        section.flange_thickness,
+        section.root_thickness,
+        (section.fillet_radius, section.shoulder_radius, section.corner_radius),
+    )
+    segments: list[wall.Segment] = []
+    for piece in pieces:
+        start, end = _scaled(piece.start, hot), _scaled(piece.end, hot)
+        if piece.length <= 1e-9 * section.width:
+            continue
+        if piece.centre is None:
+            segments.append(wall.Straight(start, end))
+        else:
+            segments.append(wall.Circular(start, end, _scaled(piece.centre, hot)))
+    return wall.FreeCavity(tuple(segments), section.width / hot, section.height / hot)
+
+
+def _scaled(point: tuple[float, float], hot: float) -> tuple[float, float]:
+    return point[0] / hot, point[1] / hot
+
+
+def _tapers(table: Mould, section: Any) -> wall.Tapers:
+    """Return the courses; a face without taper of its own has that of all faces, or none."""
+    courses = {}
+    for name, given in table.taper.parts.items():
+        try:
+            courses[name] = given.course(table.length)
+        except ValueError as error:
+            raise ValueError(f"{error}" if name == "face" else f"{name}: {error}") from None
+    straight = wall.Taper.single(0.0, table.length)
+    face = courses.get("face", straight)
+    return wall.Tapers(
+        courses.get("narrow_face", face), courses.get("wide_face", face), courses.get("corner")
+    )
+
+
+_ROUNDING = 1e-9  # of a size: how far two that are one may differ
+_SIZES = {
+    "rectangle": ("width", "height", "corner_radius"),
+    "round": ("diameter",),
+    "beam_blank": (),
+}
+
+
+def check_mould(table: Mould | None, section: Any) -> Iterator[Problem]:
+    """Yield what does not fit between [mould] and [section]; faulty values are None in both."""
+    if table is None or section is None:
+        return
+    if isinstance(section, Strip):
+        yield Problem(("mould",), "a strip has no mould; leave the table out")
+        return
+    known = _SIZES[section.shape]
+    found = list(_sizes(table, section, known))
+    given = None if table.taper is None else table.taper.parts
+    if section.shape != "rectangle" and given and set(given) != {"face"}:
+        found.append(
+            Problem(
+                ("mould", "taper"),
+                f'a section of shape "{section.shape}" has one taper for all: taper = "1 %/m"',
+            )
+        )
+    friction = table.friction
+    if isinstance(friction, Viscous) and friction.coefficient and friction.yield_stress is None:
+        found.append(
+            Problem(
+                ("mould", "friction"),
+                'a threshold needs the limit of what comes on top: yield_stress = "10 MPa"',
+            )
+        )
+    yield from found
+    sizes = [getattr(section, name, None) for name in type(section).model_fields]
+    needed = [table.length, table.taper, table.condition, table.copper, *sizes]
+    if not found and None not in needed:
+        yield from _fits(table, section)
+
+
+def _sizes(table: Mould, section: Any, known: tuple[str, ...]) -> Iterator[Problem]:
+    """Yield the sizes a section of this shape does not have, and those too small for the strand."""
+    hot = _hot(table)
+    for name in ("width", "height", "diameter", "corner_radius"):
+        size = getattr(table, name)
+        if size is None:
+            continue
+        if name not in known:
+            sizes = f"; allowed: {', '.join(known)}" if known else "; its sizes are the section's"
+            yield Problem(
+                ("mould", name), f'not a size of a section of shape "{section.shape}"{sizes}'
+            )
+            continue
+        own = getattr(section, name)
+        if own is None or hot is None:
+            continue
+        if name == "corner_radius":
+            allowed = _widest_corner(table, section, hot)
+            short = allowed is not None and size > allowed + _ROUNDING * own
+        else:
+            allowed, short = own / hot, hot * size < own * (1.0 - _ROUNDING)
+        if short and allowed is not None:
+            bound = "at most" if name == "corner_radius" else "at least"
+            limit = "that" if allowed == own else _mm(float(f"{allowed:.9g}"))
+            yield Problem(
+                ("mould", name),
+                f"({_mm(size)}) does not let the strand in, which has {_mm(own)}; allowed: "
+                f"{bound} {limit}, or leave it out",
+            )
+
+
+def _widest_corner(table: Mould, section: Any, hot: float) -> float | None:
+    """Return the largest corner radius of a cavity that lets the strand in, m.
+
+    A rectangle with round corners is one of straight corners, inner, and all that is within the
+    radius of it.  The strand's is inside the mould's where no direction has it reach farther.
+    """
+    sizes = [(getattr(section, name), getattr(table, name)) for name in ("width", "height")]
+    radius = section.corner_radius
+    if radius is None or any(own is None for own, _ in sizes):
+        return None
+    # Half of what the cavity has beyond the strand, and by how much its radius may be larger: the
+    # centres of the corners lie (grown - a, grown - b) apart, and that far the strand's reaches.
+    a, b = (0.0 if size is None else max(0.5 * (hot * size - own), 0.0) for own, size in sizes)
+    grown = a + b + math.sqrt(2.0 * a * b)
+    return float((radius + grown) / hot)
+
+
+def _hot(table: Mould) -> float | None:
+    """Return hot over cold lengths at the meniscus, None where that cannot be told."""
+    if None in (table.condition, table.copper):
+        return None
+    try:
+        expansion = _expansion(table)
+    except (TypeError, ValueError):  # told elsewhere
+        return None
+    return 1.0 if expansion is None else expansion.factor(0.0)
+
+
+def _fits(table: Mould, section: Any) -> Iterator[Problem]:
+    """Yield why the mould cannot be built, unless it is the section that is impossible."""
+    key = "wall_temperature"
+    try:
+        _expansion(table)
+        key = "taper"
+        _tapers(table, section)
+        key = ""
+        straight = wall.same(wall.Taper.single(0.0, table.length))
+        wall.Mould(_cavity(table, section, 1.0), table.length, straight)
+        key = "taper"
+        build_mould(table, section)
+    except ValueError as error:
+        if key:
+            yield Problem(("mould", key), str(error))
+
+
+def _mm(length: float) -> str:
+    return format(length, "m", "mm")

@@ -1,0 +1,219 @@
+"""What may be meant but seldom is: values of a sound case that look like slips.
+
+A case with them runs; the bounds lie beyond what strands are cast with, not beyond what can be
+computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from castfem.case import effort
+from castfem.case.cooling import Contact, Convection, HeatLaw, Radiation, Spray, Zone
+from castfem.case.model import Case
+from castfem.case.mould import Mould
+from castfem.case.problems import Problem
+from castfem.case.validation import law_groups
+from castfem.mould.taper import Course
+from castfem.support.messages import Path
+from castfem.thermal.sprays import HELD, RANGES
+from castfem.values.units import convert, format
+
+if TYPE_CHECKING:
+    from castfem.materials import Steel
+
+_FASTEST = 20.0 / 60.0  # m/s; billets are cast at some 6 m/min, thin slabs at some 8
+_CLOSED = 0.07  # of the section, beyond what cases made to be extreme have (10 %/m over 0.6 m)
+_USUAL_TAPER = 0.03  # 1/m, single
+_ROUGHEST = 2.0  # friction coefficient
+_COLDEST = 200.0  # K
+_SAME_CARBON = 0.03  # wt%
+
+
+def doubts(case: Case) -> Iterator[Problem]:
+    """Yield what a sound case has that was probably not meant."""
+    speed = case.casting.speed
+    if speed > _FASTEST:
+        yield Problem(
+            ("casting", "speed"),
+            f"({convert(speed, 'm/s', 'm/min'):.4g} m/min) is far beyond what strands are cast at; "
+            "are number and unit right?",
+        )
+    yield from effort.many(case)
+    yield from _cold(case)
+    yield from _sprays(case)
+    if case.mould is not None:
+        yield from _taper(case.mould, case.section)
+        yield from _friction(case.mould)
+    start = 0.0
+    for index, zone in enumerate(case.cooling):
+        yield from _wasted(case, zone, ("cooling", index))
+        if case.mould is not None and start < case.mould.length:
+            yield from _fixed(case, zone, ("cooling", index))
+        start = case.casting.length if zone.to is None else zone.to
+
+
+def doubts_with(case: Case, steel: Steel, law_carbon: float | None = None) -> Iterator[Problem]:
+    """Yield what a sound case has that does not fit its steel.
+
+    Args:
+        case: The case.
+        steel: Its steel.
+        law_carbon: wt% C of the steel whose numbers its mechanical law has; None if none is stated.
+    """
+    if steel.left_out:
+        names = ", ".join(steel.left_out)
+        yield Problem(
+            ("steel", "composition"),
+            f"there are no data for {names}; the steel is computed without",
+        )
+    start = case.casting.temperature
+    if start is not None and start < steel.liquidus:
+        yield Problem(
+            ("casting", "temperature"),
+            f"({format(start, 'K', 'degC')}) lies below the liquidus of {steel.name} "
+            f"({convert(steel.liquidus, 'K', 'degC'):.6g} degC): the slice begins with "
+            f"{100.0 * float(steel.solid_fraction(start)):.3g} % of solid",
+        )
+    # A steel computed from its carbon is meant by it; a set of fixed numbers stands for a class.
+    carbon = case.steel.composition.get("C")
+    if case.mechanics is None or carbon is None or law_carbon is None:
+        return
+    if abs(carbon - law_carbon) > _SAME_CARBON:
+        name = str(case.mechanics.law).rpartition("/")[2]
+        yield Problem(
+            ("mechanics", "law"),
+            f'("{name}") has the numbers of a steel of {law_carbon:g} %C, {steel.name} has '
+            f'{carbon:g} %C; "kozlowski_zhu" goes by the carbon of the steel',
+        )
+
+
+def _cold(case: Case) -> Iterator[Problem]:
+    """Yield surroundings and starts colder than any winter: a number of degC with the unit K."""
+    given: list[tuple[Path, Any]] = [(("casting", "temperature"), case.casting.temperature)]
+    if case.mould is not None:
+        given.append((("mould", "wall_temperature"), case.mould.wall_temperature))
+    for i, zone in enumerate(case.cooling):
+        for j, law in enumerate(zone.surface):
+            keys = ("ambient", "wall", *(("value",) if law.law == "temperature" else ()))
+            given += [
+                (("cooling", i, "surface", j, key), getattr(law, key))
+                for key in keys
+                if hasattr(law, key)
+            ]
+    for path, value in given:
+        if isinstance(value, float) and value < _COLDEST:
+            written = format(value, "K", "K").removesuffix(" K")
+            yield Problem(
+                path,
+                f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
+                f'"{written} degC"?',
+            )
+
+
+def _sprays(case: Case) -> Iterator[Problem]:
+    """Yield sprays outside of what their correlation was measured for, and without radiation."""
+    for i, zone in enumerate(case.cooling):
+        sprays = [(j, law) for j, law in enumerate(zone.surface) if isinstance(law, Spray)]
+        for j, law in sprays:
+            low, high = RANGES[law.correlation].water
+            if low <= law.water <= high or law.water == 0.0:
+                continue
+            reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
+            held = HELD.get(law.correlation)
+            how = "extrapolated" if held is None or law.water < low else held
+            yield Problem(
+                ("cooling", i, "surface", j, "water"),
+                f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured "
+                f"for, {reach} L/(m^2 s): {how}",
+            )
+        if sprays and not any(isinstance(law, Radiation) for law in zone.surface):
+            yield Problem(
+                ("cooling", i),
+                "a spray without radiation; the correlation is of the water alone, add a surface "
+                'with law = "radiation"',
+            )
+
+
+def _taper(mould: Mould, section: Any) -> Iterator[Problem]:
+    """Yield the tapers that close or open the mould by much more than a strand shrinks."""
+    for name, given in mould.taper.parts.items():
+        closed = _closing(given.course(mould.length), _half(section, name), mould.length)
+        if abs(closed) <= _CLOSED:
+            continue
+        part = "" if name == "face" else f"{name}: "
+        how = "closes" if closed > 0.0 else "opens"
+        near = ""
+        if len(given.stretches) == 1:
+            tenth = 0.1 * given.stretches[0].mean
+            single = given.stretches[0].top == given.stretches[0].bottom
+            if single and abs(tenth) <= _USUAL_TAPER:
+                near = f"; did you mean {100.0 * tenth:.3g} %/m?"
+        yield Problem(
+            ("mould", "taper"), f"{part}the mould {how} by {100.0 * abs(closed):.3g} %{near}"
+        )
+
+
+def _closing(course: Course, start: float, length: float) -> float:
+    """Return the largest closing (w_in - w_out) / w_out at any position, negative: opening."""
+    positions = [z for z in course.knots() if z < length] + [length]
+    closed = [start / course.half(z, start) - 1.0 for z in positions]
+    return max(closed, key=abs)
+
+
+def _half(section: Any, face: str) -> float:
+    """Return half the dimension that a face's taper governs; the smaller one if it is both, m."""
+    sizes = {"narrow_face": ("width",), "wide_face": ("height",)}.get(face, ("width", "height"))
+    diameter = getattr(section, "diameter", None)
+    found = [getattr(section, name) for name in sizes] if diameter is None else [diameter]
+    return 0.5 * float(min(found))
+
+
+def _friction(mould: Mould) -> Iterator[Problem]:
+    coefficient = getattr(mould.friction, "coefficient", 0.0)
+    if coefficient > _ROUGHEST:
+        near = f"; did you mean {0.01 * coefficient:.3g}?" if 5.0 <= coefficient <= 100.0 else ""
+        yield Problem(
+            ("mould", "friction", "coefficient"),
+            f"({coefficient:g}) is more than {_ROUGHEST:g} times the pressure{near}",
+        )
+
+
+def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield radiation and convection beside contact that has no gap for them to cross."""
+    touching: set[str] = set()
+    for law in zone.surface:
+        if isinstance(law, Contact) and (law.gap == 0.0 or (law.gap is None and not case.mould)):
+            touching |= law_groups(case.section, law)
+    for index, law in enumerate(zone.surface):
+        if isinstance(law, Radiation | Convection) and touching & law_groups(case.section, law):
+            yield Problem(
+                (*path, "surface", index),
+                f"{law.law} has no effect beside contact without a gap: where the strand touches "
+                "there is contact alone (eq. 35); what is meant as a mean of both is convection "
+                "with a mean coefficient",
+            )
+
+
+def _fixed(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield heat in the mould that the gap which opens there does not change."""
+    following = [law for law in zone.surface if isinstance(law, Contact) and law.gap is None]
+    met = {group for law in following for group in law_groups(case.section, law)}
+    for index, law in enumerate(zone.surface):
+        if law in following or _crosses(law, law_groups(case.section, law), met):
+            continue
+        own = "contact with a gap of its own" if isinstance(law, Contact) else f"a given {law.law}"
+        yield Problem(
+            (*path, "surface", index),
+            f"{_OF_LAW.get(law.law, own)} is not changed by the gap that opens in the mould; heat "
+            'that is to follow it is law = "contact" without the key gap',
+        )
+
+
+_OF_LAW = {"spray": "a spray", "radiation": "radiation", "convection": "convection"}
+
+
+def _crosses(law: HeatLaw, groups: set[str], met: set[str]) -> bool:
+    """Return whether a law crosses the gap of contact wherever it holds."""
+    return isinstance(law, Radiation | Convection) and groups <= met

@@ -1,0 +1,261 @@
+"""The reference page of case files, written from the models: docs/case_files.md."""
+
+from __future__ import annotations
+
+import types
+import typing
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from castfem.case.base import TableModel
+from castfem.case.casting import Casting, Output, Reference, Steel
+from castfem.case.cooling import (
+    Contact,
+    Convection,
+    Flux,
+    PrescribedTemperature,
+    Radiation,
+    Spray,
+    Zone,
+)
+from castfem.case.mechanics import Coupling, Held, Mechanics, Motions
+from castfem.case.mould import (
+    Copper,
+    Coulomb,
+    Limited,
+    Mould,
+    NoFriction,
+    Touch,
+    Tresca,
+    Viscous,
+)
+from castfem.case.problems import submodels
+from castfem.case.section import BeamBlank, Mesh, Rectangle, Round, Strip, outer_groups
+from castfem.case.taper import TaperMark
+from castfem.case.tensile import Segment, Tensile, TensileOutput
+from castfem.case.thermal import Adaptive, Stepping, Thermal
+from castfem.case.verification import Verification
+from castfem.values.quantities import Kind
+from castfem.values.tables import Curve, CurveOr
+
+_HEAD = """\
+# Case files
+
+A case is one TOML file. This page is written by `castfem schema --markdown`; `castfem schema`
+prints the JSON schema, by which editors complete case files, and `castfem init NAME` writes a
+commented case to start from. `castfem check CASE` tells all problems of a file at once.
+
+## Quantities
+
+A quantity is a text of a number and its unit: `"3.6 m/min"`, `"1600 W/(m^2 K)"`, `"5 L/(m^2 s)"`.
+Any unit of the right dimension will do (`"0.125 m"`, `"4.92 inch"`); a number without unit is
+accepted only where there is none. A divisor of several units stands in brackets: `W/(m^2 K)`, not
+`W/m^2 K`. Temperatures are `"160 degC"`, `"433.15 K"` or `"320 degF"`; a *difference* of
+temperatures is written in kelvin, `"40 K"`.
+
+Where a quantity may depend on temperature, time or position, a table may stand in its place: two
+columns, their units named once (or a unit in each entry, `["20 degC", "100 degC"]`),
+
+```toml
+[cooling.surface.coefficient]
+temperature = [700, 900, 1100]
+temperature_unit = "degC"
+value = [400, 300, 250]
+unit = "W/(m^2 K)"
+```
+
+or a CSV file, `coefficient = { file = "spray.csv" }`, its path relative to the case file, that
+begins with a line such as `temperature [degC], value [W/(m^2 K)]`; lines that begin with `#` are
+skipped. A table has at least two rows in increasing order; it is linear between them and constant
+beyond.
+
+## Inheriting and changing
+
+`extends = "base.toml"` takes over another case file (relative to this one), which may extend a
+third. Tables merge key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Of two
+keys that exclude each other (`superheat` and `temperature`, `step` and `adaptive`) the later one
+wins; a `[section]` of another `shape` replaces the inherited one, and so does any `mould.taper`.
+
+On the command line `--set key=value` changes single keys, `--set casting.length="20 m"`. An entry
+of an array is addressed by its index or, if it has one, by its name:
+`--set cooling.mould.surface.0.coefficient="1200 W/(m^2 K)"`.
+
+## The folder of a run
+
+`castfem run` writes to `results/<family>/<name>`, or to the folder given with `-o`: the case as
+resolved (`case.toml`, it runs again by itself), `fields.xdmf` with `fields.h5`, `history.csv`,
+`summary.json`, `run.json`, `run.log`, `checkpoint.h5` and `figures/`. It never touches a file of
+another name. A new run into the folder of a run with the same physics replaces that run; a run of
+other physics is refused unless `--overwrite` is given, files of these names that castfem has not
+written are refused in any case. `--resume` goes on from the last
+checkpoint; output settings (other than which fields are written), title, references and
+`casting.length` may have changed since, all else must be the same.
+
+## Keys
+"""
+
+_TABLES: tuple[tuple[str, type[TableModel]], ...] = (
+    ("[casting]", Casting),
+    ("[steel]", Steel),
+    ('[section], shape = "rectangle"', Rectangle),
+    ('[section], shape = "round"', Round),
+    ('[section], shape = "beam_blank"', BeamBlank),
+    ('[section], shape = "strip"', Strip),
+    ("[mesh]", Mesh),
+    ("[[cooling]]", Zone),
+    ('[[cooling.surface]], law = "contact"', Contact),
+    ('[[cooling.surface]], law = "convection"', Convection),
+    ('[[cooling.surface]], law = "radiation"', Radiation),
+    ('[[cooling.surface]], law = "flux"', Flux),
+    ('[[cooling.surface]], law = "temperature"', PrescribedTemperature),
+    ('[[cooling.surface]], law = "spray"', Spray),
+    ("[thermal]", Thermal),
+    ("[thermal.time]", Stepping),
+    ("[thermal.time.adaptive]", Adaptive),
+    ("[mechanics]", Mechanics),
+    ("[mechanics.planes]", Motions),
+    ("[[mechanics.held]]", Held),
+    ("[coupling]", Coupling),
+    ("[mould]", Mould),
+    ("[mould.copper]", Copper),
+    ("[mould.contact]", Touch),
+    ('[mould.friction], law = "none"', NoFriction),
+    ('[mould.friction], law = "coulomb"', Coulomb),
+    ('[mould.friction], law = "limited"', Limited),
+    ('[mould.friction], law = "tresca"', Tresca),
+    ('[mould.friction], law = "viscous"', Viscous),
+    ("[output]", Output),
+    ("[verification]", Verification),
+    ("[[reference]]", Reference),
+    ("[tensile]", Tensile),
+    ("[[tensile.segment]]", Segment),
+    ("[output], of a tensile test", TensileOutput),
+)
+
+_TOP = """
+### top of the file
+
+| key | takes | default | meaning |
+|---|---|---|---|
+| `title` | text | required | one line that says what the case is |
+| `extends` | text | none | case file this one adds to, relative to it |
+"""
+
+
+def markdown_page() -> str:
+    """Return the whole reference page."""
+    parts = [_HEAD, _TOP]
+    parts += ["".join(_table(name, model)) for name, model in _TABLES]
+    return "".join(parts) + "".join(_groups())
+
+
+def _table(name: str, model: type[TableModel]) -> Iterator[str]:
+    """Yield the section on one table."""
+    text = (model.__doc__ or "").strip().splitlines()[0]
+    yield f"\n### `{name}`\n\n{text}\n\n"
+    yield "| key | takes | default | meaning |\n|---|---|---|---|\n"
+    for key, field in model.model_fields.items():
+        if _is_tag(key, field) or _is_table(field):
+            continue
+        yield f"| `{key}` | {_takes(field)} | {_default(field)} | {field.description or ''} |\n"
+
+
+def _is_tag(key: str, field: FieldInfo) -> bool:
+    """Return whether a key only tells which table of several this is; the heading shows it."""
+    return key in ("law", "shape") and typing.get_origin(field.annotation) is typing.Literal
+
+
+def _is_table(field: FieldInfo) -> bool:
+    return bool(submodels(field.annotation))
+
+
+def _takes(field: FieldInfo) -> str:
+    """Return what a key takes, in words."""
+    example = field.examples[0] if field.examples else None
+    for mark in field.metadata:
+        if isinstance(mark, Kind | Curve):
+            return _mark(mark, example)
+        if isinstance(mark, TaperMark):
+            return mark.takes
+    return _type(field.annotation, example)
+
+
+def _mark(mark: Kind | Curve, example: object) -> str:
+    """Return the kind of quantity and how it may be written."""
+    if isinstance(mark, CurveOr):
+        plain = Curve(mark.kind, mark.over)
+        value = mark.kind.example if example == mark.word else example
+        return f'`"{mark.word}"`; {_mark(plain, value)}'
+    if isinstance(mark, Curve):
+        return f"{_mark(mark.kind, example)}, or a table over {mark.over}"
+    text = str(example or mark.example)
+    return f"{mark.name}: `{text}`" if mark.unit == "1" else f'{mark.name}: `"{text}"`'
+
+
+_WORDS = {str: "text", bool: "`true` or `false`", int: "whole number", Any: "values"}
+
+
+def _type(annotation: Any, example: object = None) -> str:
+    """Return a type in words."""
+    origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is typing.Annotated:
+        marks = [mark for mark in inner[1:] if isinstance(mark, Kind | Curve)]
+        return _mark(marks[0], example) if marks else _type(inner[0])
+    if origin is typing.Literal:
+        return ", ".join(f"`{value!r}`".replace("'", '"') for value in inner)
+    if origin in (typing.Union, types.UnionType):
+        return " or ".join(_type(part, example) for part in inner if part is not type(None))
+    if origin is tuple:
+        return f"list of {_type(inner[0])}"
+    if origin is dict:
+        return f"table of {_type(inner[1], example)}"
+    return _WORDS[annotation]
+
+
+def _default(field: FieldInfo) -> str:
+    """Return the default of a key as it would be written."""
+    if field.is_required():
+        return "required"
+    if field.default_factory is not None:
+        return "empty"
+    value = field.default
+    if value is None or value is PydanticUndefined or value in ("", ()):
+        return "none"
+    if isinstance(value, tuple):
+        return "`[" + ", ".join(f'"{entry}"' for entry in value) + "]`"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    return f'`"{value}"`' if isinstance(value, str) else f"`{value:g}`"
+
+
+def _groups() -> Iterator[str]:
+    """Yield the section on boundary groups."""
+    yield "\n## Boundary groups\n\n"
+    yield (
+        "The names `on` may take; a name also stands for all groups that begin with it. Without\n"
+        "`on` a law holds on all of them, on a strip on `surface` alone. Lines of symmetry are no\n"
+        "surface. A sharp rectangle has no corner groups.\n\n"
+    )
+    yield "| section | part | groups |\n|---|---|---|\n"
+    for section in _EXAMPLES:
+        names = ", ".join(f"`{name}`" for name in outer_groups(section))
+        part = getattr(section, "symmetry", "")
+        yield f"| {section.shape} | {part} | {names} |\n"
+
+
+def _examples() -> Iterator[Any]:
+    parts: tuple[typing.Literal["quarter", "half", "whole"], ...] = ("quarter", "half", "whole")
+    for model in (Rectangle, Round, BeamBlank):
+        for part in parts:
+            yield model.model_construct(
+                shape=typing.get_args(model.model_fields["shape"].annotation)[0],
+                symmetry=part,
+                corner_radius=1.0,
+            )
+    yield Strip.model_construct(shape="strip")
+
+
+_EXAMPLES = tuple(_examples())

@@ -1,0 +1,177 @@
+"""Temperature-dependent Hooke's law over a step, from cold solid to liquid.
+
+Trial stress of a step from A to B, thesis (82), (93), (94):
+
+    deviator  (G_B/G_A) s_A  + 2 G_B de,        mean  (K_B/K_A) m_A + 3 K_B (de_m - dth),
+
+that is, the elastic strain which the stress at A stands for is kept while the moduli change.
+
+Liquid is the degenerate case: Poisson's ratio 0, stiffness a small part of the solid's (thesis
+V.1.6; no thermal strain there is the caller's part).  Two things follow from its being a stand-in:
+
+* The little stress a point carries as liquid or mush is an artefact of that stiffness.  Keeping its
+  *elastic strain* while the stiffness rises up to 1e6-fold on freezing would turn 1 kPa into 1 GPa.
+  Liquid that is fed has no memory: a point that is not coherent solid at the start of a step
+  starts free of stress.  Where liquid is to be an elastic body (`memory`) its *stress* is kept
+  (ratio 1), and where the stiffness falls, the smaller of the two (a mush that melts lets go).
+* A point that freezes within a step takes up strain only from then on.  Its strain increment and
+  its time are multiplied by the part of the step that lies below the solidus (temperature linear
+  over the step), so that the stress of new shell does not depend on where the steps end.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
+
+import numpy as np
+
+from castfem.constitutive.base import Array
+from castfem.constitutive.tables import Constant
+
+Curve = Callable[[Array], Array]
+LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end
+MOST_POISSON = 0.4999
+MELTING = 1e-8  # K below a melting point down to which steel is still at it
+
+
+class Freezing(Protocol):
+    """What the elastic law asks of a steel (`castfem.materials.Steel` has it)."""
+
+    @property
+    def solidus(self) -> float:
+        """K."""
+
+    def solid_fraction(self, temperature: Array) -> Array:
+        """0 to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solidity:
+    """How solid a point is.
+
+    Attributes:
+        solidus: Below it the steel is coherent solid, K.
+        fraction: Solid fraction over temperature in K; None where nothing is ever liquid.
+        stiffness_ratio: Young's modulus of the liquid over that of the solid.
+        mush: Between them the modulus goes geometrically or linearly with the solid fraction; with
+            "none" the mush is as soft as the liquid down to the solidus.
+        coherency: Solid fraction up to which the mush is as soft as the liquid.
+        from_freezing: Count the strain of a step only from the moment of freezing on.
+        memory: Whether what is not solid keeps its stress from one step to the next.
+
+    Raises:
+        ValueError: If a number is out of range.
+    """
+
+    solidus: float = np.inf
+    fraction: Curve | None = None
+    stiffness_ratio: float = 1e-5
+    mush: Literal["geometric", "linear", "none"] = "geometric"
+    coherency: float = 0.0
+    from_freezing: bool = True
+    memory: bool = True
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.stiffness_ratio <= 1.0:
+            raise ValueError(f"stiffness_ratio ({self.stiffness_ratio}) must be within 0 ... 1")
+        if not 0.0 <= self.coherency < 1.0:
+            raise ValueError(f"coherency ({self.coherency}) must be at least 0 and below 1")
+        if self.mush not in ("geometric", "linear", "none"):
+            raise ValueError(f'mush ("{self.mush}") must be "geometric", "linear" or "none"')
+
+    @classmethod
+    def between(cls, solidus: float, liquidus: float, **options: object) -> Solidity:
+        """Solid fraction linear from `solidus` to `liquidus`, K (12)."""
+        width = max(liquidus - solidus, 1e-9)
+
+        def fraction(temperature: Array) -> Array:
+            return np.clip((liquidus - temperature) / width, 0.0, 1.0)
+
+        return cls(solidus, fraction, **options)  # type: ignore[arg-type]
+
+    @classmethod
+    def of(cls, steel: Freezing, **options: object) -> Solidity:
+        """Solidus and solid fraction of a steel.
+
+        Steel that freezes at one temperature stays there until its latent heat is gone: it is
+        coherent below that temperature by more than what rounding makes of an interpolated one.
+        """
+        solidus = steel.solidus
+        molten = float(np.asarray(steel.solid_fraction(np.array([solidus])))[0]) < 1.0
+        return cls(solidus - MELTING * molten, steel.solid_fraction, **options)  # type: ignore[arg-type]
+
+    def weight(self, temperature: Array) -> Array:
+        """1 where coherent solid, 0 where liquid, by solid fraction in between."""
+        if self.fraction is None:
+            return np.ones_like(temperature)
+        if self.mush == "none":
+            return np.where(temperature <= self.solidus, 1.0, 0.0)
+        solid = (self.fraction(temperature) - self.coherency) / (1.0 - self.coherency)
+        return np.where(temperature <= self.solidus, 1.0, np.clip(solid, 0.0, 1.0))
+
+    def stiffness(self, weight: Array) -> Array:
+        """Young's modulus over that of the solid."""
+        if self.mush == "linear":
+            return np.asarray(self.stiffness_ratio + (1.0 - self.stiffness_ratio) * weight)
+        return np.asarray(self.stiffness_ratio ** (1.0 - weight))
+
+    def share(self, temperature_old: Array, temperature: Array) -> Array:
+        """Part of the step a freezing point is solid; 1 for all others."""
+        freezes = (temperature_old > self.solidus) & (temperature <= self.solidus)
+        if not self.from_freezing or not freezes.any():
+            return np.ones_like(temperature)
+        drop = np.where(freezes, temperature_old - temperature, 1.0)
+        part = (self.solidus - temperature) / drop if np.isfinite(self.solidus) else 1.0
+        return np.where(freezes, np.maximum(part, LEAST_SHARE), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Elasticity:
+    """Isotropic elasticity over temperature.
+
+    Attributes:
+        young: Young's modulus of the solid over temperature in K, Pa.
+        poisson: Poisson's ratio of the solid over temperature.
+        solidity: Where it is solid, and how soft it is elsewhere.
+    """
+
+    young: Curve
+    poisson: Curve
+    solidity: Solidity = field(default_factory=Solidity)
+
+    @classmethod
+    def constant(cls, young: float, poisson: float, solidity: Solidity | None = None) -> Elasticity:
+        """The same moduli at all temperatures: Pa, dimensionless."""
+        return cls(Constant(young), Constant(poisson), solidity or Solidity())
+
+    def moduli(self, temperature: Array) -> tuple[Array, Array, Array]:
+        """Shear, bulk and Young's modulus, Pa, each (n,); the liquid's among them.
+
+        Raises:
+            ValueError: If a modulus is not positive or a Poisson's ratio not within (-1, 0.5).
+        """
+        weight = self.solidity.weight(temperature)
+        # Above the solidus the modulus of the solid means nothing: it is taken as at the solidus.
+        solid = np.minimum(temperature, self.solidity.solidus)
+        young = self.young(solid) * self.solidity.stiffness(weight)
+        poisson = np.minimum(self.poisson(solid), MOST_POISSON) * weight
+        if not (np.all(young > 0.0) and np.all(poisson > -1.0) and np.all(np.isfinite(young))):
+            raise ValueError(
+                f"Young's modulus must be positive (least: {np.min(young):g} Pa) and Poisson's "
+                f"ratio within (-1, 0.5) (least: {np.min(poisson):g})"
+            )
+        return 0.5 * young / (1.0 + poisson), young / (3.0 * (1.0 - 2.0 * poisson)), young
+
+    def coefficients(self, temperature_old: Array, temperature: Array) -> list[Array]:
+        """Columns SHEAR ... FRESH of `castfem.constitutive.kernel` for a step, each (n,)."""
+        shear_old, bulk_old, _ = self.moduli(temperature_old)
+        shear, bulk, young = self.moduli(temperature)
+        fresh = temperature_old > self.solidity.solidus
+        carry_deviator, carry_mean = shear / shear_old, bulk / bulk_old
+        most = 1.0 if self.solidity.memory else 0.0
+        carry_deviator[fresh] = np.minimum(carry_deviator[fresh], most)
+        carry_mean[fresh] = np.minimum(carry_mean[fresh], most)
+        share = self.solidity.share(temperature_old, temperature)
+        return [shear, bulk, young, carry_deviator, carry_mean, share, fresh.astype(float)]

@@ -1,0 +1,279 @@
+"""The constitutive laws: what each asks of temperature, and what it makes the kernel do.
+
+All flow is isotropic, incompressible and along the stress deviator (von Mises).  p is the
+equivalent viscoplastic strain, q the equivalent stress; each class states its flow stress.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from castfem.constitutive import kernel
+from castfem.constitutive.base import Array, MaterialStep, Response
+from castfem.constitutive.curves import Austenite, DeltaFerrite
+from castfem.constitutive.elasticity import Curve, Elasticity
+from castfem.constitutive.tables import Constant
+
+STRAIN = "viscoplastic_strain"
+RATE = "flow_curve_rate"
+LEAST_RATE_EXPONENT = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class RadialReturn:
+    """What all laws share; `elasticity` comes first in each of them."""
+
+    elasticity: Elasticity
+
+    kind: ClassVar[int] = kernel.ELASTIC
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """What a point remembers."""
+        return (STRAIN,)
+
+    def initial_state(self, points: int) -> Array:
+        """Return the state of material that has never been strained, (n, states)."""
+        return np.zeros((points, len(self.state_names)))
+
+    def _own(self, temperature: Array) -> list[Array]:
+        """Own columns of the law, at temperatures not above the solidus."""
+        return []
+
+    def coefficients(self, temperature_old: Array, temperature: Array) -> Array:
+        """Return the table of coefficients of a step, (n, columns), see `base.Law`."""
+        columns = self.elasticity.coefficients(temperature_old, temperature)
+        columns += self._own(np.minimum(temperature, self.elasticity.solidity.solidus))
+        table = np.empty((len(temperature), len(columns)))
+        for column, values in enumerate(columns):
+            table[:, column] = values
+        return table
+
+    def integrate(
+        self,
+        step: MaterialStep,
+        stress_old: Array,
+        state_old: Array,
+        *,
+        coefficients: Array | None = None,
+        out: Response | None = None,
+    ) -> Response:
+        """Integrate over a step, see `castfem.constitutive.base.Law`."""
+        if not step.dt > 0.0:
+            raise ValueError(f"a time step must be positive, not {step.dt} s")
+        if coefficients is None:
+            coefficients = self.coefficients(step.temperature_old, step.temperature)
+        if out is None:
+            out = Response.empty(len(stress_old), len(self.state_names))
+        kernel.integrate_points(
+            self.kind, coefficients, step.strain_increment, step.thermal_increment,
+            stress_old, state_old, float(step.dt),
+            out.stress, out.tangent, out.state, out.dissipation, out.flows,
+        )  # fmt: skip
+        return out
+
+
+@dataclass(frozen=True, slots=True)
+class ThermoElastic(RadialReturn):
+    """Hooke's law with moduli that depend on temperature (94)."""
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Nothing is remembered."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class PerfectlyPlastic(RadialReturn):
+    """q <= yield stress(T), whatever the rate.
+
+    Attributes:
+        yield_stress: Over temperature in K, Pa.
+    """
+
+    yield_stress: Curve
+
+    kind: ClassVar[int] = kernel.PLASTIC
+
+    def _own(self, temperature: Array) -> list[Array]:
+        limit = self.yield_stress(temperature)
+        _require(np.all(limit > 0.0), "the yield stress must be positive", limit)
+        return [limit]
+
+
+@dataclass(frozen=True, slots=True)
+class _LnFactor:
+    """ln A from the creep rate at a stress."""
+
+    stress: Curve
+    rate: Curve
+    exponent: Curve
+
+    def __call__(self, temperature: Array) -> Array:
+        ln_stress = np.log(self.stress(temperature))
+        return np.asarray(np.log(self.rate(temperature)) - self.exponent(temperature) * ln_stress)
+
+
+@dataclass(frozen=True, slots=True)
+class NortonCreep(RadialReturn):
+    """dp/dt = A q^n.
+
+    Attributes:
+        ln_factor: ln A over temperature in K, with A the creep rate [1/s] at q = 1 Pa.
+        exponent: n over temperature.
+    """
+
+    ln_factor: Curve
+    exponent: Curve
+
+    kind: ClassVar[int] = kernel.CREEP
+
+    @classmethod
+    def constant(
+        cls, elasticity: Elasticity, rate: float, stress: float, exponent: float
+    ) -> NortonCreep:
+        """The law that creeps at `rate` [1/s] under `stress` [Pa], at all temperatures."""
+        return cls.at_stress(elasticity, Constant(stress), Constant(rate), Constant(exponent))
+
+    @classmethod
+    def at_stress(
+        cls, elasticity: Elasticity, stress: Curve, rate: Curve, exponent: Curve
+    ) -> NortonCreep:
+        """The law that creeps at `rate` [1/s] under `stress` [Pa], each over temperature in K."""
+        return cls(elasticity, _LnFactor(stress, rate, exponent), exponent)
+
+    def _own(self, temperature: Array) -> list[Array]:
+        n = self.exponent(temperature)
+        _require(np.all(n > 0.0), "the creep exponent must be positive", n)
+        return [self.ln_factor(temperature), n]
+
+
+@dataclass(frozen=True, slots=True)
+class NortonHoff(RadialReturn):
+    """The modified Norton-Hoff law (163), with its yield limit found or given.
+
+        q = C(e, r; T) = K0 p2 sqrt3 exp(-p1 e) (sqrt3 r)^p3 e^p4,    e = p + q/E.
+
+    e is the total equivalent strain: in uniaxial tension the axial mechanical strain, so that the
+    curve is met where the elastic line q = E e crosses it (207)-(212).  The rate r is, by
+    `yield_limit`:
+
+    None (automatic).  r is remembered by the point and follows the rate of e,
+
+        p3 q dr/r = E (de - r dt)                                              (*)
+
+    where a falling e counts as 0 while the point flows and as its magnitude while it is elastic; a
+    point under no stress remembers nothing and takes r = |de/dt|.  The point flows when q would
+    exceed C(e, r), and then q = C(e, r).  At constant rate r = de/dt from the first step on:
+    elastic up to the crossing, on the curve after it, through softening and after unloading,
+    exactly and for any step size.  At constant e (*) is the relaxation of the viscous law
+    dp/dt = r, at constant q its creep.  The length of the memory, a strain of p3 q/E, is just what
+    keeps a point from answering a change of rate more stiffly than an elastic one.
+
+    A yield stress over temperature.  Elastic below it; above it the viscous law, r = dp/dt, but q
+    does not fall below the yield stress by flow.  0 everywhere is the purely viscous law (170).
+
+    Attributes:
+        strength: K0 p2 over temperature in K, Pa (s^p3).
+        p1: Softening, over temperature; any sign.
+        p3: Exponent of the rate, over temperature, at least 0.001.
+        p4: Exponent of the strain, over temperature.
+        yield_limit: None to find it automatically, or over temperature, Pa.
+        largest_strain: Beyond it e no longer changes the curve.
+    """
+
+    strength: Curve
+    p1: Curve
+    p3: Curve
+    p4: Curve
+    yield_limit: Curve | None = None
+    largest_strain: float = 2.0
+
+    @property
+    def kind(self) -> int:  # type: ignore[override]
+        """Which branch of the kernel."""
+        return kernel.CURVE_AUTOMATIC if self.yield_limit is None else kernel.CURVE_GIVEN
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Viscoplastic strain, and with an automatic yield limit the remembered rate in 1/s."""
+        return (STRAIN, RATE) if self.yield_limit is None else (STRAIN,)
+
+    def _own(self, temperature: Array) -> list[Array]:
+        strength, exponent = self.strength(temperature), self.p3(temperature)
+        _require(np.all(strength > 0.0), "the strength K0 p2 must be positive", strength)
+        least = LEAST_RATE_EXPONENT
+        _require(np.all(exponent >= least), f"p3 must be at least {least}", exponent)
+        limit = np.zeros_like(temperature)
+        if self.yield_limit is not None:
+            limit = self.yield_limit(temperature)
+            _require(np.all(limit >= 0.0), "the yield limit must not be negative", limit)
+        return [
+            np.log(strength) + kernel.LN_SQRT3,
+            self.p1(temperature),
+            exponent,
+            self.p4(temperature),
+            limit,
+            np.full_like(temperature, self.largest_strain),
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class UnifiedSteel(RadialReturn):
+    """Kozlowski's model III for austenite and Zhu's power law for delta ferrite.
+
+    Austenite: q = f1 p^f2 + (dp/dt / c)^(1/f3);  delta ferrite: q = d (1 + 1000 p)^m (dp/dt)^(1/n).
+    The share of delta ferrite in the solid chooses: delta above `threshold`, austenite below.  With
+    a `blend` the two flow stresses are mixed smoothly (both phases strain alike) while the share
+    goes from threshold - blend/2 to threshold + blend/2.
+
+    Hardening is isotropic: p never decreases, reversed loading meets the hardened curve.
+
+    Attributes:
+        carbon: wt%.
+        delta_share: Delta ferrite in the solid over temperature in K, 0 to 1.
+        threshold: Of the share of delta ferrite.
+        blend: Width of the transition in the share; 0 switches.
+        coldest: Coefficients below it are those at it, K (900 degC is the end of the data; the
+            default keeps the extrapolation from leaving the physical range).
+    """
+
+    carbon: float
+    delta_share: Callable[[Array], Array]
+    threshold: float = 0.1
+    blend: float = 0.0
+    coldest: float = 973.15
+
+    kind: ClassVar[int] = kernel.STEEL
+
+    def delta_weight(self, temperature: Array) -> Array:
+        """Weight of the delta-ferrite law, 0 to 1."""
+        share = self.delta_share(temperature)
+        if self.blend <= 0.0:
+            return np.where(share > self.threshold, 1.0, 0.0)
+        x = np.clip((share - self.threshold) / self.blend + 0.5, 0.0, 1.0)
+        return np.asarray(x * x * (3.0 - 2.0 * x))
+
+    def _own(self, temperature: Array) -> list[Array]:
+        t = np.maximum(temperature, self.coldest)
+        gamma = Austenite.at(t, self.carbon)
+        delta = DeltaFerrite.at(t, self.carbon)
+        return [
+            gamma.hardening,
+            gamma.hardening_exponent,
+            gamma.ln_rate,
+            gamma.stress_exponent,
+            delta.ln_level,
+            delta.hardening,
+            delta.stress_exponent,
+            self.delta_weight(temperature),
+        ]
+
+
+def _require(fine: np.bool_ | bool, text: str, values: Array) -> None:
+    if not fine:
+        raise ValueError(f"{text} at every temperature (found {np.min(values):g})")

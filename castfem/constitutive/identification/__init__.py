@@ -1,0 +1,1 @@
+"""Parameters of a flow law from measured tensile curves."""

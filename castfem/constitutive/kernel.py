@@ -1,0 +1,371 @@
+"""The compiled loop over quadrature points: fully implicit radial return for all flow laws.
+
+Everything that numba compiles stands in this one file, since its cache on disk notices a change of
+the file of the outermost function only.  Strains and stresses are Mandel vectors
+[xx, yy, zz, sqrt(2) xy]; a deviator s has the equivalent stress q = sqrt(3/2) |s|.
+
+Scalar problem of a point: the trial deviator keeps its direction, its equivalent stress falls from
+`trial` to q = trial - 3G dp, and the law asks q = flow stress.  It is solved for z = ln dp:
+
+    ln( S(z) - S0 + 3G exp(z) ) = ln( trial - S0 ),        S0 = flow stress at rate zero,
+
+whose left side is increasing and, for sums of power laws, convex with slopes between the smallest
+exponent of the law and 1: Newton from the right end ln(trial / 3G) falls onto the root without
+leaving the bracket, whatever the exponents.  Where a law is not convex the bracket guards.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numba
+import numpy as np
+
+# Columns of the coefficients that all laws share; those of a law follow.
+SHEAR, BULK, YOUNG, CARRY_DEVIATOR, CARRY_MEAN, SHARE, FRESH, OWN = range(8)
+# Laws.
+ELASTIC, PLASTIC, CREEP, CURVE_GIVEN, CURVE_AUTOMATIC, STEEL = range(6)
+# Own columns of each law, counted from OWN.
+LN_LEVEL, SOFTENING, RATE_EXPONENT, STRAIN_EXPONENT, YIELD, LARGEST_STRAIN = range(OWN, OWN + 6)
+YIELD_STRESS = OWN
+LN_FACTOR, EXPONENT = OWN, OWN + 1
+(HARDENING, HARDENING_EXPONENT, LN_GAMMA_RATE, GAMMA_EXPONENT,
+ LN_DELTA_LEVEL, DELTA_HARDENING, DELTA_EXPONENT, DELTA_WEIGHT) = range(OWN, OWN + 8)  # fmt: skip
+DELTA_STRAIN_SCALE = 1000.0  # in (1 + 1000 p)^m of the delta-ferrite law
+
+LN_SQRT3 = 0.5 * math.log(3.0)
+HUGE_LN = 600.0  # logarithms are cut here, so that no exponential overflows
+TINY_LN = -690.0  # a viscoplastic strain below exp of this is none
+NOTHING = -1e300  # stands for the logarithm of zero
+ROUNDING = 1e-14
+LAST_STEP = 1e-8  # of a Newton that converges quadratically: what follows is rounding
+STEPS = 200  # of a safeguarded Newton; convex problems take about 6
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile with numba, keeping the result on disk where a folder for it can be written.
+
+    Divisions follow IEEE instead of raising; fastmath stays off, since it would let the compiler
+    assume that no NaN and no infinity exists, which the tests must be able to see.
+    """
+    options = {"nogil": True, "error_model": "numpy"}
+    try:
+        return numba.njit(cache=True, **options)(function)
+    except RuntimeError:  # numba found no place for its cache
+        return numba.njit(**options)(function)
+
+
+@compiled
+def _exp(x):  # type: ignore[no-untyped-def]
+    return math.exp(min(x, HUGE_LN))
+
+
+@compiled
+def _steel_flow(c, old, z, increment, ln_dt):  # type: ignore[no-untyped-def]
+    """Kozlowski III weighted with the delta-ferrite law: S - S0 and its derivative by z."""
+    stress, slope = 0.0, 0.0
+    weight = c[DELTA_WEIGHT]
+    if weight < 1.0:
+        m = c[HARDENING_EXPONENT]
+        if old > 0.0:
+            x = increment / old
+            back = c[HARDENING] * old**m * math.expm1(m * math.log1p(x))
+            back_slope = c[HARDENING] * (old + increment) ** m * m * x / (1.0 + x)
+        else:
+            back = c[HARDENING] * _exp(m * z)
+            back_slope = m * back
+        viscous = _exp((z - ln_dt - c[LN_GAMMA_RATE]) / c[GAMMA_EXPONENT])
+        stress += (1.0 - weight) * (back + viscous)
+        slope += (1.0 - weight) * (back_slope + viscous / c[GAMMA_EXPONENT])
+    if weight > 0.0:
+        n, m = c[DELTA_EXPONENT], c[DELTA_HARDENING]
+        hard = 1.0 + DELTA_STRAIN_SCALE * (old + increment)
+        delta = _exp(c[LN_DELTA_LEVEL] + m * math.log(hard) + (z - ln_dt) / n)
+        stress += weight * delta
+        slope += weight * delta * (1.0 / n + m * DELTA_STRAIN_SCALE * increment / hard)
+    return stress, slope
+
+
+@compiled
+def _strain_factor(c, strain):  # type: ignore[no-untyped-def]
+    """Logarithm of exp(-p1 e) e^p4 and its derivative by e; constant beyond the largest strain."""
+    e = min(max(strain, 1e-300), c[LARGEST_STRAIN])
+    slope = c[STRAIN_EXPONENT] / e - c[SOFTENING]
+    if strain >= c[LARGEST_STRAIN]:
+        slope = 0.0
+    return c[STRAIN_EXPONENT] * math.log(e) - c[SOFTENING] * e, slope
+
+
+@compiled
+def _flow(kind, c, old, trial, z, increment, ln_dt):  # type: ignore[no-untyped-def]
+    """Flow stress above S0 at dp = exp(z), and its derivatives by z and by the trial stress."""
+    if kind == CREEP:
+        stress = _exp((z - ln_dt - c[LN_FACTOR]) / c[EXPONENT])
+        return stress, stress / c[EXPONENT], 0.0
+    if kind == STEEL:
+        stress, slope = _steel_flow(c, old, z, increment, ln_dt)
+        return stress, slope, 0.0
+    young, shear3 = c[YOUNG], 3.0 * c[SHEAR]
+    strain = old + increment + (trial - shear3 * increment) / young
+    ln_factor, by_strain = _strain_factor(c, strain)
+    rate = c[RATE_EXPONENT]
+    stress = _exp(c[LN_LEVEL] + ln_factor + rate * (z - ln_dt + LN_SQRT3))
+    slope = stress * (rate + by_strain * (1.0 - shear3 / young) * increment)
+    return stress, slope, stress * by_strain / young
+
+
+@compiled
+def _return(kind, c, old, trial, threshold, ln_dt):  # type: ignore[no-untyped-def]
+    """Solve the scalar problem of a law whose flow stress depends on dp.
+
+    Returns:
+        dp, equivalent stress q, and dq / d trial.
+    """
+    shear3 = 3.0 * c[SHEAR]
+    goal = math.log(trial - threshold)
+    high = math.log(trial / shear3)
+    low = NOTHING
+    z, fall = high, 1.0
+    for _ in range(STEPS):
+        increment = math.exp(z)
+        flow, slope, _by = _flow(kind, c, old, trial, z, increment, ln_dt)
+        total = flow + shear3 * increment
+        excess = math.log(total) - goal if total > 0.0 else NOTHING
+        if excess > 0.0:
+            high = z
+        else:
+            low = z
+        rise = (slope + shear3 * increment) / total if total > 0.0 else 0.0
+        step = excess / rise if rise > 0.0 else math.inf
+        if abs(step) <= LAST_STEP:
+            z -= step
+            break
+        new = z - step
+        if not (low < new <= high):  # also when the step is not a number
+            if low > NOTHING:
+                new = 0.5 * (low + high)
+            else:
+                new, fall = z - fall, 2.0 * fall
+        z = new
+        if z < TINY_LN:
+            return 0.0, trial, 1.0
+        if high - low <= ROUNDING * (1.0 + abs(z)):
+            break
+    increment = math.exp(z)
+    flow, slope, by_trial = _flow(kind, c, old, trial, z, increment, ln_dt)
+    stress = trial - shear3 * increment
+    if stress < 0.5 * trial:  # a difference of nearly equal numbers
+        stress = min(threshold + flow, 0.5 * trial)
+    change = slope + shear3 * increment
+    kept = (slope + shear3 * increment * by_trial) / change if change > 0.0 else 0.0
+    return increment, stress, kept
+
+
+@compiled
+def _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess):  # type: ignore[no-untyped-def]
+    """Find ln of the rate r with carried (r / old)^exponent + stiff r = total, and its derivative.
+
+    The logarithm of the left side is convex in ln r: Newton from the right end is monotone, from a
+    guess on the left it is after one step.
+    """
+    if total <= 0.0:
+        return NOTHING, 0.0
+    goal = math.log(total)
+    y = goal - ln_stiff
+    if ln_carried == NOTHING:
+        return y, 1.0 / total
+    high = min(y, ln_old + (goal - ln_carried) / exponent)
+    y = guess if high - 1.0 < guess < high else high
+    rise = 1.0
+    for _ in range(STEPS):
+        a = ln_carried + exponent * (y - ln_old)
+        b = ln_stiff + y
+        top = max(a, b)
+        left, right = math.exp(a - top), math.exp(b - top)
+        rise = (exponent * left + right) / (left + right)
+        step = (top + math.log(left + right) - goal) / rise
+        y = min(y - step, high)
+        if abs(step) <= LAST_STEP:
+            break
+    return y, 1.0 / (total * rise)
+
+
+@compiled
+def _curve_stress(  # type: ignore[no-untyped-def]
+    c, old, trial, drive, carried, increment, guess, ln_carried, ln_old, ln_stiff
+):
+    """Flow stress with the remembered rate at dp, its derivatives by dp and by trial, and ln rate.
+
+    `drive` is what the trial stress exceeds the carried one by. A point that carries stress but has
+    no rate yet, as one that has just solidified, remembers the rate at which the curve passes
+    through that stress: were it to take the rate of the step, a small load would make its flow
+    stress fall faster than flow unloads it, and the answer would jump.
+    """
+    shear3, young, exponent = 3.0 * c[SHEAR], c[YOUNG], c[RATE_EXPONENT]
+    gain = drive - (shear3 - young) * increment  # E times the increment of e
+    loads = gain > 0.0
+    gain = max(gain, 0.0)
+    total = carried + gain
+    y, by_total = _remembered(ln_carried, ln_old, exponent, ln_stiff, total, guess)
+    strain = old + increment + (trial - shear3 * increment) / young
+    ln_factor, by_strain = _strain_factor(c, strain)
+    if y == NOTHING:
+        return 0.0, 0.0, 0.0, y
+    stress = _exp(c[LN_LEVEL] + ln_factor + exponent * (y + LN_SQRT3))
+    by_rate = exponent * by_total if loads else 0.0
+    by_increment = stress * (by_strain * (1.0 - shear3 / young) - by_rate * (shear3 - young))
+    return stress, by_increment, stress * (by_strain / young + by_rate), y
+
+
+@compiled
+def _return_to_curve(c, old, rate_old, trial, carried, dt):  # type: ignore[no-untyped-def]
+    """Law (163) with the yield limit found automatically, see `flow_laws.NortonHoff`.
+
+    Returns:
+        dp, equivalent stress q, dq / d trial, and the rate the curve was read at.
+    """
+    shear3, young, exponent = 3.0 * c[SHEAR], c[YOUNG], c[RATE_EXPONENT]
+    drive = trial - carried
+    ln_stiff = math.log(young) + math.log(dt)
+    ln_carried, ln_old = NOTHING, NOTHING
+    if carried > 0.0:
+        ln_carried = math.log(carried)
+        # The rate at which the curve passes through the stress there is; less cannot be remembered.
+        ln_factor, _by = _strain_factor(c, old + carried / young)
+        ln_old = (ln_carried - c[LN_LEVEL] - ln_factor) / exponent - LN_SQRT3
+        if rate_old > 0.0:
+            ln_old = max(ln_old, math.log(rate_old))
+    args = (ln_carried, ln_old, ln_stiff)
+    stress, by_increment, by_trial, y = _curve_stress(
+        c, old, trial, drive, carried, 0.0, NOTHING, *args
+    )
+    if trial <= stress * (1.0 + ROUNDING) or trial <= 0.0:
+        if drive < 0.0:  # elastic unloading is as fast as loading back
+            y = _curve_stress(c, old, trial, -drive, carried, 0.0, NOTHING, *args)[3]
+        return 0.0, trial, 1.0, _exp(y)
+    low, high = 0.0, trial / shear3
+    increment = min((trial - stress) / shear3, high)
+    for _ in range(STEPS):
+        stress, by_increment, by_trial, y = _curve_stress(
+            c, old, trial, drive, carried, increment, y, *args
+        )
+        excess = trial - shear3 * increment - stress
+        if excess > 0.0:
+            low = increment
+        else:
+            high = increment
+        slope = shear3 + by_increment
+        step = excess / slope if slope > 0.0 else math.inf
+        if abs(step) <= LAST_STEP * increment or high - low <= ROUNDING * high:
+            if low <= increment + step <= high:
+                increment, stress = increment + step, stress + by_increment * step
+            break
+        new = increment + step
+        increment = new if low < new < high else 0.5 * (low + high)
+    left = trial - shear3 * increment
+    if left < 0.5 * trial:
+        left = min(stress, 0.5 * trial)
+    change = shear3 + by_increment
+    kept = 1.0 - shear3 * (1.0 - by_trial) / change if change > 0.0 else 0.0
+    return increment, left, kept, _exp(y)
+
+
+@compiled
+def _radial(kind, c, old, trial, carried, dt, state_old, state):  # type: ignore[no-untyped-def]
+    """Equivalent stress, dp and dq / d trial of one point; writes its new state."""
+    increment, stress, kept = 0.0, trial, 1.0
+    if kind == CURVE_AUTOMATIC:
+        rate_old = 0.0 if c[FRESH] > 0.0 else state_old[1]
+        increment, stress, kept, state[1] = _return_to_curve(c, old, rate_old, trial, carried, dt)
+    elif kind == PLASTIC:
+        if trial > c[YIELD_STRESS]:
+            stress, kept = c[YIELD_STRESS], 0.0
+            increment = (trial - stress) / (3.0 * c[SHEAR])
+    elif kind == CURVE_GIVEN:
+        if trial > c[YIELD]:
+            increment, stress, kept = _return(kind, c, old, trial, 0.0, math.log(dt))
+            if stress < c[YIELD]:
+                stress, kept = c[YIELD], 0.0
+                increment = (trial - stress) / (3.0 * c[SHEAR])
+    elif kind in (STEEL, CREEP):
+        threshold = 0.0
+        if kind == STEEL and old > 0.0:
+            threshold = (1.0 - c[DELTA_WEIGHT]) * c[HARDENING] * old ** c[HARDENING_EXPONENT]
+        if trial > threshold * (1.0 + ROUNDING) and trial > 1e-290:
+            increment, stress, kept = _return(kind, c, old, trial, threshold, math.log(dt))
+    if kind != ELASTIC:
+        state[0] = old + increment
+    return stress, increment, kept
+
+
+@compiled
+def _fill_tangent(tangent, normal, shear2, bulk, scale, kept):  # type: ignore[no-untyped-def]
+    """2G (scale P + (kept - scale) n n) + K 1 1, with P the deviatoric projector."""
+    for k in range(4):
+        for m in range(4):
+            part = (kept - scale) * normal[k] * normal[m]
+            if k == m:
+                part += scale
+            if k < 3 and m < 3:
+                part -= scale / 3.0
+            part *= shear2
+            if k < 3 and m < 3:
+                part += bulk
+            tangent[k, m] = part
+
+
+@compiled
+def integrate_points(  # type: ignore[no-untyped-def]
+    kind, coefficients, strain, thermal, stress_old, state_old, dt,
+    stress, tangent, state, dissipation, flows,
+):  # fmt: skip
+    """Integrate all points over a step.
+
+    Args:
+        kind: One of the laws above.
+        coefficients: (n, columns).
+        strain: Total strain increments (n, 4).
+        thermal: Isotropic thermal strain increments (n,).
+        stress_old: (n, 4), Pa.
+        state_old: (n, states).
+        dt: s.
+        stress: Out, (n, 4), Pa.
+        tangent: Out, (n, 4, 4), d stress / d strain, Pa.
+        state: Out, (n, states).
+        dissipation: Out, viscoplastic work over the step (n,), J/m3.
+        flows: Out, whether the point flows (n,).
+    """
+    normal = np.zeros(4)
+    for i in range(strain.shape[0]):
+        c = coefficients[i]
+        share, shear2 = c[SHARE], 2.0 * c[SHEAR]
+        mean_old = (stress_old[i, 0] + stress_old[i, 1] + stress_old[i, 2]) / 3.0
+        mean_strain = share * (strain[i, 0] + strain[i, 1] + strain[i, 2]) / 3.0
+        mean = c[CARRY_MEAN] * mean_old + 3.0 * c[BULK] * (mean_strain - thermal[i])
+        square, square_old = 0.0, 0.0
+        for k in range(4):
+            deviator_old = stress_old[i, k] - (mean_old if k < 3 else 0.0)
+            deviator = share * strain[i, k] - (mean_strain if k < 3 else 0.0)
+            carried_part = c[CARRY_DEVIATOR] * deviator_old
+            normal[k] = carried_part + shear2 * deviator
+            square += normal[k] ** 2
+            square_old += carried_part**2
+        length = math.sqrt(square)
+        trial, carried = math.sqrt(1.5) * length, math.sqrt(1.5 * square_old)
+        old = 0.0
+        if kind != ELASTIC and c[FRESH] == 0.0:
+            old = state_old[i, 0]
+        equivalent, increment, kept = _radial(
+            kind, c, old, trial, carried, share * dt, state_old[i], state[i]
+        )
+        scale = equivalent / trial if increment > 0.0 else 1.0
+        if length > 0.0:
+            for k in range(4):
+                normal[k] /= length
+        dissipation[i] = equivalent * increment
+        flows[i] = increment > 0.0
+        for k in range(4):
+            stress[i, k] = scale * length * normal[k] + (mean if k < 3 else 0.0)
+        _fill_tangent(tangent[i], normal, shear2 * share, c[BULK] * share, scale, kept)

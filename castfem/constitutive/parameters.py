@@ -1,0 +1,366 @@
+"""Laws from parameter files: the sets shipped with castfem and the user's own.
+
+A file names its law and gives each parameter as a single value or as a table over temperature:
+
+    law = "norton_hoff"
+    yield_limit = "automatic"
+    [strength]
+    temperature = [900, 1100, 1300]
+    temperature_unit = "degC"
+    value = [76.4, 40.6, 22.5]
+    unit = "MPa"
+    [p3]
+    value = 0.13
+
+Every parameter may say where it comes from (`source`), how sure that is (`status`: F read in the
+source, M from memory and not yet checked against the page, C computed, U the user's own) and a
+`note`.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from castfem.constitutive.base import Array
+from castfem.constitutive.elasticity import Curve, Elasticity, Solidity
+from castfem.constitutive.flow_laws import (
+    LEAST_RATE_EXPONENT,
+    NortonCreep,
+    NortonHoff,
+    PerfectlyPlastic,
+    ThermoElastic,
+    UnifiedSteel,
+)
+from castfem.constitutive.tables import Constant, Rows
+from castfem.errors import InputError
+from castfem.support.messages import choices, shown
+from castfem.values.quantities import Kind
+from castfem.values.tables import Curve as TableReader
+from castfem.values.tables import Table
+from castfem.values.units import nearest
+
+FOLDER = Path(__file__).parent / "data"
+AnyLaw = ThermoElastic | PerfectlyPlastic | NortonCreep | NortonHoff | UnifiedSteel
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of a law: unit and bounds, whether its logarithm is interpolated, its default."""
+
+    kind: Kind
+    logarithmic: bool = False
+    default: float | None = None
+
+
+_STRESS = Kind("Pa", "MPa", above=0.0, label="stress", sample="20 MPa")
+PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
+    "thermo_elastic": {},
+    "perfectly_plastic": {"yield_stress": Parameter(_STRESS)},
+    "norton_creep": {
+        "stress": Parameter(_STRESS, logarithmic=True),
+        "rate": Parameter(Kind("1/s", "1/s", above=0.0), logarithmic=True),
+        "exponent": Parameter(Kind("1", above=0.0, label="creep exponent", sample="5")),
+    },
+    "norton_hoff": {
+        "strength": Parameter(
+            Kind("Pa", "MPa", above=0.0, label="strength K0 p2", sample="40 MPa"), logarithmic=True
+        ),
+        "p1": Parameter(Kind("1", label="softening", sample="0"), default=0.0),
+        "p3": Parameter(
+            Kind("1", least=LEAST_RATE_EXPONENT, most=1.0, label="rate exponent", sample="0.13")
+        ),
+        "p4": Parameter(Kind("1", most=0.99, label="strain exponent", sample="0.15"), default=0.0),
+        "yield_limit": Parameter(
+            Kind("Pa", "MPa", least=0.0, label="yield limit", sample="5 MPa"), default=math.nan
+        ),
+    },
+    "unified_steel": {},
+}
+_YOUNG = Parameter(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="20 GPa"))
+_POISSON = Parameter(Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"))
+_NUMBERS = {
+    "carbon": Kind("1", least=0.0, most=2.11, label="carbon content in wt%", sample="0.1"),
+    "threshold": Kind("1", least=0.0, most=1.0, label="share", sample="0.1"),
+    "blend": Kind("1", least=0.0, most=1.0, label="share", sample="0.1"),
+    "coldest": Kind("K", "degC"),
+}
+_CARBON = "carbon"  # wt% of the steel that the numbers are of
+FROM_MEMORY = "M"  # status of a number that was not compared with its source
+_TEXTS = ("law", "description", "source", "status", "note")
+_NOTES = ("source", "status", "note")
+
+
+@dataclass
+class _Reader:
+    """Parameters in the reading, and what is wrong with them."""
+
+    data: Mapping[str, Any]
+    label: str
+    problems: list[str] = field(default_factory=list)
+
+    def fail(self, key: str, text: str) -> None:
+        self.problems.append(f"{self.label}: {key}: {text}")
+
+    def curve(self, key: str, parameter: Parameter) -> Curve:
+        """Return a parameter over temperature; a stand-in if it is faulty."""
+        given = self.data.get(key)
+        if given is None:
+            if parameter.default is None:
+                sample = parameter.kind.example
+                self.fail(key, f'is missing; the {parameter.kind.name}, such as "{sample}"')
+            return Constant(parameter.default if parameter.default is not None else 1.0)
+        if isinstance(given, Mapping):
+            given = {k: v for k, v in given.items() if k not in _NOTES}
+            if set(given) == {"value"}:
+                given = given["value"]
+        try:
+            found = TableReader(parameter.kind, over="temperature").read(given)
+        except ValueError as error:
+            self.fail(key, str(error))
+            return Constant(1.0)
+        if isinstance(found, Table):
+            return Rows(found.arguments, found.values, parameter.logarithmic)
+        return Constant(found)
+
+    def number(self, key: str, default: float) -> float:
+        """Return a single number of the unified law."""
+        if key not in self.data:
+            return default
+        try:
+            return _NUMBERS[key].read(self.data[key])
+        except ValueError as error:
+            self.fail(key, f"{error} ({shown(self.data[key])})")
+            return default
+
+    def unknown(self, allowed: tuple[str, ...]) -> None:
+        """Note keys that this law does not have."""
+        for key in self.data:
+            if key not in allowed:
+                self.fail(key, f"unknown key; allowed: {choices(allowed)}{nearest(key, allowed)}")
+
+
+def available_laws() -> dict[str, str]:
+    """Return the names of the sets shipped with castfem, each with its description."""
+    found = {}
+    for path in sorted(FOLDER.glob("*.toml")):
+        data = tomllib.loads(path.read_text("utf-8"))
+        if "law" in data:
+            found[path.stem] = str(data.get("description", ""))
+    return found
+
+
+def load_law(
+    name: str,
+    elasticity: Elasticity,
+    base_dir: str | os.PathLike[str] | None = None,
+    *,
+    carbon: float | None = None,
+    delta_share: Callable[[Array], Array] | None = None,
+) -> AnyLaw:
+    """Load a law.
+
+    Args:
+        name: A set shipped with castfem, or the path of a TOML file (it ends in .toml or has a
+            slash), relative to `base_dir`.
+        elasticity: Elastic part, with the solidus.
+        base_dir: Folder of the case file; the working folder if left out.
+        carbon: wt%, for laws that go by carbon and do not state it.
+        delta_share: Delta ferrite in the solid over temperature in K, likewise.
+
+    Raises:
+        InputError: With all problems found, one line each.
+    """
+    data, label = _parse(name, Path(base_dir or "."), "law")
+    return law_from(data, elasticity, label, carbon=carbon, delta_share=delta_share)
+
+
+def unchecked(name: str, base_dir: str | os.PathLike[str] | None = None) -> dict[str, str]:
+    """Parameters of a law with status M, from memory of their source, each with that source.
+
+    Raises:
+        InputError: As `load_law`.
+    """
+    data, _ = _parse(name, Path(base_dir or "."), "law")
+    found = {"law": str(data.get("source", ""))} if data.get("status") == FROM_MEMORY else {}
+    for key, given in data.items():
+        if isinstance(given, Mapping) and given.get("status") == FROM_MEMORY:
+            found[key] = str(given.get("source", ""))
+    return found
+
+
+def law_carbon(name: str, base_dir: str | os.PathLike[str] | None = None) -> float | None:
+    """Carbon of the steel whose numbers a law has, wt%; None if it goes by that of the case's.
+
+    Raises:
+        InputError: As `load_law`.
+    """
+    data, label = _parse(name, Path(base_dir or "."), "law")
+    reader = _Reader(data, label)
+    carbon = reader.number(_CARBON, math.nan)
+    return None if math.isnan(carbon) else carbon
+
+
+def law_from(
+    data: Mapping[str, Any],
+    elasticity: Elasticity,
+    label: str = "law",
+    *,
+    carbon: float | None = None,
+    delta_share: Callable[[Array], Array] | None = None,
+) -> AnyLaw:
+    """Make the law of a parsed parameter file, see `load_law`; `label` names it in messages."""
+    name = str(data.get("law", ""))
+    reader = _Reader(data, label)
+    if name not in PARAMETERS:
+        found = f"({shown(data['law'])}) is not known" if "law" in data else "is missing"
+        raise InputError(
+            f"{label}: law: {found}; one of {choices(PARAMETERS)}{nearest(name, PARAMETERS)}"
+        )
+    if name == "unified_steel":
+        law: AnyLaw = _unified(reader, elasticity, carbon, delta_share)
+    else:
+        reader.unknown((*_TEXTS, _CARBON, *PARAMETERS[name]))
+        reader.number(_CARBON, 0.0)
+        law = _with_curves(reader, name, elasticity)
+    if reader.problems:
+        raise InputError(reader.problems)
+    return law
+
+
+def _with_curves(reader: _Reader, name: str, elasticity: Elasticity) -> AnyLaw:
+    """Make a law whose parameters are all curves."""
+    automatic = name == "norton_hoff" and reader.data.get("yield_limit", "automatic") == "automatic"
+    curves = {
+        key: reader.curve(key, parameter)
+        for key, parameter in PARAMETERS[name].items()
+        if not (automatic and key == "yield_limit")
+    }
+    if name == "perfectly_plastic":
+        return PerfectlyPlastic(elasticity, **curves)
+    if name == "norton_creep":
+        stress, rate, exponent = (curves[key] for key in ("stress", "rate", "exponent"))
+        return NortonCreep.at_stress(elasticity, stress, rate, exponent)
+    if name == "norton_hoff":
+        strength, p1, p3, p4 = (curves[key] for key in ("strength", "p1", "p3", "p4"))
+        return NortonHoff(elasticity, strength, p1, p3, p4, curves.get("yield_limit"))
+    return ThermoElastic(elasticity)
+
+
+def _unified(
+    reader: _Reader,
+    elasticity: Elasticity,
+    carbon: float | None,
+    delta_share: Callable[[Array], Array] | None,
+) -> UnifiedSteel:
+    """Make the unified law of steel."""
+    reader.unknown((*_TEXTS, *_NUMBERS))
+    if "carbon" in reader.data or carbon is None:
+        if "carbon" not in reader.data:
+            reader.fail("carbon", "is missing, in weight percent, such as carbon = 0.1")
+        carbon = reader.number("carbon", 0.1)
+        delta_share = None
+    if delta_share is None:
+        delta_share = delta_share_of(carbon)
+    return UnifiedSteel(
+        elasticity,
+        carbon,
+        delta_share,
+        threshold=reader.number("threshold", 0.1),
+        blend=reader.number("blend", 0.0),
+        coldest=reader.number("coldest", 973.15),
+    )
+
+
+def delta_share_of(carbon: float) -> Callable[[Array], Array]:
+    """Delta ferrite in the solid by the lever rule of plain iron-carbon, over temperature in K."""
+    from castfem.materials.iron_carbon import IronCarbon
+
+    return DeltaShare(IronCarbon(carbon))
+
+
+@dataclass(frozen=True, slots=True)
+class DeltaShare:
+    """Share of delta ferrite in the solid; that at the liquidus where there is no solid.
+
+    Attributes:
+        diagram: Iron-carbon equilibrium of the steel (`castfem.materials.IronCarbon`).
+    """
+
+    diagram: Any
+
+    def __call__(self, temperature: Array) -> Array:
+        """Return the share, 0 to 1, at temperatures in K."""
+        import numpy as np
+
+        phases = self.diagram.phases(np.minimum(temperature, self.diagram.liquidus - 1e-3))
+        return np.asarray(phases.delta / np.maximum(phases.delta + phases.gamma, 1e-300))
+
+
+def load_elasticity(name: str = "elastic_steel", solidity: Solidity | None = None) -> Elasticity:
+    """Load the elastic part of a shipped set or a file of the same form (`young`, `poisson`).
+
+    Raises:
+        InputError: With all problems found, one line each.
+    """
+    data, label = _parse(name, Path("."), "young")
+    reader = _Reader(data, label)
+    reader.unknown(("description", "young", "poisson"))
+    young = reader.curve("young", _YOUNG)
+    poisson = reader.curve("poisson", _POISSON)
+    if reader.problems:
+        raise InputError(reader.problems)
+    return Elasticity(young, poisson, solidity or Solidity())
+
+
+def told_of(where: str, error: InputError) -> InputError:
+    """The problems of a parameter set, told as those of the key that names it."""
+    return InputError([f"{where}: {problem.removeprefix('law: ')}" for problem in error.problems])
+
+
+def _label(path: Path) -> str:
+    """Return how a file is called in messages: relative to the working folder, if it is there."""
+    try:
+        return str(path.resolve().relative_to(Path.cwd()))
+    except ValueError:
+        return str(path)
+
+
+def _parse(name: str, base: Path, holds: str) -> tuple[dict[str, Any], str]:
+    """Read the file of a set; how it is called in messages comes with it.
+
+    Args:
+        name: A shipped set or a path, relative to `base`.
+        base: Folder.
+        holds: Key that a shipped set has if it is of the kind asked for: "law" or "young".
+    """
+    own = name.endswith(".toml") or "/" in name or os.sep in name
+    if own:
+        path, label = base / name, _label(base / name)
+    else:
+        path, label = FOLDER / f"{name}.toml", f"law {name}"
+    shipped = {p.stem: p for p in sorted(FOLDER.glob("*.toml"))}
+    try:
+        if own or name in shipped:
+            data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+            if own or holds in data:
+                return data, label
+        names = [n for n, p in shipped.items() if holds in tomllib.loads(p.read_text("utf-8"))]
+        raise InputError(
+            f'law: "{name}" {"holds none" if name in shipped else "not found"}; '
+            f"one of {choices(names)}, or the path of a TOML file{nearest(name, names)}"
+        )
+    except FileNotFoundError:
+        near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
+        raise InputError(f'law: "{label}" not found{near}') from None
+    except OSError as error:
+        raise InputError(f"{label}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{label}: not a text in UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{label}: {error}") from None

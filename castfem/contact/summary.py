@@ -1,0 +1,59 @@
+"""What contact has come to: one summary."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.contact.state import OPEN, SLIP, STICK, ContactState, ContactSummary
+from castfem.contact.wall_contact import WallContact
+from castfem.fem import reductions
+
+Array = npt.NDArray[np.float64]
+
+
+def summary(contact: WallContact, state: ContactState, modes: Array) -> ContactSummary:
+    """Contact of the whole section (collective).
+
+    Args:
+        contact: Whose state it is.
+        state: Contact at the facets' points.
+        modes: Generalized strains (4,), of which the slice's thickness comes.
+    """
+    comm, touches = contact.section.comm, state.status != OPEN
+    weight, force = state.weight, -state.pressure[:, None] * state.normal
+    along = np.column_stack([-state.normal[:, 1], state.normal[:, 0]])
+    force = force + state.friction[:, :1] * along
+    area = weight * contact.thickness(state, modes)
+    counts = [float((state.status == s).sum()) for s in (OPEN, STICK, SLIP)]
+    sums = reductions.totals(
+        comm,
+        [
+            *(area @ force),
+            weight @ state.friction[:, 1],
+            weight @ touches,
+            weight.sum(),
+            *counts,
+            weight @ (state.status == STICK),
+        ],
+    )
+    met = np.where(np.isfinite(state.gap), state.gap, -np.inf)
+    pressure, *highest = reductions.peak(comm, state.pressure, state.place)
+    mean, mean_at = contact.mean.highest(state.pressure, state.place)
+    gap, *widest = reductions.peak(comm, met, state.place)
+    deepest = reductions.largest(comm, -state.gap[touches])
+    return ContactSummary(
+        pressure=max(pressure, 0.0),
+        mean_pressure=max(mean, 0.0),
+        penetration=max(deepest, 0.0),
+        gap=max(gap, 0.0),
+        force=sums[:2],
+        axial=float(sums[2]),
+        length=float(sums[3]),
+        share=float(sums[3] / sums[4]),
+        sticking=None if contact.contact.friction is None else float(sums[8] / sums[4]),
+        points=(int(sums[5]), int(sums[6]), int(sums[7])),
+        highest=np.array(highest),
+        highest_mean=mean_at,
+        widest=np.array(widest),
+    )

@@ -1,0 +1,120 @@
+"""Stress of the solid at the facets' points, which Nitsche's method asks for.
+
+The constitutive law has a further rule of points there, with a state of its own.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from castfem.constitutive.base import Law, MaterialStep, Response, turned
+from castfem.contact.facets import Facets
+from castfem.contact.interfaces import Motion, Solid
+from castfem.contact.state import ContactState
+from castfem.forms import finite_strain
+from castfem.forms.mechanics import SQRT2
+
+Array = npt.NDArray[np.float64]
+Deformations = tuple[finite_strain.Deformation, finite_strain.Deformation]
+
+
+class SurfaceStress:
+    """The constitutive law at the facets' points, one step at a time.
+
+    Args:
+        facets: The points.
+        law: Constitutive law.
+        gradients: Operator from displacement to its gradient at the points.
+        motion: Displacement and generalized strains.
+        step: Deformation at the end and at the start of a step at large strain; None at small.
+
+    Attributes:
+        response: What the law answered last. strain: Increments it was asked about (n, 4).
+    """
+
+    def __init__(
+        self,
+        facets: Facets,
+        law: Law,
+        gradients: sparse.csr_matrix,
+        motion: Motion,
+        step: Deformations | None,
+    ) -> None:
+        self._law, self._gradients, self._motion = law, gradients, motion
+        self._step = None
+        if step is not None:
+            self._step = facets.tabulate(finite_strain.increment(*step))
+        self._thickness = np.column_stack([np.ones(facets.count), facets.position])
+        self.strain: Array = np.zeros((facets.count, 4))
+        self.response = Response.empty(facets.count, len(law.state_names))
+
+    def begin(
+        self,
+        old: ContactState,
+        temperatures: tuple[Array, Array],
+        dt: float,
+        solid: Solid,
+        liquid: Array,
+    ) -> None:
+        """Prepare a step.
+
+        Args:
+            old: Committed state.
+            temperatures: At the points, at start and end of the step, K.
+            dt: Its length, s.
+            solid: Has the thermal strain.
+            liquid: Ferrostatic pressure at the points at its end, Pa.
+        """
+        before, after = temperatures
+        strain = solid.thermal_strain
+        self._thermal = np.asarray(strain(after)) - np.asarray(strain(before))
+        self._old, self._temperatures, self._dt = old, temperatures, dt
+        self._coefficients = self._law.coefficients(before, after)
+        self._liquid = liquid
+
+    def _increments(self) -> tuple[Array, Array]:
+        """Strain increments (n, 4), and the old stress turned with the material."""
+        if self._step is not None:
+            found = self._step().reshape(-1, 5)
+            angle = 2.0 * np.arctan(0.5 * found[:, 4])
+            return np.ascontiguousarray(found[:, :4]), turned(self._old.stress, angle)
+        motion = self._motion
+        change = motion.u.x.array - motion.u_old.x.array
+        g = (self._gradients @ change).reshape(-1, 4)
+        modes = motion.modes.value - motion.modes_old.value
+        strain = np.column_stack(
+            [
+                g[:, 0],
+                g[:, 3] + modes[3],
+                self._thickness @ modes[:3],
+                (g[:, 1] + g[:, 2]) / SQRT2,
+            ]
+        )
+        return strain, self._old.stress
+
+    def evaluate(self, normal: Array) -> tuple[Array, Array, Array]:
+        """Stress along `normal` (n, 2) and its derivatives.
+
+        Returns:
+            n . sigma n (n,), ferrostatic pressure included; its derivative by the strain (n, 4) and
+            by the angle at which the stress turns (n,).
+        """
+        self.strain, stress_old = self._increments()
+        step = MaterialStep(self.strain, self._thermal, *self._temperatures, self._dt)
+        response = self.response
+        self._law.integrate(
+            step,
+            stress_old,
+            self._old.internal,
+            coefficients=self._coefficients,
+            out=response,
+        )
+        x, y = normal.T
+        along = np.column_stack([x * x, y * y, np.zeros_like(x), SQRT2 * x * y])
+        found = np.einsum("ni,ni->n", along, response.stress) - self._liquid
+        by_strain = np.einsum("ni,nij->nj", along, response.tangent)
+        xx, yy, _, shear = response.stress.T
+        turning = (y * y - x * x) * SQRT2 * shear + 2.0 * x * y * (xx - yy)
+        return found, by_strain, turning

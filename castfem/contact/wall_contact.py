@@ -1,0 +1,417 @@
+"""Contact of one slice with its wall: where the surface is, what the wall does, how it changes.
+
+Everything is evaluated at the facets' quadrature points with numpy; the forms of
+`castfem.forms.contact` see the results as functions.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from castfem.contact.average import SurfaceMean
+from castfem.contact.facets import FacetFields, Facets
+from castfem.contact.friction import return_friction
+from castfem.contact.interfaces import Motion, Solid
+from castfem.contact.settings import Contact
+from castfem.contact.state import OPEN, SLIP, STICK, ContactState, Flags, Touch
+from castfem.contact.surface_stress import SurfaceStress
+from castfem.fem import dof_values, reductions
+from castfem.fem.section import Section
+from castfem.forms import contact as forms
+from castfem.forms import finite_strain
+from castfem.forms.mechanics import Direction, of_modes
+
+Array = npt.NDArray[np.float64]
+
+# Columns of what the forms see.
+TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
+STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
+RASTER = 2.0**-32  # of the section's size
+REACH = 1e-2  # of the height of surface cells: a wall farther away holds nothing
+
+
+class WallContact:
+    """Contact of a slice, one step at a time.
+
+    Args:
+        section: The distributed section.
+        contact: The contact wanted.
+        solid: What the slice is made of.
+        motion: Displacement and generalized strains of the mechanical problem.
+
+    Attributes:
+        facets: Points. symmetric: Whether contact leaves a symmetric tangent symmetric.
+        at_vertices: Operator from vertex values to the points.
+        stiffness: K_p of the step at the points (n,), Pa/m.
+        now: What was evaluated last.
+
+    Raises:
+        InputError: If a group does not exist.
+    """
+
+    def __init__(self, section: Section, contact: Contact, solid: Solid, motion: Motion) -> None:
+        tags = section.required(contact.on)
+        self.section, self.contact = section, contact
+        self._solid, self._motion = solid, motion
+        self.symmetric = contact.symmetric
+        self.facets = facets = Facets(section, tags, contact.points)
+        space, mesh = motion.u.function_space, section.mesh
+        trial = ufl.TrialFunction(space)
+        self._moves = facets.operator(trial, space)
+        self._gradients = facets.operator(ufl.grad(trial), space)
+        vertex = section.vertex_space
+        self.at_vertices = facets.operator(ufl.TrialFunction(vertex), vertex)
+        self._large = solid.large_strain
+        self._surface, self._stress = self._geometry(mesh)
+        self._given = FacetFields(facets, WIDTH)
+        self._action = self._seen()
+        self._travel = fem.Constant(mesh, np.float64(0.0))
+        self._size = max(1e-300, reductions.largest(section.comm, np.abs(facets.position)))
+        length, area = reductions.totals(
+            section.comm, [facets.weight.sum(), facets.weight @ facets.height]
+        )
+        # One for all points: uniform pressure is then a uniform penetration (patch test).
+        self._height = area / length
+        self._mode_work: fem.Form | None = None
+        self.now: Touch | None = None
+
+    def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
+        """Geometry the forms see, and Nitsche's stress."""
+        motion, law = self._motion, self._solid.law
+        surface: forms.Surface = forms.Undeformed(mesh)
+        step = None
+        if self._large:
+            now = finite_strain.deformation(motion.u, motion.modes, mesh)
+            old = finite_strain.deformation(motion.u_old, motion.modes_old, mesh)
+            surface = forms.Deformed(now, old, mesh)
+            step = (now, old)
+        if self.contact.method != "nitsche":
+            return surface, None
+        return surface, SurfaceStress(self.facets, law, self._gradients, motion, step)
+
+    # What the mechanical problem compiles.
+
+    def virtual_work(self, virtual: Direction) -> ufl.Form:
+        """Work of the wall on a virtual motion."""
+        return forms.virtual_work(
+            self._action, self._surface, virtual, self._travel, self.facets.measure
+        )
+
+    def tangent(self, by: Direction, virtual: Direction) -> ufl.Form:
+        """Its derivative along a motion."""
+        return forms.stiffness(
+            self._action, self._surface, by, virtual, self._travel, self.facets.measure
+        )
+
+    def _seen(self) -> forms.WallAction:
+        """What the forms see."""
+        f, nitsche = self._given.function, self._stress is not None
+        return forms.WallAction(
+            traction=_part(f, TRACTION),
+            by_pressure=_part(f, BY_PRESSURE),
+            by_slip=_part(f, BY_SLIP),
+            normal=_part(f, NORMAL),
+            stiffness=f[STIFFNESS],
+            by_strain=_part(f, BY_STRAIN) if nitsche else None,
+            by_turn=f[BY_TURN] if nitsche and self._large else None,
+        )
+
+    def work_on(self, directions: Array) -> Array:
+        """Work of the wall on directions (4, k) of the generalized strains, less the pull."""
+        if not directions.shape[1]:
+            return np.zeros(0)
+        if self._mode_work is None:
+            form = self.virtual_work(of_modes(self._motion.one, self.section.mesh))
+            self._mode_work = self.section.compile("contact.mode_work", form)
+        work = np.zeros(directions.shape[1])
+        for i, direction in enumerate(directions.T):
+            self._motion.one.value[:] = direction
+            work[i] = fem.assemble_scalar(self._mode_work)
+        handed = directions[:3].T @ self._old.pull
+        return reductions.totals(self.section.comm, work) - handed
+
+    # A step.
+
+    def initial(self) -> ContactState:
+        """Of a strand that has never touched anything."""
+        n, law = self.facets.count, self._solid.law
+        rows = 0 if self._stress is None else n
+        return ContactState(
+            friction=np.zeros((n, 2)),
+            pull=np.zeros(3),
+            stress=np.zeros((rows, 4)),
+            internal=law.initial_state(rows),
+            place=self.facets.position.copy(),
+            normal=self.facets.normal.copy(),
+            gap=np.full(n, np.inf),
+            pressure=np.zeros(n),
+            status=np.zeros(n, np.int8),
+            weight=self.facets.weight.copy(),
+        )
+
+    def begin(
+        self, old: ContactState, start: float, end: float, before: Array, after: Array
+    ) -> None:
+        """Prepare a step.
+
+        Args:
+            old: Committed state.
+            start: Of the step, s.
+            end: Of the step, s.
+            before: Temperatures of the owned vertices at its start, K.
+            after: At its end, K.
+        """
+        contact, solid = self.contact, self._solid
+        self._old, self._dt = old, end - start
+        self._held: Flags = np.zeros(self.facets.count, dtype=bool)
+        self._position = contact.position(end)
+        travelled = self._position - contact.position(start)
+        self._travel.value = travelled
+        self._slip = travelled - (contact.stroke(end) - contact.stroke(start))
+        temperatures = self._at_points_from(before), self._at_points_from(after)
+        # Not the tangent's, which of a point that freezes within the step has a share alone.
+        # Liquid presses with what its depth gives, not with its stiffness: it is met as the solid
+        # that it becomes, or what it sank into the wall would be pushed out as it freezes.
+        elasticity = solid.law.elasticity
+        bulk = elasticity.moduli(np.minimum(temperatures[1], elasticity.solidity.solidus))[1]
+        self.stiffness = contact.strength * bulk / self._height
+        stiffest = reductions.largest(self.section.comm, self.stiffness)
+        self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
+        solidity = solid.law.elasticity.solidity
+        self._molten: Flags = temperatures[1] > solidity.solidus
+        self._wets: Flags = np.zeros(self.facets.count, dtype=bool)
+        if solid.liquid == "fed":
+            fluid = solidity.weight(temperatures[1]) == 0.0
+            self._wets = fluid & (self._liquid(after, end) > 0.0)
+        if self._stress is not None:
+            liquid = self._liquid(after, end)
+            if solid.liquid == "fed":
+                temperatures = self._hottest(before), self._hottest(after)
+                if solid.ferrostatic is not None:
+                    liquid = np.asarray(solid.ferrostatic.pressure(temperatures[1], end))
+            self._stress.begin(old, temperatures, self._dt, solid, liquid)
+
+    def _liquid(self, temperature: Array, end: float) -> Array:
+        """Ferrostatic pressure at the points that nothing holds but the wall (n,), Pa."""
+        liquid = self._solid.ferrostatic
+        if liquid is None:
+            return np.zeros(self.facets.count)
+        pressure = liquid.pressure(self._at_points_from(temperature), end)
+        if liquid.outside == "held":
+            pressure = pressure - self._at_points_from(liquid.pressure(temperature, end))
+        return pressure
+
+    def _hottest(self, owned: Array) -> Array:
+        """Largest temperature in the cell of each point (n,), K.
+
+        A cell that has not frozen as a whole has hardly any stiffness where its liquid is fed. A
+        stress that the surface alone would have by the same strain would have no counterpart in it.
+        """
+        vertex = self.section.vertex_space
+        local = dof_values.with_ghosts(vertex, owned)
+        cells = np.asarray(vertex.dofmap.list)[self.facets.cells]
+        hottest = local[cells].max(axis=1) if len(cells) else np.zeros(0)
+        return np.asarray(np.repeat(hottest, self.facets.per_facet))
+
+    def _at_points_from(self, owned: Array) -> Array:
+        """Values at the points from those of the owned vertices."""
+        local = dof_values.with_ghosts(self.section.vertex_space, owned)
+        return np.asarray(self.at_vertices @ local)
+
+    def evaluate(self) -> float:
+        """Meet the wall with the displacement and the generalized strains the fields hold.
+
+        Returns:
+            Stress that rounding of positions makes at the stiffest point, Pa.
+        """
+        motion = self._motion
+        place, moved = self._where(motion.u.x.array, motion.modes.value)
+        before = self._where(motion.u_old.x.array, motion.modes_old.value)[1]
+        strand, stretch = self.facing(motion.u.x.array, motion.modes.value)
+        n, gap, bend = self._meet(moved, strand)
+        near = np.minimum(gap, self._size)
+        stress: Array | float = 0.0
+        if self._stress is not None:
+            stress, by_strain, by_turn = self._stress.evaluate(n)
+            pressure = forms.nitsche_pressure(self.stiffness, near, stress)
+        else:
+            pressure = forms.penalty_pressure(self.stiffness, near)
+        drawn = -stress - self.stiffness * near
+        pressure = np.where(self._held, drawn, pressure)
+        # What just touches holds, too: a block laid on a wall would have no support at first.
+        closed = (drawn >= 0.0) | self._held
+        seen: Array = np.zeros((self.facets.count, WIDTH))
+        seen[:, NORMAL], seen[:, STIFFNESS] = n, self.stiffness * closed
+        if self._stress is not None:
+            seen[:, BY_STRAIN] = by_strain * closed[:, None]
+            seen[:, BY_TURN] = by_turn * closed
+        seen[:, TRACTION.start : 2] = -pressure[:, None] * n
+        # Along a hollow wall the pressure turns against what slides.
+        along = np.column_stack([-n[:, 1], n[:, 0]])
+        seen[:, BY_SLIP.start : BY_SLIP.stop - 1] = -(bend * pressure)[:, None] * along
+        seen[:, BY_PRESSURE.start : 5] = -n
+        slides: Flags = closed
+        friction: Array = np.zeros((self.facets.count, 2))
+        if self.contact.friction is not None:
+            slides, friction = self._rub(seen, along, moved - before, pressure)
+        self._given.fill(seen)
+        strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
+        self.now = Touch(place, n, gap, pressure, friction, slides, stretch, seen, strain)
+        far = float(np.abs(moved).max(initial=0.0))
+        return self._rounding * reductions.largest(self.section.comm, np.array([far]))
+
+    def _meet(self, moved: Array, strand: Array) -> tuple[Array, Array, Array]:
+        """Normal of the wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
+
+        The wall is met from places on a fine raster, and the rest of the way added: the distance
+        then is as exact as the displacement, not as the position, which is a thousand times larger.
+        """
+        start, raster = self.facets.position, self._size * RASTER
+        near = np.round((start + moved) / raster) * raster
+        reach = self.contact.wall.reach(near, strand, self._position)
+        n = np.asarray(reach.normal)
+        rest = (start - near) + moved
+        facing = np.einsum("ni,ni->n", n, strand)
+        gap = np.asarray(reach.gap) * facing - np.einsum("ni,ni->n", n, rest)
+        met = np.isfinite(gap)
+        return n, np.where(met, gap, np.inf), np.where(met, reach.bend, 0.0)
+
+    def _where(self, u: Array, modes: Array) -> tuple[Array, Array]:
+        """Place and displacement of the points (n, 2), m."""
+        moved = (self._moves @ u).reshape(-1, 2)
+        moved[:, 1] += modes[3] * self.facets.position[:, 1]
+        return self.facets.position + moved, moved
+
+    def facing(self, u: Array, modes: Array) -> tuple[Array, Array]:
+        """Outward normal of the strand (n, 2), and length of surface over undeformed length.
+
+        Args:
+            u: Displacement of this rank's nodes, ghosts included, m.
+            modes: Generalized strains (4,).
+        """
+        normal = self.facets.normal
+        if not self._large:
+            return normal, np.ones(len(normal))
+        f = np.eye(2) + (self._gradients @ u).reshape(-1, 2, 2)
+        f[:, 1, 1] += modes[3]
+        # det F F^-T N
+        turned = np.column_stack(
+            [
+                f[:, 1, 1] * normal[:, 0] - f[:, 1, 0] * normal[:, 1],
+                f[:, 0, 0] * normal[:, 1] - f[:, 0, 1] * normal[:, 0],
+            ]
+        )
+        stretch = np.hypot(*turned.T)
+        return turned / stretch[:, None], stretch
+
+    def _rub(self, seen: Array, along: Array, slip: Array, pressure: Array) -> tuple[Flags, Array]:
+        """Add friction to what the forms see; whether points slide, and their friction.
+
+        It acts on what is solid: liquid and mush have nothing that could be held back.
+        """
+        assert self.contact.friction is not None
+        moved = np.column_stack(
+            [np.einsum("ni,ni->n", along, slip), np.full(len(along), self._slip)]
+        )
+        trial = self._old.friction - self.stiffness[:, None] * moved
+        answer = return_friction(self.contact.friction, trial, pressure, self.stiffness, self._dt)
+        for part in (answer.traction, answer.by_pressure, answer.by_trial):
+            part[self._molten] = 0.0
+        frame = np.zeros((len(along), 3, 2))
+        frame[:, :2, 0], frame[:, 2, 1] = along, 1.0
+        seen[:, TRACTION] += np.einsum("nij,nj->ni", frame, answer.traction)
+        seen[:, BY_PRESSURE] += np.einsum("nij,nj->ni", frame, answer.by_pressure)
+        by_slip = -self.stiffness[:, None] * answer.by_trial[:, :, 0]
+        seen[:, BY_SLIP] += np.einsum("nij,nj->ni", frame, by_slip)
+        return answer.slides, answer.traction
+
+    def hold(self, on: bool) -> bool:
+        """Keep closed what was so at the start of the step, or let it open again (collective).
+
+        Liquid that is fed runs to the wall wherever that is: it is kept there too.
+        What the wall has left behind meanwhile is let go of.
+
+        Returns:
+            Whether there is anything to keep.
+        """
+        self._held = np.zeros(self.facets.count, dtype=bool)
+        if on:
+            u, modes = self._motion.u_old.x.array, self._motion.modes_old.value
+            _, gap, _ = self._meet(self._where(u, modes)[1], self.facing(u, modes)[0])
+            self._held = (self._old.pressure > 0.0) & (gap < REACH * self._height)
+            self._held |= self._wets & np.isfinite(gap)
+        return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
+
+    def kink(self, base: Touch) -> float:
+        """How far the pressure is from what its tangent at `base` foresaw for the motion since (N).
+
+        Friction is left out: a surface that turns round against it has gone too far.
+
+        Returns:
+            The work that the pressure does against the motion, as it is, less as foreseen, N/m
+            times m (collective).
+        """
+        now = self.now
+        assert now is not None
+        moved = np.einsum("ni,ni->n", base.normal, now.place - base.place)
+        foreseen = base.pressure + base.seen[:, STIFFNESS] * moved
+        if len(now.strain):
+            change = now.strain - base.strain
+            foreseen -= np.einsum("ni,ni->n", base.seen[:, BY_STRAIN], change)
+        weights = self.facets.weight * now.stretch
+        return reductions.total(
+            self.section.comm, float(weights @ (moved * (now.pressure - foreseen)))
+        )
+
+    @cached_property
+    def mean(self) -> SurfaceMean:
+        """Means over a length of the surface (collective when it is first asked for)."""
+        return SurfaceMean(self.facets)
+
+    def thickness(self, state: ContactState, modes: Array) -> Array:
+        """Thickness of the slice at the points over the undeformed one (n,); 1 at small strain."""
+        if not self._large:
+            return np.ones(self.facets.count)
+        return np.asarray(1.0 + self._lever(state.place) @ modes[:3])
+
+    def state(self) -> ContactState:
+        """The state that was evaluated last (collective)."""
+        now = self.now
+        assert now is not None
+        closed = now.pressure > 0.0
+        weight = self.facets.weight * now.stretch
+        stress = None if self._stress is None else self._stress.response
+        return ContactState(
+            friction=now.friction.copy(),
+            pull=self._old.pull - self._handed_down(now),
+            stress=np.zeros((0, 4)) if stress is None else stress.stress.copy(),
+            internal=self._old.internal if stress is None else stress.state.copy(),
+            place=now.place,
+            normal=now.normal,
+            gap=now.gap,
+            pressure=now.pressure,
+            status=np.where(closed, np.where(now.slides, SLIP, STICK), OPEN).astype(np.int8),
+            weight=weight,
+        )
+
+    def _handed_down(self, now: Touch) -> Array:
+        """What friction over the travel of the step takes from the pull (3,), N and N m."""
+        if self.contact.friction is None:
+            return np.zeros(3)
+        lever = self._lever(now.place)
+        force = now.friction[:, 1] * self.facets.weight * now.stretch
+        total = reductions.totals(self.section.comm, lever.T @ force)
+        return total * float(self._travel.value)
+
+    def _lever(self, place: Array) -> Array:
+        x = place if self._large else self.facets.position
+        return np.column_stack([np.ones(len(x)), x])
+
+
+def _part(function: fem.Function, columns: slice) -> ufl.core.expr.Expr:
+    return ufl.as_vector([function[i] for i in range(columns.start, columns.stop)])

@@ -1,0 +1,1 @@
+"""Temperature and mechanics in turn: the coupling windows, their iterations and their sub-steps."""

@@ -1,0 +1,299 @@
+"""The intervals in which temperature and mechanics take turns.
+
+Nothing here keeps a state of its own: each step goes from a committed state to a new one, or leaves
+the old one as it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.coupling.step_control import StepControl
+from castfem.coupling.subcycling import Leg, MechanicalSteps, ThermalSteps
+from castfem.errors import RunFailure
+from castfem.fem import reductions
+from castfem.support import log
+from castfem.thermal.stepper import ThermalState
+
+if TYPE_CHECKING:
+    from castfem.mechanics.state import MechanicalResult, MechanicalState
+    from castfem.mechanics.surface_gap import SurfaceGap
+    from castfem.simulation.cooling import Zones
+
+Array = npt.NDArray[np.float64]
+
+FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
+TINY = 1e-300
+SHORTEST = 0.05  # of the interval: cut back no further for a gap that does not settle, or for a
+# state beyond the range of the model: a shorter interval ends there, too
+COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
+
+
+@dataclass(frozen=True, slots=True)
+class StrandState:
+    """The committed state of the slice, all of it at one time.
+
+    Attributes:
+        thermal: Temperatures. mechanical: Displacement, stress...; None without mechanics.
+        heating: Heat of the viscoplastic work of the last interval, which warms the next, at the
+            owned vertices (owned,), J/m3; empty without.
+        trend: Rate of temperature in the last interval (owned,), K/s: what mechanics that go first
+            know of the next; empty where they do not.
+    """
+
+    thermal: ThermalState
+    mechanical: MechanicalState | None
+    heating: Array
+    trend: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def time(self) -> float:
+        """Since the meniscus, s."""
+        return self.thermal.time
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """One attempted interval.
+
+    Attributes:
+        converged: Whether both sides succeeded. state: The new state, or the old one.
+        leg: The thermal steps. mechanical: The mechanical steps. passes: Through the interval.
+        settled: Whether the gap has settled, if it was to.
+    """
+
+    converged: bool
+    state: StrandState
+    leg: Leg
+    mechanical: MechanicalResult
+    passes: int
+    settled: bool = True
+
+    def before(self, after: Interval) -> Interval:
+        """The same interval repeated: `after`, with the work of both counted."""
+        mechanical = replace(after.mechanical, newton=self.newton + after.newton)
+        leg = replace(after.leg, newton=self.leg.newton + after.leg.newton)
+        return replace(after, leg=leg, mechanical=mechanical, passes=self.passes + after.passes)
+
+    @property
+    def newton(self) -> int:
+        """Newton iterations of the mechanics."""
+        return self.mechanical.newton
+
+
+def difference(one: Array, other: Array) -> Array:
+    """One gap less another; 0 where both are without a wall."""
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(one - other, nan=0.0)
+
+
+class Relaxation:
+    """Aitken's dynamic relaxation of a field that is looked for by repetition.
+
+    Kuettler and Wall, Comput. Mech. 43 (2008) 61, (44).
+
+    Args:
+        comm: Ranks that have the field.
+        weight: Of each value in sums: the surface that is its own, so that a section and a part
+            of it that symmetry leaves are relaxed alike, and so are fine and coarse meshes.
+    """
+
+    def __init__(self, comm: MPI.Comm, weight: Array) -> None:
+        self._comm, self._weight, self._factor = comm, weight, 1.0
+        self._before: Array | None = None
+
+    def __call__(self, tried: Array, found: Array) -> Array:
+        """What to try next, after `found` has come of `tried` (collective)."""
+        reached = np.isfinite(tried) & np.isfinite(found)
+        residual = np.where(reached, difference(found, tried), 0.0)
+        if self._before is not None:
+            change = residual - self._before
+            weighted = self._weight * change
+            sums = [float(self._before @ weighted), float(change @ weighted)]
+            along, size = reductions.totals(self._comm, sums)
+            if size > 0.0:
+                self._factor = float(np.clip(-self._factor * along / size, *FACTORS))
+        self._before = residual
+        return np.where(reached, tried + self._factor * residual, found)
+
+
+class Coupler:
+    """Takes intervals, thermal first (thesis IV): the shell of an instant is cooled, then strained.
+
+    What the strained slice tells the heat of the next interval are its form, the gap to the wall
+    and the work that was dissipated. With more than one pass an interval is repeated with the mean
+    gap of its beginning and its end, until that settles; one that does not is cut back, for a
+    shorter interval leaves the gap less to say.
+
+    Args:
+        thermal: Thermal steps. mechanics: Mechanical steps.
+        dissipation: Share of the viscoplastic work that heats the next interval.
+        zones: Told the gaps. gap: Finds them; None without a mould.
+        interval: Length of an interval that is not cut back, s.
+        passes: Largest number of passes through an interval. settled: The gap has settled when the
+            one that was found would change the temperature of the surface by less, K.
+        order: "thermal_first", or "mechanics_first": strained as if it went on cooling as in the
+            interval before, and held its temperature in the first (297)-(299), Fig. 84.
+    """
+
+    def __init__(
+        self,
+        thermal: ThermalSteps,
+        mechanics: MechanicalSteps,
+        dissipation: float,
+        zones: Zones,
+        gap: SurfaceGap | None,
+        interval: float,
+        passes: int = 1,
+        settled: float = 1.0,
+        order: str = "thermal_first",
+    ) -> None:
+        self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
+        self.zones, self.gap, self.interval = zones, gap, interval
+        self.passes, self.settled, self.order = passes, settled, order
+
+    def take(self, old: StrandState, end: float) -> Interval:
+        """One interval from `old` to `end` (s); `old` is left untouched.
+
+        Raises:
+            RunFailure: If no thermal step is short enough.
+        """
+        assert old.mechanical is not None
+        if self.dissipation:
+            self.thermal.stepper.problem.set_source(np.asarray(old.heating / (end - old.time)))
+        self._follow_shape(old.mechanical)
+        begun = gap = self.gap_of(old.mechanical)
+        given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
+        repeats = begun is not None and self.order == "thermal_first"
+        learnt = self.thermal.control.step
+        relaxed = Relaxation(self.mechanics.comm, self.zones.perimeter_share())
+        taken = self._pass(old, end, gap)
+        while taken.converged and repeats:
+            assert begun is not None and gap is not None and taken.state.mechanical is not None
+            ended = self.gap_of(taken.state.mechanical)
+            assert ended is not None
+            mean = 0.5 * (begun + ended)
+            if self._misjudged(old.time, taken.state, gap, mean) <= self.settled:
+                break
+            if taken.passes == self.passes:
+                taken = replace(taken, settled=False)
+                break
+            self.thermal.control.step = learnt
+            gap = relaxed(gap, mean)
+            taken = taken.before(self._pass(old, end, gap))
+        if not (taken.converged and taken.settled):
+            self.thermal.control.step = learnt
+        return taken if taken.converged else replace(taken, state=given)
+
+    def _pass(self, old: StrandState, end: float, gap: Array | None) -> Interval:
+        """Once through an interval, with one gap at each vertex."""
+        assert old.mechanical is not None
+        first, instants = None, self.mechanics.instants(old.time, end)
+        if self.order == "mechanics_first":
+            expected = [(time, self._expected(old, time)) for time in instants]
+            first = self.mechanics.through(old.mechanical, expected)
+            if first.converged and gap is not None:
+                gap = self.gap_of(first.state)
+        if gap is not None:
+            self.zones.set_gap(gap)
+        leg, course = self.thermal.through(old.thermal, instants)
+        result = first or self.mechanics.through(old.mechanical, course)
+        if not result.converged:
+            return Interval(False, old, leg, result, 1)
+        duration = end - old.time
+        trend: Array = np.zeros(0)
+        if first is not None:
+            cooled = leg.state.point.temperature - old.thermal.point.temperature
+            trend = np.asarray(cooled / duration)
+        state = StrandState(leg.state, result.state, self._heating(result), trend)
+        return Interval(True, state, leg, result, 1)
+
+    def _follow_shape(self, state: MechanicalState) -> None:
+        """Let heat flow through the slice as it was strained, unless the case leaves that out."""
+        problem = self.thermal.stepper.problem
+        if problem.shape is not None:
+            problem.shape.take(state.displacement, state.modes)
+            self.zones.follow_shape()
+            problem.follow_shape()
+
+    def _expected(self, old: StrandState, end: float) -> Array:
+        """Temperatures at `end` if the slice goes on cooling as before (owned,), K."""
+        found = old.thermal.point.temperature + (end - old.time) * old.trend
+        return np.maximum(found, COLDEST)
+
+    def gap_of(self, state: MechanicalState) -> Array | None:
+        """Gap to the wall at the owned vertices (owned,), m, 0 off the surface; None without one.
+
+        (Collective.)
+        """
+        if self.gap is None:
+            return None
+        found = np.zeros(len(self.thermal.stepper.problem.area))
+        found[self.gap.dofs] = np.maximum(self.gap.at(state), 0.0)
+        return found
+
+    def _misjudged(self, begun: float, state: StrandState, taken: Array, found: Array) -> float:
+        """How far the surface is off, K, since the gap taken was not the one that was found.
+
+        The difference of the fluxes cools a thick body of the steel that is there for the length of
+        the interval (Carslaw and Jaeger, Conduction of Heat in Solids, 2.9). (Collective.)
+        """
+        point, zones = state.thermal.point, self.zones
+        fluxes = [zones.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
+        slope = point.temperature_slope  # 1 / (rho c); that of conduction is k / (rho c)
+        effusivity = np.sqrt(np.maximum(point.conduction_slope, TINY)) / np.maximum(slope, TINY)
+        duration = state.time - begun
+        cooled = np.abs(fluxes[1] - fluxes[0]) * np.sqrt(4.0 / np.pi * duration) / effusivity
+        return reductions.largest(self.mechanics.comm, cooled)
+
+    def _heating(self, result: MechanicalResult) -> Array:
+        """Heat of the viscoplastic work of an interval (owned,), J/m3."""
+        if not self.dissipation:
+            return np.zeros(0)
+        problem = self.thermal.stepper.problem
+        work = self.mechanics.stepper.problem.points.to_vertices(result.dissipation)
+        return np.asarray(self.dissipation * work / problem.area)
+
+    def start(self, thermal: ThermalState) -> StrandState:
+        """The slice at the meniscus: undeformed and free of stress."""
+        mechanical = self.mechanics.stepper.initial(thermal.time, thermal.point.temperature)
+        owned = len(thermal.enthalpy) if self.dissipation else 0
+        trend = np.zeros(len(thermal.enthalpy) if self.order == "mechanics_first" else 0)
+        return StrandState(thermal, mechanical, np.zeros(owned), trend)
+
+
+def take_interval(
+    coupler: Coupler, state: StrandState, control: StepControl
+) -> tuple[Interval, int]:
+    """An interval that succeeds, cut back as often as it takes, and how often that was.
+
+    A gap that does not settle cuts an interval back as well, but ends no run.
+
+    Raises:
+        RunFailure: At the smallest interval, or where the model ends (`mechanics.validity`).
+    """
+    rejected = 0
+    while True:
+        end = control.propose(state.time)
+        taken = end - state.time
+        attempt = coupler.take(state, end)
+        short = taken < SHORTEST * coupler.interval
+        kept = coupler.passes == 1 or short
+        if attempt.converged and (attempt.settled or kept):
+            control.learn(taken, 0.0)
+            return attempt, rejected
+        reason = "the gap does not settle" if attempt.converged else attempt.mechanical.reason
+        log.logger.debug("t = %.6g s: interval %.3g s: %s", state.time, taken, reason)
+        if attempt.mechanical.refused and short:
+            raise RunFailure(f"mechanics: {reason}")
+        try:
+            control.failed(taken, reason)
+        except RunFailure as error:
+            raise RunFailure(f"mechanics: {error}") from None
+        rejected += 1

@@ -1,0 +1,156 @@
+"""The steps of each side within an interval: of the temperature, and of the mechanics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.coupling.step_control import StepControl, same_instant
+from castfem.support import log
+from castfem.thermal.stepper import ThermalState, ThermalStepper
+
+if TYPE_CHECKING:
+    from castfem.mechanics.state import MechanicalResult, MechanicalState
+    from castfem.mechanics.stepper import MechanicalStepper
+
+Array = npt.NDArray[np.float64]
+ROUNDING = 1e-9  # of a step: how much longer it may be
+FALLS = "the heat flux falls so steeply as the surface warms that the step has several solutions"
+BELOW = 0.7  # of the longest step that has one: what is tried
+Moment = tuple[float, Array]  # a time, s, and temperatures of the owned vertices then, K
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """Thermal steps that were taken one after another.
+
+    Attributes:
+        state: At their end. step: Length of the last, s. newton: Newton iterations of all.
+        balance: Largest relative error of their heat balances. steps: Their number.
+        rejected: Steps that were tried and not kept. limited: Steps taken by backward Euler
+            because the second-order scheme left the physical bounds, or would have come back.
+    """
+
+    state: ThermalState
+    step: float
+    newton: int
+    balance: float
+    steps: int
+    rejected: int
+    limited: int
+
+    def __add__(self, after: Leg) -> Leg:
+        """Both, `after` being the later."""
+        worse = max(self.balance, after.balance, key=abs)
+        return Leg(
+            after.state, after.step, self.newton + after.newton, worse, self.steps + after.steps,
+            self.rejected + after.rejected, self.limited + after.limited,
+        )  # fmt: skip
+
+
+class ThermalSteps:
+    """Thermal steps with error control and cut-back.
+
+    Args:
+        stepper: Takes one step. control: Chooses its length and learns.
+    """
+
+    def __init__(self, stepper: ThermalStepper, control: StepControl) -> None:
+        self.stepper, self.control = stepper, control
+
+    def one(self, state: ThermalState, stop: float | None = None) -> Leg:
+        """One step, not past `stop` (s).
+
+        Raises:
+            RunFailure: At the smallest step.
+        """
+        rejected = 0
+        while True:
+            end = self.control.propose(state.time, stop)
+            dt = end - state.time
+            result = self.stepper.step(state, end)
+            stray = self.stepper.stray(state, result.state) if result.converged else ""
+            longest = self.stepper.longest(state, result.state) if not stray else np.inf
+            if not result.converged or stray:
+                reason = stray or result.reason
+                log.logger.debug("t = %.6g s: step %.3g s: %s", state.time, dt, reason)
+                self.control.failed(dt, reason)
+            elif dt > longest * (1.0 + ROUNDING):
+                log.logger.debug("t = %.6g s: step %.3g s: the flux falls", state.time, dt)
+                self.control.failed(dt, FALLS, BELOW * longest)
+            else:
+                self.control.learn(dt, result.error)
+                if self.control.accepts(result.error):
+                    break
+            rejected += 1
+        return Leg(
+            result.state, dt, result.newton, result.balance, 1, rejected, int(result.limited)
+        )
+
+    def to(self, state: ThermalState, end: float) -> Leg:
+        """As many steps as it takes to `end` (s).
+
+        Raises:
+            RunFailure: At the smallest step.
+        """
+        leg = self.one(state, end)
+        while not same_instant(leg.state.time, end, self.control.end):
+            leg += self.one(leg.state, end)
+        return leg
+
+    def through(self, state: ThermalState, instants: Sequence[float]) -> tuple[Leg, list[Moment]]:
+        """As many steps as it takes to the last of some instants (s), all of which are hit.
+
+        Returns:
+            The steps, and the temperature at each instant.
+
+        Raises:
+            RunFailure: At the smallest step.
+        """
+        leg = self.to(state, instants[0])
+        course = [(instants[0], leg.state.point.temperature)]
+        for end in instants[1:]:
+            leg += self.to(leg.state, end)
+            course.append((end, leg.state.point.temperature))
+        return leg, course
+
+
+class MechanicalSteps:
+    """Mechanical steps of equal length.
+
+    Args:
+        stepper: Takes one step.
+        longest: Length of a step, s, at most; None for one step an interval.
+    """
+
+    def __init__(self, stepper: MechanicalStepper, longest: float | None = None) -> None:
+        self.stepper, self.longest = stepper, longest
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Ranks that step together."""
+        return self.stepper.comm
+
+    def instants(self, start: float, end: float) -> list[float]:
+        """Where the steps of an interval end, s."""
+        duration, count = end - start, 1
+        if self.longest is not None:
+            count = max(1, math.ceil(duration / self.longest * (1.0 - ROUNDING)))
+        return [start + duration * k / count for k in range(1, count)] + [end]
+
+    def through(self, old: MechanicalState, course: Sequence[Moment]) -> MechanicalResult:
+        """One step to each moment; `old` is left untouched, and the result if one of them fails."""
+        time, temperature = course[0]
+        result = self.stepper.step(old, time, temperature)
+        for time, temperature in course[1:]:
+            if not result.converged:
+                break
+            result = result.before(self.stepper.step(result.state, time, temperature))
+        return result if result.converged or result.state is old else replace(result, state=old)

@@ -1,0 +1,1 @@
+"""Finite elements on DOLFINx and PETSc, whatever the physics: sections, solvers, ranks."""

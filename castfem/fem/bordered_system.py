@@ -1,0 +1,154 @@
+"""Linear systems with a sparse block and a few scalar unknowns beside it.
+
+    [ A  U ] [u]   [f]
+    [ R  D ] [z] = [g]
+
+A is factored once per Newton step; one solve with U and f together as right-hand sides closes the
+scalars by their Schur complement, (D - R A^-1 U) z = g - R A^-1 f.  The scalars live on the last
+rank, behind its displacements.
+"""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.fem import factorisation
+from castfem.fem.snes import Options, SolverOptions
+
+Array = npt.NDArray[np.float64]
+
+
+class Border:
+    """The bordered matrix, as PETSc matrix and preconditioner in one (python type).
+
+    Args:
+        matrix: A; assembled by its owner before each `update`.
+        scalars: How many; with none of them this is A alone.
+        prefix: Option prefix of the solver for A.
+        options: Its PETSc options (ksp_, pc_, mat_), without prefix.
+
+    Attributes:
+        operator: The bordered matrix.
+        columns: U, this rank's rows (owned, scalars). rows: R, transposed likewise.  They may
+            differ in the rows of prescribed displacements alone, where U is zero.
+        corner: D (scalars, scalars), the same on every rank.
+        failure: Why the last solve failed; empty if it did not.
+    """
+
+    def __init__(self, matrix: PETSc.Mat, scalars: int, prefix: str, options: Options) -> None:
+        self.comm: MPI.Comm = matrix.comm.tompi4py()
+        self._matrix, self.scalars = matrix, scalars
+        self.owned = matrix.getLocalSize()[0]
+        self._keeper = self.comm.size - 1
+        self.columns = np.zeros((self.owned, scalars))
+        self.rows = np.zeros((self.owned, scalars))
+        self.corner = np.zeros((scalars, scalars))
+        self.failure = ""
+        self._right, self._solved = (self._dense(scalars + 1) for _ in range(2))
+        self._in, self._out = matrix.createVecs()
+        self.ksp = PETSc.KSP().create(matrix.comm)
+        self.ksp.setOptionsPrefix(prefix)
+        self.ksp.setOperators(matrix)
+        self._options = SolverOptions(prefix, options)
+        self._options.apply(self.ksp, self.ksp.getPC())
+        here = self.owned + (scalars if self.comm.rank == self._keeper else 0)
+        whole = matrix.getSize()[0] + scalars
+        size = (here, whole)
+        self.operator = PETSc.Mat().createPython((size, size), self, comm=matrix.comm)
+        self.operator.setUp()
+
+    def _dense(self, columns: int) -> PETSc.Mat:
+        rows = (self.owned, self._matrix.getSize()[0])
+        dense = PETSc.Mat().createDense((rows, (None, columns)), comm=self._matrix.comm)
+        dense.setUp()
+        dense.assemble()
+        return dense
+
+    def vector(self) -> PETSc.Vec:
+        """A vector of the bordered layout."""
+        return self.operator.createVecRight()
+
+    def share(self, local: Array) -> Array:
+        """The scalars of a vector's local part, on every rank."""
+        if not self.scalars:
+            return np.zeros(0)
+        return np.asarray(self.comm.bcast(np.array(local[self.owned :]), root=self._keeper))
+
+    def join(self, nodal: Array, scalars: Array) -> Array:
+        """Local part of a vector from its nodal entries and the scalars (known to all)."""
+        tail = scalars if self.comm.rank == self._keeper else np.zeros(0)
+        return np.concatenate([nodal, tail])
+
+    def use_with(self, ksp: PETSc.KSP) -> None:
+        """Make `ksp` solve with this border, exactly."""
+        ksp.setType("preonly")
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(self)
+
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Product with the bordered matrix (line searches ask for it)."""
+        local = x.getArray(readonly=True)
+        z, nodal = self.share(local), local[: self.owned]
+        self._in.setArray(nodal)
+        self._matrix.mult(self._in, self._out)
+        top = self._out.getArray(readonly=True) + self.columns @ z
+        bottom = self._total(self.rows.T @ nodal) + self.corner @ z
+        y.setArray(self.join(top, bottom))
+
+    def _total(self, values: Array) -> Array:
+        if self.comm.size == 1 or not values.size:
+            return values
+        return np.asarray(self.comm.allreduce(values, op=MPI.SUM))
+
+    def apply(self, pc: PETSc.PC, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Solve for one right-hand side, all columns of U along with it."""
+        with self._options.given():
+            self.failure = factorisation.set_up(self.ksp, self._matrix)
+            solution = None if self.failure else self._solve(x.getArray(readonly=True))
+        self._options.tell_unread()
+        if solution is None:
+            pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
+            y.set(0.0)
+        else:
+            pc.setFailedReason(PETSc.PC.FailedReason.NOERROR)
+            y.setArray(solution)  # type: ignore[arg-type]
+
+    def _solve(self, local: Array) -> Array | None:
+        """Local part of the solution for a right-hand side; None, and `failure`, if there is none.
+
+        A is factored.
+        """
+        right = self._right.getDenseArray()
+        right[:, :-1] = self.columns
+        right[:, -1] = local[: self.owned]
+        self._right.assemble()
+        self.ksp.matSolve(self._right, self._solved)
+        if (reason := self.ksp.getConvergedReason()) < 0:
+            self.failure = f"the linear solver fails (KSP reason {reason})"
+            return None
+        solved = self._solved.getDenseArray()
+        through = self._total(self.rows.T @ solved)
+        schur = self.corner - through[:, :-1]
+        try:
+            z = np.linalg.solve(schur, self.share(local) - through[:, -1])
+        except np.linalg.LinAlgError:
+            self.failure = "a free motion of the planes meets no stiffness"
+            return None
+        return self.join(solved[:, -1] - solved[:, :-1] @ z, np.asarray(z))
+
+    def updated(self) -> None:
+        """Tell PETSc that the blocks have changed."""
+        self.operator.assemble()
+
+    def close(self) -> None:
+        """Free the PETSc objects (the owner frees A).
+
+        Not called `destroy`: PETSc calls that of a python context when it frees matrix or
+        preconditioner.
+        """
+        for thing in (self.ksp, self.operator, self._right, self._solved, self._in, self._out):
+            thing.destroy()

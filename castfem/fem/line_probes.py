@@ -1,0 +1,232 @@
+"""Values and isotherms along lines through the section, whichever ranks hold its cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import geometry
+from scipy import sparse
+
+from castfem.fem import dolfinx_compat, reductions
+from castfem.fem.section import Section
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+SAMPLES = 401  # along a line, packed towards the surface
+_NEARLY = 1e-2  # of a cell: how far outside a sample may lie (a curved face, cut by straight cells)
+_INSIDE = 1e-9  # of the line's length: how far the first and last sample are drawn inward
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """Temperature along one line.
+
+    Attributes:
+        depth: Distance below the surface (n,), m. temperature: (n,), K.
+        cell: Size along the line of the cell of each sample (n,), m.
+    """
+
+    depth: Array
+    temperature: Array
+    cell: Array | None = None
+
+    def cell_at(self, level: float) -> float:
+        """Size of the cell in which `level` (K) is first crossed, m; NaN where it is not."""
+        hot = self.temperature >= level
+        i = int(np.argmax(hot))
+        return float(self.cell[i]) if i > 0 and self.cell is not None else np.nan
+
+    def isotherm_depth(self, level: float) -> float:
+        """Depth of the first crossing of `level` (K) from colder to hotter, m.
+
+        0 when the surface is at or above the level, the whole length when all of the line is below.
+        """
+        hot = self.temperature >= level
+        if not hot.any():
+            return float(self.depth[-1])
+        i = int(np.argmax(hot))
+        if i == 0:
+            return 0.0
+        t0, t1 = self.temperature[i - 1], self.temperature[i]
+        return float(
+            self.depth[i - 1] + (level - t0) / (t1 - t0) * (self.depth[i] - self.depth[i - 1])
+        )
+
+
+class LineProbes:
+    """Samples vertex fields of a section along its probe lines.
+
+    The interpolation is one sparse matrix, made once; a sample is one product and one small gather.
+
+    Raises:
+        ValueError: If a line leaves the section.
+    """
+
+    def __init__(
+        self, section: Section, lines: dict[str, tuple[Array, Array]] | None = None
+    ) -> None:
+        self.section = section
+        self.lines = dict(section.probes if lines is None else lines)
+        fraction = np.linspace(0.0, 1.0, SAMPLES) ** 2
+        self.depth = {
+            name: fraction * float(np.linalg.norm(np.subtract(end, start)))
+            for name, (start, end) in self.lines.items()
+        }
+        inner = _INSIDE + (1 - 2 * _INSIDE) * fraction
+        points = [
+            np.asarray(start) + inner[:, None] * np.subtract(end, start)
+            for start, end in self.lines.values()
+        ]
+        unit = [
+            np.subtract(e, s) / np.linalg.norm(np.subtract(e, s)) for s, e in self.lines.values()
+        ]
+        self._along = np.repeat(np.array(unit).reshape(-1, 2), SAMPLES, axis=0)
+        self._points = np.vstack(points) if points else np.zeros((0, 2))
+        rows, columns, weights, sizes = self._locate()
+        self._matrix = self._interpolation(rows, columns, weights)
+        self._field, self._samples = self._matrix.createVecs()
+        self._starts = self._rows_of_starts(rows, columns, weights)
+        self._cells = dict(zip(self.lines, self._per_line(self._of_all(rows, sizes)), strict=True))
+
+    def _interpolation(
+        self, mine: Indices, columns: list[npt.NDArray[np.int32]], weights: list[Array]
+    ) -> PETSc.Mat:
+        """Matrix (samples x vertices) of shape function values."""
+        section, comm = self.section, self.section.comm
+        n = len(self._points)
+        size = ((None, n), (section.owned, section.vertex_space.dofmap.index_map.size_global))
+        matrix = PETSc.Mat().createAIJ(size, comm=comm)
+        matrix.setPreallocationNNZ((4, 4))
+        matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        for row, cols, vals in zip(mine, columns, weights, strict=True):
+            matrix.setValues([row], cols, vals)
+        matrix.assemble()
+        return matrix
+
+    def _rows_of_starts(
+        self, mine: Indices, columns: list[npt.NDArray[np.int32]], weights: list[Array]
+    ) -> sparse.csr_matrix:
+        """This rank's columns of the samples on the surface: (lines x owned vertices)."""
+        first, last = self._matrix.getOwnershipRangeColumn()
+        found = [
+            (row // SAMPLES, column - first, weight)
+            for part in self.section.comm.allgather(
+                [p for p in zip(mine, columns, weights, strict=True) if p[0] % SAMPLES == 0]
+            )
+            for row, cols, vals in part
+            for column, weight in zip(cols, vals, strict=True)
+            if first <= column < last
+        ]
+        entries = np.array(found, float).reshape(-1, 3)
+        places = (entries[:, 0].astype(int), entries[:, 1].astype(int))
+        return sparse.csr_matrix((entries[:, 2], places), shape=(len(self.lines), last - first))
+
+    def _of_all(self, mine: Indices, values: Array) -> Array:
+        """Values of the samples, each from the rank that has it (n,)."""
+        found = np.full(len(self._points), -np.inf)
+        found[mine] = values
+        return reductions.largest_of(self.section.comm, found)
+
+    def _per_line(self, values: Array) -> list[Array]:
+        """Values of all samples, line by line."""
+        return np.split(values, len(self.lines)) if self.lines else []
+
+    def _locate(self) -> tuple[Indices, list[npt.NDArray[np.int32]], list[Array], Array]:
+        """The samples this rank has; vertices, weights and size of the cell of each.
+
+        The vertices are global ones, the size is that along the line, m.
+        Of all cells whose box holds a sample the one is taken in which it lies deepest, on all
+        ranks: a sample on an edge, or a rounding outside a face, is found the same way on any
+        number of ranks.
+        """
+        section, n = self.section, len(self._points)
+        mesh, dofmap = section.mesh, section.vertex_space.dofmap
+        best = np.full(n, np.inf)
+        cells, shapes = np.full(n, -1), np.zeros((n, 3 if section.cell == "triangle" else 4))
+        sizes, along = np.zeros(n), self._along
+        local = mesh.topology.index_map(2).size_local
+        if local and n:
+            tree = geometry.bb_tree(
+                mesh, 2, entities=np.arange(local, dtype=np.int32), padding=1e-9
+            )
+            xyz = np.column_stack([self._points, np.zeros(n)])
+            near = geometry.compute_collisions_points(tree, xyz)
+            node_of, x = dolfinx_compat.geometry_dofmap(mesh), mesh.geometry.x[:, :2]
+            cmap = dolfinx_compat.coordinate_map(mesh)
+            for i in range(n):
+                for cell in near.links(i):
+                    corners = np.ascontiguousarray(x[node_of[cell]])
+                    xi = cmap.pull_back(self._points[i : i + 1], corners)[0]
+                    outside = _outside(section.cell, xi)
+                    if outside < best[i]:
+                        best[i], cells[i] = outside, cell
+                        shapes[i] = _first_order_shapes(section.cell, xi)
+                        sizes[i] = np.ptp(corners @ along[i])
+        rows = self._won(best)
+        columns = [
+            dofmap.index_map.local_to_global(dofmap.cell_dofs(int(cells[i]))).astype(np.int32)
+            for i in rows
+        ]
+        return rows, columns, [shapes[i] for i in rows], sizes[rows]
+
+    def _won(self, outside: Array) -> npt.NDArray[np.int64]:
+        """The samples that lie deepest in a cell of this rank; a tie goes to the lower rank."""
+        comm = self.section.comm
+        least = -reductions.largest_of(comm, -outside)
+        if (least > _NEARLY).any():
+            x, y = self._points[np.argmax(least)]
+            raise ValueError(f"probe point ({x:g}, {y:g}) m lies outside the section")
+        rank = np.where(outside <= least + 1e-12, comm.rank, comm.size).astype(float)
+        return np.flatnonzero(-reductions.largest_of(comm, -rank) == comm.rank)
+
+    def sample(self, owned: Array) -> dict[str, Profile]:
+        """Temperature profiles of a vertex field (owned,) along every line, on every rank."""
+        return {
+            name: Profile(self.depth[name], v, self._cells[name])
+            for name, v in self.along(owned).items()
+        }
+
+    def starts(self, owned: Array) -> dict[str, Array]:
+        """Vertex fields (owned, k) at the start of every line (k,), on every rank: one message."""
+        local = self._starts @ owned
+        values = reductions.totals(self.section.comm, local.ravel()).reshape(local.shape)
+        return dict(zip(self.lines, values, strict=True))
+
+    def along(self, owned: Array) -> dict[str, Array]:
+        """A vertex field (owned,) along every line, surface first, on every rank."""
+        self._field.setArray(owned)
+        self._matrix.mult(self._field, self._samples)
+        local = self._samples.getArray(readonly=True)
+        values = (
+            local
+            if self.section.comm.size == 1
+            else np.concatenate(self.section.comm.allgather(local))
+        )
+        pieces = self._per_line(values)
+        return {n: np.array(piece) for n, piece in zip(self.lines, pieces, strict=True)}
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self._matrix, self._field, self._samples):
+            thing.destroy()
+
+
+def _first_order_shapes(cell: str, xi: Array) -> Array:
+    """First-order shape functions of the cell at reference point xi (2,)."""
+    r, s = xi[0], xi[1]
+    if cell == "triangle":
+        return np.array([1 - r - s, r, s])
+    return np.array([(1 - r) * (1 - s), r * (1 - s), (1 - r) * s, r * s])
+
+
+def _outside(cell: str, xi: Array) -> float:
+    """How far reference point xi (2,) lies outside its cell; negative inside."""
+    r, s = xi
+    if cell == "triangle":
+        return float(max(-r, -s, r + s - 1))
+    return float(max(-r, -s, r - 1, s - 1))

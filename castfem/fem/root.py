@@ -1,0 +1,123 @@
+"""Failing together: what one rank does for all fails on every rank, and none is left waiting."""
+
+from __future__ import annotations
+
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from typing import TypeVar
+
+from mpi4py import MPI
+
+from castfem.errors import CastfemError
+from castfem.support.closing import Closing
+
+T = TypeVar("T")
+
+PATIENCE = 5.0  # s for the other ranks to arrive at the same failure
+_INTERRUPTED = 130  # exit status
+
+
+def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
+    """Do `work` on rank 0 alone; its result there, None elsewhere (collective).
+
+    Raises:
+        Exception: On every rank, what `work` raised on rank 0.
+    """
+    result: T | None = None
+    error: Exception | None = None
+    if comm.rank == 0:
+        try:
+            result = work()
+        except Exception as raised:
+            error = raised
+    raise_together(comm, error)
+    return result
+
+
+def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
+    """Raise on every rank the error of the lowest rank that has one (collective).
+
+    Raises:
+        Exception: That error.
+    """
+    if comm.size == 1:
+        if error is not None:
+            raise error
+        return
+    first = comm.allreduce(comm.rank if error is not None else comm.size, op=MPI.MIN)
+    if first < comm.size:
+        shared = comm.bcast(error, root=first)
+        if error is not None and comm.rank == first:
+            raise error
+        raise shared
+
+
+def all_arrive(comm: MPI.Comm) -> bool:
+    """Whether all ranks come here within `PATIENCE`."""
+    request = comm.Ibarrier()
+    end = time.monotonic() + PATIENCE
+    while not request.Test():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.01)
+    return True
+
+
+class Together(Closing):
+    """Around work that takes all ranks: an error that one rank meets alone ends them all.
+
+    The others would wait for it for ever, in whatever they do next together; and so would it, in
+    freeing what belongs to all. Whoever leaves the block by an error therefore waits a little for
+    the others first: if they come too, all go on to clean up; if not, it says what happened and
+    aborts.
+
+    Args:
+        comm: All ranks (collective); a message of its own kind goes between them.
+        agreed: Errors that ranks raise together, if they raise them.
+    """
+
+    def __init__(self, comm: MPI.Comm, agreed: tuple[type[BaseException], ...] = ()) -> None:
+        self._world, self._kinds = comm, agreed
+        self._comm = comm.Dup() if comm.size > 1 else None
+        self._met: bool | None = None if comm.size > 1 else True
+
+    def meet(self, error: BaseException) -> bool:
+        """Return whether all ranks have an error of the agreed kinds, and so may work together.
+
+        Does not return where other ranks have none at all. (Collective; one rank may always.)
+        """
+        if self._comm is not None and self._met is None:
+            if not all_arrive(self._comm):
+                self._world.Abort(_told_alone(error, self._world.rank))
+            own = isinstance(error, self._kinds)
+            self._met = bool(self._comm.allreduce(own, op=MPI.LAND))
+        return bool(self._met)
+
+    def leave(self, error: BaseException) -> None:
+        """Wait for the others, or abort."""
+        self.meet(error)
+
+    def close(self) -> None:
+        """Free the communicator (collective)."""
+        if self._comm is not None:
+            self._comm.Free()
+        self._comm = None
+
+
+def _told_alone(error: BaseException, rank: int) -> int:
+    """Say what only this rank has met, and return the exit status of all.
+
+    With the traceback of what was not raised on purpose: no caller will ever see it.
+    """
+    status = CastfemError.exit_status
+    if isinstance(error, CastfemError):
+        said, status = str(error), error.exit_status
+    elif isinstance(error, KeyboardInterrupt):
+        said, status = "interrupted", _INTERRUPTED
+    else:
+        traceback.print_exception(error)
+        said = f"unexpected {type(error).__name__}: {error}"
+    print(f"castfem: on rank {rank}: {said}", file=sys.stderr, flush=True)
+    return status

@@ -1,0 +1,166 @@
+"""The section's mesh over the ranks, and the way of nodal values to and from rank 0."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+from dolfinx import mesh as dmesh
+
+from castfem.errors import InputError
+from castfem.fem import dolfinx_compat
+
+if TYPE_CHECKING:
+    from castfem.meshes import SectionMesh
+
+Array = npt.NDArray[np.float64]
+
+
+class Section:
+    """A `SectionMesh`, held by rank 0, as a DOLFINx mesh with tagged boundary groups.
+
+    Nodal values are numbered two ways: by the degrees of freedom of a rank (`vertex_space`), and by
+    the nodes of the `SectionMesh` (files, checkpoints), which do not depend on the number of ranks.
+
+    Args:
+        comm: Communicator; the constructor is collective.
+        source: The mesh on rank 0; ignored (may be None) elsewhere.
+
+    Attributes:
+        mesh: DOLFINx mesh. facet_tags: tags of the boundary groups, by position in `groups`.
+        vertex_space: First-order Lagrange space, one value per vertex.
+        groups: Names of the boundary groups. probes: Lines inward from the surface.
+        multiplicity: How many times the modelled part makes up the whole section.
+        owned: Number of this rank's own vertices. cells: Of its own cells.
+        compiled: Names of the forms compiled on it.
+    """
+
+    def __init__(self, comm: MPI.Comm, source: SectionMesh | None) -> None:
+        self.comm, self.source = comm, source
+        root = comm.rank == 0
+        if root:
+            assert source is not None
+        head = (
+            (source.cell, source.order, source.groups, source.probes, source.multiplicity,
+             source.facets, source.facet_group, len(source.points))
+            if root and source is not None
+            else None
+        )  # fmt: skip
+        cell, order, groups, probes, multiplicity, facets, facet_group, n_nodes = comm.bcast(head)
+        self.cell, self.order, self.groups = cell, order, tuple(groups)
+        self.probes, self.multiplicity, self.n_nodes = probes, multiplicity, n_nodes
+        per_cell = {("triangle", 1): 3, ("triangle", 2): 6}.get((cell, order), (order + 1) ** 2)
+        if root and source is not None:
+            points, cells = np.ascontiguousarray(source.points), source.cells.astype(np.int64)
+        else:
+            points, cells = np.zeros((0, 2)), np.zeros((0, per_cell), np.int64)
+        self.mesh = dolfinx_compat.create_mesh(comm, cells, points, cell, order)
+        self.vertex_space = fem.functionspace(self.mesh, ("Lagrange", 1))
+        self.cells = int(self.mesh.topology.index_map(2).size_local)
+        self._number_nodes()
+        self.facet_tags = self._tag(facets, facet_group)
+        self.compiled: list[str] = []
+
+    def compile(self, name: str, form: ufl.Form) -> fem.Form:
+        """Compile `form`, noting `name`: what a scene compiled is part of its record."""
+        self.compiled.append(name)
+        return dolfinx_compat.compile_form(form)
+
+    def _number_nodes(self) -> None:
+        """Find the input node of each vertex and of each degree of freedom of `vertex_space`."""
+        corners = 3 if self.cell == "triangle" else 4
+        nodes = dolfinx_compat.geometry_dofmap(self.mesh)[:, :corners]
+        original = np.asarray(self.mesh.geometry.input_global_indices)
+        dofs = np.asarray(self.vertex_space.dofmap.list)[:, :corners]
+        index_map = self.vertex_space.dofmap.index_map
+        self.owned = index_map.size_local
+        self._node_of_dof = np.full(self.owned + index_map.num_ghosts, -1, np.int64)
+        self._node_of_dof[dofs] = original[nodes]
+        self.mesh.topology.create_connectivity(2, 0)
+        cell_vertices = self.mesh.topology.connectivity(2, 0)
+        assert cell_vertices is not None
+        vertices = cell_vertices.array.reshape(-1, corners)
+        self._node_of_vertex = np.full(int(vertices.max(initial=-1)) + 1, -1, np.int64)
+        self._node_of_vertex[vertices] = original[nodes]
+        self.node_of_owned = self._node_of_dof[: self.owned]
+        self._all_nodes = self.comm.gather(self.node_of_owned)
+
+    def _tag(self, facets: npt.NDArray[np.int64], group: npt.NDArray[np.int32]) -> dmesh.MeshTags:
+        """Tag the local boundary facets by the pair of input vertices they join."""
+        topology = self.mesh.topology
+        topology.create_connectivity(1, 2)
+        topology.create_connectivity(1, 0)
+        local = dmesh.exterior_facet_indices(topology)
+        joined = topology.connectivity(1, 0)
+        assert joined is not None
+        pairs = np.array([joined.links(f) for f in local], dtype=np.int64).reshape(-1, 2)
+        key = self.n_nodes  # two sorted vertices as one number
+        low, high = np.sort(facets, axis=1).T
+        known = low * key + high
+        by_number = np.argsort(known)
+        low, high = np.sort(self._node_of_vertex[pairs], axis=1).T
+        place = np.searchsorted(known[by_number], low * key + high)
+        values = np.asarray(group)[by_number][place].astype(np.int32)
+        order = np.argsort(local)
+        return dmesh.meshtags(self.mesh, 1, local[order], values[order])
+
+    def matching(self, names: list[str] | tuple[str, ...]) -> list[int]:
+        """Tags of the groups that `names` stand for: a name covers all that begin with it."""
+        return [i for i, g in enumerate(self.groups) if any(g.startswith(n) for n in names)]
+
+    def required(self, names: list[str] | tuple[str, ...]) -> list[int]:
+        """The same, for names each of which has to stand for some.
+
+        Raises:
+            InputError: Naming each that does not.
+        """
+        problems = [
+            f'"{name}": no such boundary group; there are {", ".join(self.groups)}'
+            for name in names
+            if not self.matching([name])
+        ]
+        if problems or not names:
+            raise InputError(problems or "no boundary group is named")
+        return self.matching(names)
+
+    @property
+    def outer_groups(self) -> tuple[str, ...]:
+        """Groups on the strand's surface: all but the lines of symmetry."""
+        return tuple(g for g in self.groups if not g.startswith("symmetry"))
+
+    def gather(self, owned: Array) -> Array | None:
+        """Vertex values (owned,) of all ranks as (n_nodes,) on rank 0, None elsewhere.
+
+        Nodes that are no vertices (second-order geometry) get the mean of the vertices around them.
+        """
+        pieces = self.comm.gather(np.ascontiguousarray(owned))
+        if pieces is None or self.source is None or self._all_nodes is None:
+            return None
+        values = np.zeros(self.n_nodes)
+        for nodes, piece in zip(self._all_nodes, pieces, strict=True):
+            values[nodes] = piece
+        if self.order == 2:
+            _fill_middle_nodes(self.cell, self.source.cells, values)
+        return values
+
+    def scatter(self, values: Array | None) -> Array:
+        """Inverse of `gather`: owned vertex values (owned,) from rank 0's (n_nodes,)."""
+        everything = self.comm.bcast(values)
+        return np.asarray(everything[self.node_of_owned], dtype=np.float64)
+
+
+# Which vertices a second-order node lies between, in DOLFINx order.
+_MIDDLE: dict[str, dict[int, tuple[int, ...]]] = {
+    "triangle": {3: (1, 2), 4: (0, 2), 5: (0, 1)},
+    "quadrilateral": {4: (0, 1), 5: (0, 2), 6: (1, 3), 7: (2, 3), 8: (0, 1, 2, 3)},
+}
+
+
+def _fill_middle_nodes(cell: str, cells: npt.NDArray[np.int64], values: Array) -> None:
+    for node, around in _MIDDLE[cell].items():
+        values[cells[:, node]] = values[cells[:, list(around)]].mean(axis=1)

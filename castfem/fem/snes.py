@@ -1,0 +1,264 @@
+"""A small nonlinear problem on PETSc SNES: options that arrive, convergence judged per field.
+
+The problem owns its vectors; SNES works on vectors of its own (the line search needs that).
+"""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from castfem.errors import InputError
+from castfem.support.log import logger
+from castfem.support.stopwatch import Stopwatch
+
+Options = Mapping[str, Any]
+
+FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_")
+
+
+class NonlinearProblem(Protocol):
+    """What `SnesSolver` needs to know of a problem."""
+
+    def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        """Put F(x) into `out`."""
+        ...
+
+    def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        """Put dF/dx at `x` into `out`; called right after `residual` at the same x."""
+        ...
+
+    def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
+        """Size of the residual of each field over that field's tolerance; all <= 1 is done."""
+        ...
+
+
+@dataclass(slots=True)
+class Outcome:
+    """How one solve ended.
+
+    Attributes:
+        converged: Whether every field met its tolerance.
+        iterations: Newton iterations.
+        reason: SNES' or castfem's word for why it stopped.
+        norms: Residual of each field over its tolerance, for each iteration.
+    """
+
+    converged: bool
+    iterations: int
+    reason: str
+    norms: list[dict[str, float]] = field(default_factory=list)
+
+    def describe(self) -> str:
+        """One line for the log."""
+        last = ", ".join(f"{k} {v:.3g} x tolerance" for k, v in (self.norms or [{}])[-1].items())
+        return f"{self.reason} after {self.iterations} iterations ({last})"
+
+
+def _reason_names() -> dict[int, str]:
+    reasons = PETSc.SNES.ConvergedReason
+    return {getattr(reasons, k): k for k in dir(reasons) if k.isupper()}
+
+
+class SolverOptions:
+    """PETSc options of one solver, in PETSc's database only while that solver works.
+
+    Some are read when the solver is made, others when it first factors.  Left in the database they
+    would bind every later solver of the same prefix.
+
+    Args:
+        prefix: Of the options in the database.
+        options: Without prefix, without a leading dash.
+        asked: Names of those to be told of if PETSc never reads them; all if None.
+
+    Raises:
+        InputError: If an option is of no family PETSc knows.
+    """
+
+    def __init__(self, prefix: str, options: Options, asked: Collection[str] | None = None) -> None:
+        strangers = [k for k in options if not k.startswith(FAMILIES)]
+        if strangers:
+            raise InputError(
+                [
+                    f"solver option '{k}': PETSc has no such family of options; write it without a "
+                    f"dash, beginning with one of {', '.join(FAMILIES)}"
+                    for k in strangers
+                ]
+            )
+        self._prefix, self._options = prefix, options
+        self._unread = [k for k in options if asked is None or k in asked]
+
+    @contextmanager
+    def given(self) -> Iterator[None]:
+        """Have them in PETSc's database for a while."""
+        database = PETSc.Options()
+        # What came from the command line (PETSC_OPTIONS) is the user's last word.
+        mine = [k for k in self._options if not database.hasName(self._prefix + k)]
+        for key in mine:
+            database.setValue(self._prefix + key, self._options[key])
+        try:
+            yield
+        finally:
+            self._unread = [k for k in self._unread if k in mine and not _read(self._prefix + k)]
+            for key in mine:
+                database.delValue(self._prefix + key)
+
+    def apply(self, *objects: PETSc.Object) -> None:
+        """Hand them to PETSc objects (SNES, KSP, PC).
+
+        Raises:
+            InputError: If PETSc refuses a value.
+        """
+        with self.given():
+            try:
+                for thing in objects:
+                    thing.setFromOptions()
+            except PETSc.Error as error:
+                raise InputError(_refused(self._prefix, self._options, str(error))) from error
+
+    def tell_unread(self) -> None:
+        """Warn of those that PETSc has not asked for, once; call it after the first solve."""
+        for key in self._unread:
+            logger.warning(
+                '%s solver: PETSc has not read %s = "%s": a wrong name, or of no use with the rest',
+                self._prefix.rstrip("_"), key, self._options[key],
+            )  # fmt: skip
+        self._unread = []
+
+
+def _read(name: str) -> bool:
+    """Whether PETSc has read an option in its database; petsc4py does not hand that on."""
+    found = ctypes.c_int(0)
+    library = ctypes.CDLL(PETSc.__file__)
+    library.PetscOptionsUsed(None, name.encode(), ctypes.byref(found))
+    return bool(found.value)
+
+
+def _refused(prefix: str, options: Options, told: str) -> str:
+    """What PETSc says of a value, after the options that hold it (all, if it does not tell)."""
+    reason = re.sub(r"^\[\d+\] ", "", told.splitlines()[-1])
+    meant = {
+        k: v for k, v in options.items() if re.search(rf"(?<!\w){re.escape(str(v))}\b", reason)
+    }
+    named = ", ".join(f'{k} = "{v}"' for k, v in (meant or options).items())
+    what = prefix.rstrip("_")
+    return f"{what} solver, {named}: PETSc refuses: {reason}; its manual has names and values"
+
+
+class SnesSolver:
+    """SNES around a `NonlinearProblem`.
+
+    Args:
+        problem: Residual, Jacobian and norms.
+        vector: A vector of the unknowns' layout. matrix: The Jacobian's storage.
+        prefix: Unique option prefix that ends in an underscore.
+        options: PETSc options without prefix, without a leading dash.
+        watch: Charged with "petsc" for what SNES does itself; the problem charges its own part.
+        shorten: Called with the unknowns and Newton's correction before each step (SNES takes the
+            correction off the unknowns); may scale the correction, and tells whether it did.
+        asked: Names of the options the user has written, of which those that PETSc never reads are
+            told; all if None.
+
+    Raises:
+        InputError: If an option is of no family PETSc knows, or PETSc refuses its value.
+    """
+
+    def __init__(
+        self,
+        problem: NonlinearProblem,
+        vector: PETSc.Vec,
+        matrix: PETSc.Mat,
+        prefix: str,
+        options: Options,
+        watch: Stopwatch | None = None,
+        shorten: Callable[[PETSc.Vec, PETSc.Vec], bool] | None = None,
+        asked: Collection[str] | None = None,
+    ) -> None:
+        self.problem = problem
+        self.watch = watch if watch is not None else Stopwatch()
+        self.x, self._f, self._matrix = vector.duplicate(), vector.duplicate(), matrix
+        self.snes = PETSc.SNES().create(vector.comm)
+        self.snes.setOptionsPrefix(prefix)
+        self.snes.setFunction(self._residual, self._f)
+        self.snes.setJacobian(self._jacobian, matrix)
+        self.snes.setConvergenceTest(self._converged)
+        self._shorten = shorten
+        if shorten is not None:
+            self.snes.setLineSearchPreCheck(self._precheck)
+        ksp = self.snes.getKSP()
+        self._options = SolverOptions(prefix, options, asked)
+        self._options.apply(self.snes, ksp, ksp.getPC())
+        self._names = _reason_names()
+        self._history: list[dict[str, float]] = []
+        self._raised: BaseException | None = None
+
+    @contextmanager
+    def _called_back(self) -> Iterator[None]:
+        """Charge a call from SNES to "python"; keep what it raises, which PETSc may replace."""
+        self.watch.start("python")
+        try:
+            yield
+        except BaseException as error:
+            self._raised = error
+            raise
+        finally:
+            self.watch.stop()
+
+    def _residual(self, snes: PETSc.SNES, x: PETSc.Vec, f: PETSc.Vec) -> None:
+        with self._called_back():
+            self.problem.residual(x, f)
+
+    def _jacobian(self, snes: PETSc.SNES, x: PETSc.Vec, a: PETSc.Mat, p: PETSc.Mat) -> None:
+        with self._called_back():
+            self.problem.jacobian(x, p)
+
+    def _precheck(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
+        assert self._shorten is not None
+        with self._called_back():
+            return self._shorten(x, correction)
+
+    def _converged(
+        self, snes: PETSc.SNES, its: int, norms: tuple[float, float, float]
+    ) -> int | None:
+        reasons = PETSc.SNES.ConvergedReason
+        with self._called_back():
+            sizes = self.problem.norms(snes.getSolution(), snes.getFunction()[0])
+        self._history.append(sizes)
+        worst = float(np.max(list(sizes.values())))  # of which a NaN comes out, unlike of max()
+        if not np.isfinite(worst):
+            return int(reasons.DIVERGED_FNORM_NAN)
+        if worst <= 1.0:
+            return int(reasons.CONVERGED_FNORM_ABS)
+        if its >= snes.getTolerances()[3]:
+            return int(reasons.DIVERGED_MAX_IT)
+        return int(reasons.ITERATING)
+
+    def solve(self) -> Outcome:
+        """Solve from the values in `x`, in place; never raises for a lack of convergence."""
+        self._history = []
+        self._raised = None
+        with self.watch.section("petsc"), self._options.given():
+            try:
+                self.snes.solve(None, self.x)
+            except PETSc.Error:
+                if self._raised is None:
+                    raise
+                raise self._raised from None  # Ctrl-C in the midst of a solve, say
+        reason = self.snes.getConvergedReason()
+        name = self._names.get(reason, str(reason))
+        if self.snes.getIterationNumber() > 0:
+            self._options.tell_unread()
+        return Outcome(reason > 0, self.snes.getIterationNumber(), name, self._history)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; safe to call twice."""
+        for thing in (self.snes, self.x, self._f, self._matrix):
+            thing.destroy()

@@ -1,0 +1,115 @@
+"""The mechanical state as arrays that do not depend on the number of ranks, and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from dolfinx import fem
+
+from castfem.contact.checkpoint import ContactArchive
+from castfem.contact.state import ContactState
+from castfem.fem import dof_values, reductions
+from castfem.mechanics.problem import MechanicalProblem
+from castfem.mechanics.quadrature import Cellwise
+from castfem.mechanics.state import MechanicalState
+
+Array = npt.NDArray[np.float64]
+
+
+class Archive:
+    """Takes a `MechanicalState` apart for a checkpoint, and puts it together again.
+
+    What belongs to points and to the nodes of the displacement is kept cell by cell, so that each
+    node is there as often as it has cells; temperatures are kept by node of the section.
+
+    Args:
+        problem: Whose states these are.
+    """
+
+    def __init__(self, problem: MechanicalProblem) -> None:
+        self.problem = problem
+        self._cellwise = Cellwise(problem.section)
+        cells = len(self._cellwise.cells)
+        self._nodes = np.asarray(problem.space.dofmap.list)[:cells]
+        touching = problem.contact
+        self._contact = None if touching is None else ContactArchive(touching)
+
+    def arrays(self, state: MechanicalState) -> dict[str, Array | None]:
+        """The arrays of `state`, whole on rank 0, None elsewhere (collective)."""
+        split, cells = self.problem.points.split, len(self._cellwise.cells)
+        rate = self._with_ghosts(state.rate)
+        parts: dict[str, Array] = {
+            "displacement": state.displacement.reshape(-1, 2)[self._nodes],
+            "displacement_rate": rate.reshape(-1, 2)[self._nodes],
+        }
+        for name, values in (("stress", state.stress), ("internal", state.internal)):
+            for rule, rows in (("deviator", values[:split]), ("mean", values[split:])):
+                shape = (cells, self._points_in_cell(rule), values.shape[1])
+                parts[f"{name}_{rule}"] = rows.reshape(shape)
+        if reductions.total(self.problem.section.comm, state.pressure.size) > 0:
+            parts["pressure"] = state.pressure.reshape(cells, self._points_in_cell("mean"))
+        found = {name: self._cellwise.gather(values) for name, values in parts.items()}
+        found["mechanical_temperature"] = self.problem.section.gather(state.temperature)
+        if self._contact is not None and state.contact is not None:
+            found |= self._contact.arrays(state.contact)
+        return found
+
+    def _points_in_cell(self, rule: str) -> int:
+        return len(getattr(self.problem.points, rule).points)
+
+    def _with_ghosts(self, owned: Array) -> Array:
+        """Values of the owned displacement unknowns, with those of other ranks' nodes."""
+        return dof_values.with_ghosts(self.problem.space, owned)
+
+    @staticmethod
+    def description(state: MechanicalState) -> dict[str, Any]:
+        """What of `state` is no array over the section."""
+        return {
+            "time": state.time,
+            "modes": state.modes.tolist(),
+            "scalars": state.scalars.tolist(),
+            "scalar_rate": state.scalar_rate.tolist(),
+            "unsteadiness": state.unsteadiness,
+        }
+
+    def state(self, description: dict[str, Any], arrays: dict[str, Array]) -> MechanicalState:
+        """The state of `description` and `arrays`, both on every rank."""
+        cells = self._cellwise.cells
+        displacement, rate = (
+            self._by_node(arrays[name][cells]) for name in ("displacement", "displacement_rate")
+        )
+        nodes = self.problem.section.node_of_owned
+        return MechanicalState(
+            time=description["time"],
+            displacement=displacement,
+            modes=np.array(description["modes"], float),
+            scalars=np.array(description["scalars"], float),
+            rate=rate[: self.problem.owned],
+            scalar_rate=np.array(description["scalar_rate"], float),
+            unsteadiness=description["unsteadiness"],
+            temperature=np.asarray(arrays["mechanical_temperature"])[nodes],
+            stress=self._by_point("stress", arrays),
+            internal=self._by_point("internal", arrays),
+            pressure=arrays["pressure"][cells].ravel() if "pressure" in arrays else np.zeros(0),
+            contact=self._touching(arrays),
+        )
+
+    def _touching(self, arrays: dict[str, Array]) -> ContactState | None:
+        if self._contact is None or self.problem.contact is None:
+            return None
+        return self._contact.state(arrays, self.problem.contact.initial())
+
+    def _by_node(self, of_cells: Array) -> Array:
+        """Values of this rank's nodes, ghosts included, from those of its cells' nodes."""
+        field = fem.Function(self.problem.space)
+        field.x.array.reshape(-1, 2)[self._nodes] = of_cells
+        # A node this rank owns has a cell here; what ghost cells alone hold comes from its owner.
+        field.x.scatter_forward()
+        return np.array(field.x.array)
+
+    def _by_point(self, name: str, arrays: dict[str, Array]) -> Array:
+        cells = self._cellwise.cells
+        rows = [arrays[f"{name}_{rule}"][cells] for rule in ("deviator", "mean")]
+        return np.concatenate([part.reshape(-1, part.shape[2]) for part in rows])

@@ -1,0 +1,65 @@
+"""When equilibrium is good enough: each kind of unknown has a criterion of its own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.fem import reductions
+from castfem.mechanics.residual_state import Trial
+from castfem.mechanics.scaling import Scales, over
+from castfem.mechanics.supports import Constraints
+
+Array = npt.NDArray[np.float64]
+
+ARRIVED = 1e-12  # of their displacement: how far supports that move may be from their goal
+
+
+@dataclass(frozen=True, slots=True)
+class Criteria:
+    """What may be out of balance in a section.
+
+    Attributes:
+        comm: Its ranks. scales: Sizes. constraints: Supports.
+        tolerance: Out-of-balance stress left, relative to the stress there is.
+    """
+
+    comm: MPI.Comm
+    scales: Scales
+    constraints: Constraints
+    tolerance: float
+
+    def sizes(self, trial: Trial, residual: Array, load: Array) -> dict[str, float]:
+        """What is out of balance, over what may be, for each kind of unknown (collective).
+
+        "forces": the worst node, as the stress around it that would make such a force, against the
+        stress in the section.  "axial": the worst free motion of the planes against the sum of the
+        absolute forces.  "supports": distance from where supports are to be.
+
+        Args:
+            trial: The unknowns and what is known there.
+            residual: Local, N/m; at supports the distance from where they are to be, m.
+            load: Of the free motions of the planes (free,), N/m.
+        """
+        scale, fixed, reach = trial.scale, self.constraints.fixed, self.scales.reach
+        nodal = np.abs(residual[: len(reach)]) / reach
+        missing = nodal[fixed] * reach[fixed]
+        nodal[self.constraints.prescribed] = 0.0
+        largest = np.abs(trial.local[fixed]).max(initial=0.0)
+        worst = reductions.largest_of(
+            self.comm, [nodal.max(initial=0.0), missing.max(initial=0.0), largest]
+        )
+        allowed = self.tolerance * scale.typical + scale.rounding
+        found = {"forces": over(float(worst[0]), allowed)}
+        if self.constraints.moving:
+            found["supports"] = over(float(worst[1]), ARRIVED * float(worst[2]))
+        if len(load):
+            most = float(np.abs(load).max()) * self.scales.length
+            total = self.tolerance * (scale.total + most) + scale.rounding * self.scales.area
+            left = float(np.abs(trial.balance).max()) * self.scales.length
+            found["axial"] = over(left, total)
+        return found

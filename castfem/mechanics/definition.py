@@ -1,0 +1,51 @@
+"""What a slice is made of, how it is held and what acts on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.constitutive.base import Law
+from castfem.contact.settings import Contact
+from castfem.mechanics.ferrostatic import Ferrostatic
+from castfem.mechanics.planes import PlainPlanes, Planes
+from castfem.mechanics.quadrature import Integration
+from castfem.mechanics.supports import Held, SurfacePressure, Traction
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Slice:
+    """What a slice is made of and how it is held.
+
+    Attributes:
+        law: Constitutive law.
+        thermal_strain: Linear thermal strain over temperature, K; 0 in mush and liquid.
+        planes: Motion of the bounding planes.
+        held: Prescribed displacements beside the lines of symmetry.
+        loads: Surface loads.
+        ferrostatic: Pressure of the liquid; None for none.
+        large_strain: Objective update on the deformed slice.
+        pin: Hold by points, or springs, the rigid motions that symmetry and held leave.
+        integration: Quadrature rules; the usual ones if None.
+        contact: With a rigid wall; None for none.
+        liquid: "fed" from above, so that it carries its pressure alone; or "elastic", a body of its
+            own stiffness.
+    """
+
+    law: Law
+    thermal_strain: Callable[[Array], Array]
+    planes: Planes = field(default_factory=PlainPlanes)
+    held: tuple[Held, ...] = ()
+    loads: tuple[Traction | SurfacePressure, ...] = ()
+    ferrostatic: Ferrostatic | None = None
+    large_strain: bool = False
+    pin: bool = True
+    integration: Integration | None = None
+    contact: Contact | None = None
+    liquid: Literal["fed", "elastic"] = "elastic"

@@ -1,0 +1,94 @@
+"""The constitutive law at the points of both quadrature rules."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.constitutive import kernel
+from castfem.constitutive.base import Flags, Law, MaterialStep, Response
+from castfem.constitutive.flow_laws import ThermoElastic
+from castfem.mechanics.quadrature import Points
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class FedPoints:
+    """Points of liquid that is fed: what stands in for a stiffness there.
+
+    Attributes:
+        carries: Points in cells that carry stress (points,); the others have none at all.
+        liquid: Points without coherent solid (points,).
+        young: Modulus at these in cells that carry stress, Poisson's ratio being 0, Pa.
+    """
+
+    carries: Flags
+    liquid: Flags
+    young: float
+
+    def soften(self, rows: slice, table: Array) -> None:
+        """Put the moduli into the table of coefficients of some of the points."""
+        young = np.where(self.carries[rows], self.young, 0.0)[self.liquid[rows]]
+        at = np.flatnonzero(self.liquid[rows])
+        table[at, kernel.SHEAR], table[at, kernel.BULK] = young / 2.0, young / 3.0
+        table[at, kernel.YOUNG] = self.young
+        table[at, kernel.CARRY_DEVIATOR] = table[at, kernel.CARRY_MEAN] = 0.0
+        table[at, kernel.FRESH] = 1.0
+        # What freezes at the very end of a step is no softer than the liquid it was.
+        least = self.young / table[:, kernel.YOUNG]
+        np.maximum(table[:, kernel.SHARE], np.minimum(least, 1.0), out=table[:, kernel.SHARE])
+
+
+class Material:
+    """The law at the deviator's points; where the mean stress alone counts, its elasticity.
+
+    Flow leaves the volume unchanged, so a law's mean stress is that of its elastic part, and almost
+    a third of the points need no more.
+
+    Args:
+        law: Constitutive law.
+        points: Quadrature points.
+
+    Attributes:
+        response: At all points; written to by each `integrate`.
+    """
+
+    def __init__(self, law: Law, points: Points) -> None:
+        self.response = Response.empty(points.count, len(law.state_names))
+        self.response.state[:] = law.initial_state(points.count)
+        rows = (slice(0, points.split), slice(points.split, None))
+        laws = (law, ThermoElastic(law.elasticity))
+        self._parts = [(m, r, self.response.part(r)) for m, r in zip(laws, rows, strict=True)]
+
+    def begin(
+        self,
+        before: Array,
+        after: Array,
+        thermal: Array,
+        dt: float,
+        fed: FedPoints | None = None,
+    ) -> None:
+        """Prepare a step.
+
+        Args:
+            before: Temperatures of the moduli at its start (points,), K.
+            after: At its end.
+            thermal: Thermal strain increments (points,).
+            dt: Its length, s.
+            fed: Points of liquid that is fed; None where the law knows all.
+        """
+        self._temperatures, self._thermal, self._dt = (before, after), thermal, dt
+        self._coefficients = [m.coefficients(before[r], after[r]) for m, r, _ in self._parts]
+        if fed is not None:
+            for (_, r, _), table in zip(self._parts, self._coefficients, strict=True):
+                fed.soften(r, table)
+
+    def integrate(self, strain: Array, stress_old: Array, internal: Array) -> None:
+        """Fill `response` for strain increments (points, 4) from the old stress and state."""
+        before, after = self._temperatures
+        for (law, r, out), table in zip(self._parts, self._coefficients, strict=True):
+            step = MaterialStep(strain[r], self._thermal[r], before[r], after[r], self._dt)
+            law.integrate(step, stress_old[r], internal[r], coefficients=table, out=out)

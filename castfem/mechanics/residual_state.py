@@ -1,0 +1,30 @@
+"""What is known at one set of unknowns of the mechanical problem."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.mechanics.scaling import StressScale
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class Trial:
+    """What is known at one set of unknowns.
+
+    Attributes:
+        local: The unknowns of this rank. modes: Generalized strains (4,).
+        forces: Nodal forces (owned,), N/m; at supports what they carry.
+        balance: Work of the stress less that of the load along each free motion of the planes, N/m.
+        scale: How large the stress is.
+    """
+
+    local: Array
+    modes: Array
+    forces: Array
+    balance: Array
+    scale: StressScale

@@ -1,0 +1,61 @@
+"""Gap between wall and strand, as the heat that crosses it asks for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.contact.wall_contact import WallContact
+from castfem.fem import dof_values, reductions
+from castfem.mechanics.quadrature import Points
+from castfem.mechanics.state import MechanicalState
+
+Array = npt.NDArray[np.float64]
+
+
+class SurfaceGap:
+    """Gap between wall and strand at the vertices of the surface: what heat transfer asks for.
+
+    Args:
+        contact: Of the mechanical problem.
+        points: Its quadrature points.
+
+    Attributes:
+        dofs: Owned vertices on the groups in contact (n,).
+    """
+
+    def __init__(self, contact: WallContact, points: Points) -> None:
+        self._contact, self._points = contact, points
+        section = contact.section
+        self._space = section.vertex_space
+        length = self._gathered(contact.facets.weight)
+        # What a vertex off the surface gets of the facets around it is rounding.
+        self.dofs = np.flatnonzero(length > 1e-9 * reductions.largest(section.comm, length))
+        self._places = section.vertex_space.tabulate_dof_coordinates()[self.dofs, :2]
+
+    def _gathered(self, density: Array) -> Array:
+        """Sum of values at facet points by the vertices' hat functions (owned,)."""
+        return dof_values.summed(self._space, self._contact.at_vertices.T @ density)
+
+    def mean(self, values: Array) -> Array:
+        """Mean of values at the facets' points (points,) around each of the vertices `dofs`."""
+        weights = self._contact.facets.weight
+        return self._gathered(weights * values)[self.dofs] / self._gathered(weights)[self.dofs]
+
+    def at(self, state: MechanicalState) -> Array:
+        """Distance to the wall along its normal at the vertices `dofs` (n,), m (collective).
+
+        Negative where the strand has penetrated, infinite where there is no wall.
+
+        Args:
+            state: Has the displacement and the time.
+        """
+        contact = self._contact
+        position = contact.contact.position(state.time)
+        normal = contact.facing(state.displacement, state.modes)[0]
+        weights = contact.facets.weight
+        mean = np.column_stack([self._gathered(weights * c) for c in normal.T])[self.dofs]
+        mean /= np.maximum(np.hypot(*mean.T), 1e-300)[:, None]
+        place = self._places + self._points.moved(state.displacement, state.modes)[self.dofs]
+        reach = contact.contact.wall.reach(place, mean, position)
+        return np.asarray(reach.gap) * np.einsum("ni,ni->n", reach.normal, mean)

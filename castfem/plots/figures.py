@@ -1,0 +1,102 @@
+"""The figures of a run, drawn from the files in its folder at any time and without a display."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from castfem.output.fields import Fields
+from castfem.output.folder import FIGURES_NAME
+from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.summary import Summary
+from castfem.output.xdmf import HDF5_NAME
+from castfem.plots.deformation import SHAPE_FIGURES, STRESS_MAP
+from castfem.plots.history import HISTORY_FIGURES
+from castfem.plots.mechanics import MECHANICS_FIGURES
+from castfem.plots.section import SECTION_FIGURES, Steel
+from castfem.plots.strand import draw_stack
+from castfem.plots.style import Course, look, save
+from castfem.support.atomic_files import saving
+
+_OVER_SECTION = SECTION_FIGURES | SHAPE_FIGURES | {"stack": draw_stack}
+_SHADED = {"temperature": ("inferno",), "stack": ("inferno", STRESS_MAP)}  # by colour maps
+
+
+def draw_figures(folder: Path | str) -> list[Path]:
+    """Draws all figures for which the folder has the data, into its `figures`.
+
+    Columns, fields and probes that a run does not have are left out; so is a figure of which
+    nothing is left.
+
+    Args:
+        folder: Of a run, which may still be at work.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: A file is damaged.
+        RunFailure: They cannot be written.
+    """
+    path = Path(folder)
+    summary = Summary.load(path)
+    drawn: list[Path] = []
+    with look():
+        if (path / HDF5_NAME).is_file():
+            drawn += _draw_section(path, summary)
+        if (path / HISTORY_NAME).is_file():
+            drawn += _draw_history(path, summary)
+    return drawn
+
+
+def _target(path: Path, name: str) -> Path:
+    """The file of a figure, its folder made."""
+    target = path / FIGURES_NAME / f"{name}.png"
+    with saving(target):
+        target.parent.mkdir(exist_ok=True)
+    return target
+
+
+def _draw_section(path: Path, summary: Summary | None) -> list[Path]:
+    """The figures over the section, at the last time written."""
+    drawn = []
+    with Fields(path) as fields:
+        if "temperature" not in fields.names:
+            return []
+        steel = _steel(fields, summary)
+        for name, draw in _OVER_SECTION.items():
+            figure = draw(fields, steel)
+            if figure is not None:
+                drawn.append(save(figure, _target(path, name), maps=_SHADED.get(name, ())))
+    return drawn
+
+
+def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
+    """The figures along the strand."""
+    table = read_history(path / HISTORY_NAME)
+    if len(table) < 2:
+        return []
+    time = table["time"].to_numpy()
+    position = table["position"].to_numpy() if "position" in table else np.full(len(time), np.nan)
+    course = Course(time, position, summary.zones if summary else ())
+    steel = Steel.of(_known(summary))
+    if steel is None and (path / HDF5_NAME).is_file():
+        with Fields(path) as fields:
+            steel = _steel(fields, summary)
+    drawn = []
+    for name, draw in (HISTORY_FIGURES | MECHANICS_FIGURES).items():
+        figure = draw(table, course, steel)
+        if figure is not None:
+            drawn.append(save(figure, _target(path, name)))
+    return drawn
+
+
+def _known(summary: Summary | None) -> dict[str, float]:
+    """The quantities of a summary by name, in SI."""
+    return {name: q.value for name, q in summary.quantities.items()} if summary else {}
+
+
+def _steel(fields: Fields, summary: Summary | None) -> Steel | None:
+    """Solidus and liquidus, from the summary or, before there is one, from the fields."""
+    return Steel.of(_known(summary)) or Steel.of(fields.attributes)

@@ -1,0 +1,204 @@
+"""Figures of the mechanics along the strand: stress, size, axial strain, contact with the mould."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.plots.history import curves, has_values, unit_of
+from castfem.plots.section import Steel
+from castfem.plots.style import Course, dress, new_panels, place_legend
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_ALL: dict[str, Any] = {
+    "color": "#444444",
+    "linestyle": ":",
+    "linewidth": 1.5,
+}  # over the whole section
+_SINGLE = "#0072b2"
+_MEAN_PRESSURE = "mean_contact_pressure_max"
+CLOSED = 0.01  # mm, the least the axis of the gap reaches: what is less is no gap to look at
+_HELD = 1e-6  # mm; a surface that moves by less is held, as that of a strip
+_NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver
+
+
+def draw_stress(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+    """Von Mises stress at the probes, and the largest of the section."""
+    lines = curves(table, "von_mises")
+    if not lines and not has_values(table, "von_mises_max"):
+        return None
+    figure, (axes,) = new_panels(1, 3.4)
+    _draw_probes(axes, table, course, "von_mises", "surface, ")
+    if has_values(table, "von_mises_max"):
+        axes.plot(course.abscissa, table["von_mises_max"], **_ALL, label="largest in the section")
+    name = lines[0][2] if lines else "von_mises_max"
+    axes.set_ylabel(f"von Mises stress [{unit_of(table, name)}]")
+    axes.set_ylim(bottom=0.0)
+    dress([axes], course)
+    place_legend(axes)
+    return figure
+
+
+def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+    """Change of the size of the section since the meniscus; where it has none, the displacement."""
+    sizes = curves(table, "size")
+    measured = {name[len("size_") :] for name in table.columns if str(name).startswith("size_")}
+    others = [
+        c for c in curves(table, "displacement") if c[2][len("displacement_") :] not in measured
+    ]
+    others = [c for c in others if float(np.ptp(table[c[2]].dropna())) > _HELD]
+    panels = [lines for lines in (sizes, others) if lines]
+    if not panels:
+        return None
+    figure, axes = new_panels(len(panels), 3.4 if len(panels) == 1 else 2.6)
+    for panel, lines in zip(axes, panels, strict=True):
+        for label, colour, column in lines:
+            values = table[column].to_numpy()
+            if lines is sizes:
+                start = float(values[np.isfinite(values)][0])
+                label = label.replace("corner", "diagonal")
+                label += f", from {start:.2f} {unit_of(table, column)}"
+                values = values - start
+            panel.plot(course.abscissa, values, color=colour, label=label)
+        _mark_zero(panel)
+        what = "change of size" if lines is sizes else "outward displacement"
+        panel.set_ylabel(f"{what} [{unit_of(table, lines[0][2])}]")
+    dress(axes, course)
+    for panel in axes:
+        place_legend(panel)
+    return figure
+
+
+def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+    """Strain of the slice along the strand, and the force that goes with it."""
+    strained, loaded = has_values(table, "axial_strain"), has_values(table, "axial_force")
+    if loaded:
+        loaded = float(np.nanmax(np.abs(table["axial_force"].to_numpy()))) > _NOTHING
+    if not strained and not loaded:
+        return None
+    count = strained + loaded
+    figure, axes = new_panels(count, 3.4 if count == 1 else 2.4)
+    if strained:
+        label = "free slice, no axial force" if has_values(table, "axial_force") else ""
+        axes[0].plot(course.abscissa, 100.0 * table["axial_strain"], color=_SINGLE, label=label)
+        axes[0].set_ylabel("axial strain [%]")
+    if loaded:
+        axes[-1].plot(course.abscissa, table["axial_force"], color=_SINGLE)
+        axes[-1].set_ylabel(f"axial force,\nmodelled part [{unit_of(table, 'axial_force')}]")
+    for panel in axes:
+        _mark_zero(panel)
+    dress(axes, course)
+    if strained and label and not loaded:
+        place_legend(axes[0])
+    return figure
+
+
+def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+    """Gap and pressure between strand and mould, how much of the surface touches, friction."""
+    found: list[Callable[[Axes], None]] = []
+    for prefix, largest, what, smallest in (
+        ("gap", "gap_max", "gap", CLOSED),
+        ("contact_pressure", _highest_pressure(table), "contact pressure", 0.0),
+    ):
+        if curves(table, prefix) or has_values(table, largest):
+            found.append(_over_surface(table, course, prefix, largest, what, smallest))
+    friction = ("friction_force", "friction force,\nmodelled part")
+    if has_values(table, "mould_friction"):
+        friction = ("mould_friction", "friction force,\nwhole strand")
+    for name, what in (("contact_share", "share of the surface\nin contact"), friction):
+        if has_values(table, name) and table[name].any():
+            found.append(_single(table, course, name, what))
+    if not found:
+        return None
+    figure, axes = new_panels(len(found), 2.1)
+    for panel, draw in zip(axes, found, strict=True):
+        draw(panel)
+    dress(axes, course)
+    for panel in axes:
+        if panel.get_legend_handles_labels()[0]:
+            place_legend(panel)
+    return figure
+
+
+def _highest_pressure(table: pandas.DataFrame) -> str:
+    """The column of the highest pressure: its mean, which does not hang on the mesh, if there."""
+    return _MEAN_PRESSURE if has_values(table, _MEAN_PRESSURE) else "contact_pressure_max"
+
+
+def _over_surface(
+    table: pandas.DataFrame,
+    course: Course,
+    prefix: str,
+    largest: str,
+    what: str,
+    smallest: float,
+) -> Callable[[Axes], None]:
+    """Draws a quantity at the probes and its largest value; the axis reaches `smallest`."""
+
+    def draw(panel: Axes) -> None:
+        name = _draw_probes(panel, table, course, prefix) or largest
+        if has_values(table, largest):
+            label = "largest anywhere" + (", over 5 mm" if largest == _MEAN_PRESSURE else "")
+            panel.plot(course.abscissa, table[largest], **_ALL, label=label)
+        panel.set_ylabel(f"{what} [{unit_of(table, name)}]")
+        low, high = panel.get_ylim()
+        high = max(high, smallest)
+        panel.set_ylim(low if _negative(panel, smallest) else -0.03 * high, high)
+
+    return draw
+
+
+def _single(
+    table: pandas.DataFrame, course: Course, name: str, what: str
+) -> Callable[[Axes], None]:
+    """Draws one column."""
+
+    def draw(panel: Axes) -> None:
+        unit = unit_of(table, name)
+        percent = name == "contact_share"
+        factor = 100.0 if percent and unit == "-" else 1.0  # older runs have fractions
+        panel.plot(course.abscissa, table[name] * factor, color=_SINGLE)
+        panel.set_ylabel(f"{what} [{'%' if percent else unit}]")
+        if percent:
+            panel.set_ylim(0.0, 105.0)
+        elif not _negative(panel):
+            panel.set_ylim(bottom=0.0)
+
+    return draw
+
+
+def _draw_probes(
+    panel: Axes, table: pandas.DataFrame, course: Course, prefix: str, where: str = ""
+) -> str:
+    """Draws the columns `prefix_PROBE`; returns the first of them, "" if there is none."""
+    lines = curves(table, prefix)
+    for label, colour, column in lines:
+        panel.plot(course.abscissa, table[column], color=colour, label=f"{where}{label}")
+    return lines[0][2] if lines else ""
+
+
+def _negative(panel: Axes, smallest: float = 0.0) -> bool:
+    """Whether anything drawn lies clearly below zero, beside the size of it all or `smallest`."""
+    drawn = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in panel.lines])
+    finite = drawn[np.isfinite(drawn)]
+    size = float(np.abs(finite).max(initial=smallest))
+    return bool((finite < -0.02 * size).any())
+
+
+def _mark_zero(panel: Axes) -> None:
+    """A line where nothing has changed."""
+    panel.axhline(0.0, color="#8a8a8a", linewidth=0.9, zorder=1)
+
+
+MECHANICS_FIGURES: dict[str, Callable[[pandas.DataFrame, Course, Steel | None], Figure | None]] = {
+    "stress": draw_stress,
+    "size": draw_size,
+    "axial": draw_axial,
+    "contact": draw_contact,
+}

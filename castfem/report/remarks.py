@@ -1,0 +1,335 @@
+"""What to look at in a run: where the shell is thin, hot, stressed, or off the mould.
+
+It is read off the columns of history.csv, with the mould's exit from the summary, and
+off the fields where the surface is worse off than at the probes; what a run has not is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.output.fields import Fields
+from castfem.output.summary import Summary
+from castfem.plots.history import STAIR, curves, has_values, unit_of
+from castfem.plots.section import Steel
+from castfem.plots.style import CELSIUS
+from castfem.report.hot_spots import Spot, hottest, thinnest
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = NDArray[np.float64]
+
+OPEN = 1e-3  # mm; a gap beyond counts as lost contact
+_THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
+_THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
+_COARSE = 0.2  # mm; what the shell is off by less is not told
+_MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
+_BULGED = 0.01  # of the section
+_REHEATED = 5.0  # K; surfaces that heat up by less are not named
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """One line: what, how much, and where.
+
+    Attributes:
+        what: Of which quantity.
+        value: In `unit`.
+        unit: As in history.csv.
+        where: Place and position, for a reader.
+    """
+
+    what: str
+    value: float
+    unit: str
+    where: str
+
+
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """A stretch without contact, between two positions [m].
+
+    Attributes:
+        start: Where contact was lost.
+        end: Where it was found again, or where the history ends.
+        regained: Whether it was found again.
+    """
+
+    start: float
+    end: float
+    regained: bool
+
+    @property
+    def length(self) -> float:
+        """From start to end [m]."""
+        return self.end - self.start
+
+
+def remarks(
+    table: pandas.DataFrame, summary: Summary | None, fields: Fields | None = None
+) -> list[Remark]:
+    """What is worth a look in a run.
+
+    Args:
+        table: Of `castfem.output.history.read_history`.
+        summary: Tells where the mould ends; None of a run that has not finished.
+        fields: Tell of weak spots between the probes.
+    """
+    if len(table) < 2 or not has_values(table, "position"):
+        return []
+    position = table["position"].to_numpy()
+    if (np.diff(position) < 0).any() or position[-1] <= position[0]:
+        return []
+    at, name = mould_exit(position, summary)
+    where = f"{name} at {_mm(at)}"
+    weakest = _at_exit(table, position, at, where)
+    if fields is not None:
+        weakest |= _between_probes(fields, at, where, weakest)
+    if _THINNEST in weakest and weakest[_THINNEST].value <= 0.0:
+        bare = weakest[_THINNEST]
+        weakest[_THINNEST] = replace(bare, where=f"no shell at all; {bare.where}")
+    return [
+        *_contact(table, position),
+        *_bulging(table, position),
+        *weakest.values(),
+        *_stairs(table, position),
+        *_reheating(table, position),
+        *_stress(table, position),
+    ]
+
+
+def spells(gap: Array, position: Array, threshold: float) -> list[Spell]:
+    """Where contact was lost after there had been contact, and until where.
+
+    Args:
+        gap: (n,) between surface and wall; what is unknown (NaN) goes on as before.
+        position: (n,) growing.
+        threshold: The gap beyond which there is no contact; its place is found by straight lines.
+    """
+    known = np.isfinite(gap)
+    gap, position = gap[known], position[known]
+    apart = gap > threshold
+    changes = np.flatnonzero(apart[1:] != apart[:-1])
+    found: list[Spell] = []
+    lost: float | None = None
+    for i in changes:
+        share = (threshold - gap[i]) / (gap[i + 1] - gap[i])
+        at = float(position[i] + share * (position[i + 1] - position[i]))
+        if apart[i + 1]:
+            lost = at
+        elif lost is not None:
+            found.append(Spell(lost, at, True))
+            lost = None
+    if lost is not None:
+        found.append(Spell(lost, float(position[-1]), False))
+    return found
+
+
+def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """Loss of contact at the probes, the largest gap, the highest pressure."""
+    for label, _, column in curves(table, "gap"):
+        gap, unit = table[column].to_numpy(), unit_of(table, column)
+        stretches = spells(gap, position, OPEN)
+        if not stretches:
+            continue
+        longest = max(stretches, key=lambda spell: spell.length)
+        first = stretches[0]
+        where = f"lost at {_at(first.start, table)}, "
+        where += f"regained at {_mm(first.end)}" if first.regained else "not regained"
+        if len(stretches) > 1:
+            where += f"; {len(stretches)} times, longest {_mm(longest.start)} to {_mm(longest.end)}"
+        yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where)
+    yield from _share(table, position)
+    yield from _largest(table, position, "gap", "largest gap", least=OPEN)
+    what = "highest contact pressure"
+    if has_values(table, "mean_contact_pressure_max"):
+        what += ", mean over 5 mm"
+        yield from _largest(table, position, "contact_pressure", what, of="mean_contact_pressure")
+    else:
+        yield from _largest(table, position, "contact_pressure", what)
+
+
+def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The least part of the surface that touches, unless all of it always does."""
+    if not has_values(table, "contact_share"):
+        return
+    walls = [table[column].notna().to_numpy() for _, _, column in curves(table, "gap")]
+    beside = np.any(walls, axis=0) if walls else np.ones(len(table), dtype=bool)
+    scale = 1.0 if unit_of(table, "contact_share") == "%" else 100.0  # older runs have fractions
+    percent = scale * table["contact_share"].to_numpy()
+    share = np.where(beside, percent, np.nan)  # below the mould: nothing
+    if np.isnan(share).all():
+        return
+    row = int(np.nanargmin(share))
+    if share[row] < 100.0:
+        where = f"of the surface, at {_at(float(position[row]), table)}"
+        if share[-1] > share[row] + _MORE:
+            where += f"; {share[-1]:.3g} % at the end of the run"
+        yield Remark("least contact", float(share[row]), "%", where)
+
+
+def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The shell where its cells resolve it worst, if one would see it."""
+    worst: tuple[float, str, int, str] | None = None
+    for label, _, column in curves(table, "shell"):
+        name = column.replace("shell_", "solidus_cell_", 1)
+        if not has_values(table, name):
+            continue
+        off = _finite(STAIR * table[name].to_numpy())
+        row = int(np.nanargmax(off))
+        if worst is None or off[row] > worst[0]:
+            worst = float(off[row]), label, row, name
+    if worst is None or worst[0] < _COARSE:
+        return
+    off_, label, row, name = worst
+    where = f"{label}, at {_at(float(position[row]), table)}: its curve has steps, for the solidus"
+    where += f" lies in cells of {table[name].iloc[row]:.2g} mm there"
+    yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where)
+
+
+def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """A face that the liquid has pushed out further than any caster would let it."""
+    for label, _, column in curves(table, "displacement"):
+        size = column.replace("displacement", "size", 1)
+        if not has_values(table, size):
+            continue
+        moved, across = table[column].to_numpy(), table[size].to_numpy()
+        row = int(np.nanargmax(moved))
+        if moved[row] > _BULGED * across[0]:
+            where = f"at {_at(float(position[row]), table)}; nothing holds the shell there, see "
+            where += "mechanics.liquid in docs/case_files.md"
+            yield Remark(f"bulge, {label}", float(moved[row]), unit_of(table, column), where)
+
+
+def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The largest stress."""
+    yield from _largest(table, position, "von_mises", "largest von Mises stress")
+
+
+def _largest(
+    table: pandas.DataFrame,
+    position: Array,
+    prefix: str,
+    what: str,
+    least: float = 0.0,
+    of: str = "",
+) -> Iterator[Remark]:
+    """The largest value of the columns `prefix_max`, and which probe has most of it there.
+
+    What is not above `least` is not told; `of` is the prefix of the largest where it is another.
+    """
+    whole = f"{of or prefix}_max"
+    probes = [(label, column) for label, _, column in curves(table, prefix)]
+    columns = [whole] if has_values(table, whole) else [column for _, column in probes]
+    finite = {column: _finite(table[column].to_numpy()) for column in columns}
+    peaks = [(float(np.nanmax(v)), column) for column, v in finite.items() if not np.isnan(v).all()]
+    if not peaks or max(peaks)[0] <= least:
+        return
+    value, column = max(peaks)
+    row = int(np.nanargmax(finite[column]))
+    where = f"at {_at(float(position[row]), table)}"
+    there = [(float(table[column].iloc[row]), label) for label, column in probes]
+    there = [entry for entry in there if np.isfinite(entry[0])]
+    unit = unit_of(table, column)
+    if there and max(there)[0] > least:
+        where += "; of the probes {1}, {0:.3g}".format(*max(there))
+        where += " mm" if unit == "mm" else ""  # a small gap itself is told in micrometres
+    yield Remark(what, value, unit, where)
+
+
+def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) -> dict[str, Remark]:
+    """The thinnest shell and the hottest place of the surface among the probes at the exit."""
+    found = {}
+    for prefix, what, pick in (
+        ("shell", _THINNEST, min),
+        ("surface_temperature", _HOTTEST, max),
+    ):
+        values = {
+            label: (float(np.interp(at, position, table[column].to_numpy())), column)
+            for label, _, column in curves(table, prefix)
+        }
+        values = {label: entry for label, entry in values.items() if np.isfinite(entry[0])}
+        if values:
+            label = pick(values, key=lambda label: values[label][0])
+            value, column = values[label]
+            found[what] = Remark(what, value, unit_of(table, column), f"{label}, {where}")
+    return found
+
+
+def _between_probes(
+    fields: Fields, at: float, where: str, probes: dict[str, Remark]
+) -> dict[str, Remark]:
+    """Places of the surface at the exit that are worse off than every probe, in their stead."""
+    steel = Steel.of(fields.attributes)
+    times = np.flatnonzero(np.isclose(fields.positions, at, rtol=1e-6, atol=0.0))
+    if "temperature" not in fields.names or "symmetry" not in fields.attributes or not len(times):
+        return {}  # a strip has sides, but no surface beside its probe
+    index, found = int(times[0]), {}
+    thin = None if steel is None else thinnest(fields, steel.solidus, index)
+    known = probes.get(_THINNEST)
+    if thin and known and 1e3 * thin.value < (1 - _THINNER) * known.value:
+        found[_THINNEST] = _instead(known, 1e3 * thin.value, thin, where)
+    hot, known = hottest(fields, index), probes.get(_HOTTEST)
+    if known and hot.value - CELSIUS > known.value + _HOTTER:
+        found[_HOTTEST] = _instead(known, hot.value - CELSIUS, hot, where)
+    return found
+
+
+def _instead(probe: Remark, value: float, spot: Spot, where: str) -> Remark:
+    """What holds at a spot, and what is worst among the probes."""
+    label = probe.where.removesuffix(f", {where}")
+    digits = ".4g" if probe.unit == "°C" else ".3g"
+    place = f"x = {1e3 * spot.x:.1f}, y = {1e3 * spot.y:.1f} mm, {where}"
+    return Remark(
+        probe.what, value, probe.unit, f"{place}; of the probes {label}, {probe.value:{digits}}"
+    )
+
+
+def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
+    """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
+    ends = None if summary is None else summary.mould_exit
+    if ends is not None and ends <= position[-1] * (1 + 1e-9):
+        return ends, "mould exit"
+    return float(position[-1]), "end of the run"
+
+
+def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """The largest rise of a surface temperature on the way down."""
+    best: tuple[float, str, int, int] | None = None
+    for label, _, column in curves(table, "surface_temperature"):
+        values = table[column].to_numpy()
+        coldest = np.fmin.accumulate(values)
+        rise = values - coldest
+        if not np.isfinite(rise).any():
+            continue
+        end = int(np.nanargmax(rise))
+        start = int(np.nanargmin(values[: end + 1]))
+        if best is None or rise[end] > best[0]:
+            best = float(rise[end]), label, start, end
+    if best is None or best[0] < _REHEATED:
+        return
+    value, label, start, end = best
+    where = f"{label}, from {_mm(position[start])} to {_mm(position[end])}"
+    yield Remark("largest reheating of the surface", value, "K", where)
+
+
+def _finite(values: Array) -> Array:
+    """Values with NaN for what is infinite, as a gap where there is no wall."""
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _mm(position: float) -> str:
+    """A position below the meniscus."""
+    return f"{position:.2f} m" if position > 2.0 else f"{1e3 * position:.0f} mm"
+
+
+def _at(position: float, table: pandas.DataFrame) -> str:
+    """A position and the time when the slice is there."""
+    time = float(np.interp(position, table["position"], table["time"]))
+    return f"{_mm(position)}, t = {time:.3g} s"

@@ -1,0 +1,370 @@
+"""What `castfem show` prints about a run, finished or not, and the figures it draws."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.errors import CastfemError, InputError
+from castfem.output.fields import Fields
+from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
+from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
+from castfem.output.xdmf import HDF5_NAME
+from castfem.plots.history import plain_unit
+from castfem.report.remarks import remarks
+from castfem.results.labels import last_quantities
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+_NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
+_BRIEF = 0.01  # of the wall time; a stage that takes less is not named
+_LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
+_SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
+UNCHANGED = "of the unchanged case"
+"""What stands in place of a difference where the case is not that of the reference any more."""
+_DECIMALS = {"degC": 1, "K": 1, "mm": 2}
+
+
+def show(folder: Path | str, console: Console | None = None, *, figures: bool = True) -> None:
+    """Prints status, results beside references, balances and effort of a run; draws its figures.
+
+    Args:
+        folder: Of the run, which may be at work, killed or failed.
+        console: Where to print; standard output if None.
+        figures: Draw them; a folder that cannot be written costs a line, not the table.
+
+    Raises:
+        InputError: The folder holds no run, or a file in it is damaged.
+    """
+    from rich.console import Console
+
+    path = Path(folder)
+    out = console or Console()
+    if not path.is_dir():
+        raise InputError(f"{path}: no such folder")
+    record = RunRecord.load(path)
+    summary = Summary.load(path)
+    running = record.status == "running" and OutputFolder(path).is_running()
+    if summary is not None and summary.title:
+        out.print(summary.title, style="bold", highlight=False)
+    _print(out, _status(record, running))
+    if summary is None or record.status != "finished":
+        _print_last_state(out, path, record)
+    if summary is not None:
+        _print_summary(out, summary)
+    _print_remarks(out, path, summary)
+    _print_effort(out, record, summary)
+    if record.status == "failed":
+        _print(out, f"what happened: {path / LOG_NAME}")
+    if figures:
+        _print_figures(out, path)
+
+
+def shown(value: float, unit: str) -> str:
+    """A value as tables print it, without its unit; "-" when it does not exist."""
+    if not math.isfinite(value):
+        return "-"
+    if unit in _DECIMALS and abs(value) < 1e5:
+        digits = _DECIMALS[unit]
+        return f"{_rounded(value, digits):.{digits}f}"
+    if value == int(value) and abs(value) < 1e6:
+        return f"{value:.0f}"
+    return f"{value:.4g}"
+
+
+def is_gap(name: str) -> bool:
+    """Whether a quantity is a gap to the mould, by its name."""
+    return name.startswith(("gap_", "mould_gap_"))
+
+
+def small_gap(value: float, unit: str) -> str | None:
+    """A gap below 0.01 mm in micrometres, without their unit; None if it is larger or none."""
+    if unit == "mm" and _NO_GAP <= abs(value) < _SMALL_GAP:
+        return f"{1e3 * value:.1f}"
+    return None
+
+
+def _told(name: str, quantity: Quantity) -> tuple[str, str]:
+    """Value and unit of a quantity as the table of a run prints them."""
+    value, unit = quantity.shown, quantity.shown_unit
+    if is_gap(name) and (small := small_gap(value, unit)) is not None:
+        return small, unit_shown("um")
+    return shown(value, unit), unit_shown(unit)
+
+
+def _rounded(value: float, digits: int) -> float:
+    """A value rounded, and 0 without a sign where nothing is left of it."""
+    return round(value, digits) + 0.0
+
+
+def _print(out: Console, text: str, style: str = "") -> None:
+    """A line that is neither wrapped nor coloured by its content: paths stay whole."""
+    out.print(text, style=style or None, highlight=False, soft_wrap=True, markup=False)
+
+
+def _status(record: RunRecord, running: bool) -> str:
+    """One line: how the run stands."""
+    how = record.status
+    if how == "running" and not running:
+        how = "interrupted"
+    facts = f"on {record.ranks} rank{'s' if record.ranks > 1 else ''}"
+    seconds = sum(record.wall_time.values())
+    if seconds:
+        facts = f"in {_duration(seconds)} {facts}"
+    if record.resumed:
+        times = "once" if record.resumed == 1 else f"{record.resumed} times"
+        facts += f", resumed {times}"
+    return f"{how} {facts}" + (f": {record.reason}" if record.reason else "")
+
+
+def _duration(seconds: float) -> str:
+    """Seconds as a person says it."""
+    if seconds < 120:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def _table(title: str, *columns: str) -> Table:
+    """An empty table; the first and the last column are words, the others numbers."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(
+        title=title,
+        title_justify="left",
+        title_style="bold",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for number, name in enumerate(columns):
+        words = number == 0 or name in ("unit", "")
+        table.add_column(name, justify="left" if words else "right", no_wrap=number > 0)
+    return table
+
+
+def _print_summary(out: Console, summary: Summary) -> None:
+    """The results, each with what others have found, and the balances."""
+    sources: dict[str, str] = {}
+    rows = _rows(summary, sources)
+    others = ("reference", "difference", "") if summary.references else ()
+    table = _table("Results", "quantity", "castfem", "unit", *others)
+    for row in rows:
+        table.add_row(*row[: 3 + len(others)])
+    if rows:
+        out.print(table, highlight=False)
+    for source, mark in sources.items():
+        for line in _wrapped(out, source, f"{mark} "):
+            _print(out, line)
+    keys = dict.fromkeys(k for c in summary.references for k in c.reference.changed)
+    if keys:
+        text = f"the case of these references had other values of {', '.join(keys)}"
+        for line in _wrapped(out, text, f"{UNCHANGED}: "):
+            _print(out, line)
+    for line in summary.unchecked:
+        for part in _wrapped(out, line, "from memory, not compared with its source: "):
+            _print(out, part)
+    out.print()
+    for name, terms in summary.balances.items():
+        table = _table(f"Balance of {name.replace('_', ' ')}", "term", "value", "unit")
+        for quantity in terms.values():
+            table.add_row(
+                quantity.label,
+                shown(quantity.shown, quantity.shown_unit),
+                unit_shown(quantity.shown_unit),
+            )
+        out.print(table, "", highlight=False)
+
+
+def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
+    """What is worth a look."""
+    try:
+        table = read_history(path / HISTORY_NAME)
+        if (path / HDF5_NAME).is_file():
+            with Fields(path) as fields:
+                found = remarks(table, summary, fields)
+        else:
+            found = remarks(table, summary)
+    except InputError:  # no history; what is damaged is told of when the figures are drawn
+        return
+    if not found:
+        return
+    _print(out, "What to look at", "bold")
+    lines = [(remark, _finely(remark.value, remark.unit)) for remark in found]
+    what, value = (
+        max(len(text) for text in texts)
+        for texts in zip(*((remark.what, text) for remark, text in lines), strict=True)
+    )
+    for remark, text in lines:
+        start = f"{remark.what:<{what}}  {text:>{value}}  "
+        for line in _wrapped(out, remark.where, start):
+            _print(out, line)
+    out.print()
+
+
+def _wrapped(out: Console, text: str, start: str) -> list[str]:
+    """A text behind its start, its further lines below; in one line unless it is for a screen."""
+    if not out.is_terminal:
+        return [start + text]
+    indent = len(start) if out.width - len(start) >= _LEAST else _INDENT
+    lines = textwrap.wrap(
+        text,
+        out.width,
+        initial_indent=start,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return lines or [start]
+
+
+def _finely(value: float, unit: str) -> str:
+    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
+    if (small := small_gap(value, unit)) is not None:
+        return f"{small} {unit_shown('um')}"
+    if unit == "mm" and abs(value) < 1.0:
+        return f"{value:.3f} mm"
+    return f"{shown(value, unit)} {unit}"
+
+
+def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
+    """Label, ours, unit, theirs, difference, source; one row a reference or a lone quantity.
+
+    `sources` is filled with the mark of each source and its note.
+    """
+    rows: list[tuple[str, ...]] = []
+    referred = {c.reference.quantity for c in summary.references}
+    for name, quantity in summary.quantities.items():
+        twin = summary.quantities.get(name.replace(_NARROW, _WIDE))
+        if name.endswith(_NARROW) and name not in referred and _same(name, quantity, twin):
+            continue
+        label, twin = quantity.label, summary.quantities.get(name.replace(_WIDE, _NARROW))
+        if name.endswith(_WIDE) and name.replace(_WIDE, _NARROW) not in referred:
+            same = _same(name, quantity, twin)
+            label = label.replace("mid-face", "both faces") if same else label
+        mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
+        if all(c.reference.at is not None for c in mine):
+            rows.append((label, *_told(name, quantity), "", "", ""))
+        rows.extend(_comparison_row(c, label, sources) for c in mine)
+    for comparison in summary.references:
+        if comparison.missing:
+            label = f"{comparison.reference.quantity} ({comparison.missing})"
+            rows.append(_comparison_row(comparison, label, sources))
+    return rows
+
+
+def _same(name: str, one: Quantity, other: Quantity | None) -> bool:
+    """Whether two quantities would be printed alike, as those of the faces of a square."""
+    return other is not None and _told(name, one) == _told(name, other)
+
+
+def unit_shown(unit: str) -> str:
+    """A unit as tables print it."""
+    return plain_unit(unit).replace("percent", "%")
+
+
+def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str]) -> tuple[str, ...]:
+    """A row in the unit of the reference."""
+    reference = comparison.reference
+    unit = reference.shown_unit
+    if reference.at is not None:
+        label += f", at {1e3 * reference.at:.6g} mm"
+    theirs = shown(from_si(reference.value, unit), unit)
+    difference = "met" if comparison.met else _difference(comparison, theirs)
+    source = reference.source + (f": {reference.note}" if reference.note else "")
+    mark = sources.setdefault(source, f"[{len(sources) + 1}]")
+    ours = shown(from_si(comparison.ours, unit), unit)
+    return label, ours, unit_shown(unit), SIGNS[reference.kind] + theirs, difference, mark
+
+
+def _difference(comparison: Comparison, theirs: str) -> str:
+    """How far ours is from theirs, to the digits of theirs; how far a bound is missed."""
+    if comparison.reference.changed:
+        return UNCHANGED
+    value, relative = comparison.shown_difference, 100 * comparison.relative
+    if not math.isfinite(value):
+        return ""
+    unit, digits = comparison.reference.shown_unit, len(theirs.partition(".")[2])
+    sign, before = "+", ""
+    if comparison.met is False:
+        sign, before, value, relative = "", "missed by ", abs(value), abs(relative)
+    text = f"{value:{sign}.4g}" if "e" in theirs else f"{_rounded(value, digits):{sign}.{digits}f}"
+    if unit_of_difference(unit) != unit:
+        text += f" {unit_of_difference(unit)}"
+    if math.isfinite(relative):
+        text += f" ({relative:{sign}.1f} %)"
+    return before + text
+
+
+def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:
+    """The last row of the history and the last checkpoint of a run that has not finished."""
+    try:
+        table = read_history(path / HISTORY_NAME)
+    except InputError:
+        _print(out, "no step has been taken yet")
+        return
+    if table.empty:
+        _print(out, "no step has been taken yet")
+        return
+    row = {str(name): float(value) for name, value in table.iloc[-1].items()}
+    quantities = last_quantities(row, table.attrs["units"])
+    last = _table(f"Last of {len(table)} steps", "quantity", "castfem", "unit")
+    for label, value, unit, *_ in _rows(Summary("", record.status, quantities), {}):
+        last.add_row(label, value, unit)
+    out.print(last, "", highlight=False)
+    if "time" in record.reached:
+        at = f"t = {record.reached['time']:.6g} s"
+        if "position" in record.reached:
+            at += f", {1e3 * record.reached['position']:.6g} mm below the meniscus"
+        _print(out, f"last checkpoint at {at}; continue from it with --resume")
+
+
+def _print_effort(out: Console, record: RunRecord, summary: Summary | None) -> None:
+    """Steps, wall time by stage, memory."""
+    if summary is not None and summary.steps:
+        counts = [f"{_step(name)} {number:.6g}" for name, number in summary.steps.items()]
+        _print_list(out, "steps: ", counts)
+    if record.wall_time:
+        total = sum(record.wall_time.values())
+        long = {k: v for k, v in record.wall_time.items() if v >= _BRIEF * total}
+        stages = [
+            f"{k.replace('_', ' ')} {v:.2f} s"
+            for k, v in sorted(long.items(), key=lambda item: -item[1])
+        ]
+        rest = total - sum(long.values())
+        _print_list(out, "wall time: ", [*stages, *([f"the rest {rest:.2f} s"] if rest else [])])
+    if record.memory_mb is not None:
+        _print(out, f"memory: {record.memory_mb:.0f} MB")
+
+
+def _step(name: str) -> str:
+    """What is counted, as in "Newton iterations, mechanics", without the comma."""
+    return name.replace("_", " ").replace(", ", " of the ")
+
+
+def _print_list(out: Console, start: str, entries: Sequence[str]) -> None:
+    """Entries with commas between them, none of them torn by the end of a line."""
+    glued = ", ".join(entry.replace(" ", "\N{NO-BREAK SPACE}") for entry in entries)
+    for line in _wrapped(out, glued, start):
+        _print(out, line.replace("\N{NO-BREAK SPACE}", " "))
+
+
+def _print_figures(out: Console, path: Path) -> None:
+    """Draws the figures and says where they are."""
+    from castfem.plots.figures import draw_figures
+
+    try:
+        drawn = draw_figures(path)
+    except CastfemError as error:
+        _print(out, f"figures: {error}", style="yellow")
+        return
+    if drawn:
+        _print_list(out, f"figures in {drawn[0].parent}: ", [figure.name for figure in drawn])

@@ -1,0 +1,1 @@
+"""What is read off a slice, and what of it is reported."""

@@ -1,0 +1,208 @@
+"""What is read off the strained slice: stress, movement of its surface, forces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from castfem.constitutive.base import equivalent_stress
+from castfem.contact.state import ContactSummary
+from castfem.contact.summary import summary
+from castfem.fem import reductions
+from castfem.fem.line_probes import LineProbes, Profile
+from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
+from castfem.mechanics.stepper import MechanicalStepper
+from castfem.mechanics.surface_gap import SurfaceGap
+
+if TYPE_CHECKING:
+    from castfem.fem.section import Section
+
+Array = npt.NDArray[np.float64]
+
+SQRT2 = 2.0**0.5
+FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
+LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
+
+
+@dataclass(frozen=True, slots=True)
+class MechanicalReading:
+    """What is known of the strained slice at one time, in SI.
+
+    Attributes:
+        newton: Newton iterations of the step. flowing: Share of the area that flows.
+        peak: Largest von Mises stress at a point, Pa. peak_at: Where, on the undeformed mesh, m.
+        surface_stress: Von Mises stress at the start of each probe, Pa.
+        moved: Outward displacement of the start of each probe, m.
+        across: Size of the section through each probe that ends in its centre, m.
+        strain: Axial strain of the slice at the origin.
+        balance: Forces of the step; None at the start.
+        load: External axial force, N. pull: That which friction has handed down from above, N.
+            Their sum is the force of the stress where the planes are free: (38).
+        contact: With the mould, all of it together; None without a mould.
+        gap: To the wall at the start of each probe, m, NaN where there is none, as below the end
+            of the mould; empty without a mould.
+        pressure: Contact pressure there, a mean over a length of the surface, Pa; likewise.
+    """
+
+    newton: int
+    flowing: float
+    peak: float
+    peak_at: tuple[float, float]
+    surface_stress: dict[str, float]
+    moved: dict[str, float]
+    across: dict[str, float]
+    strain: float
+    balance: Balance | None
+    load: float
+    pull: float
+    contact: ContactSummary | None
+    gap: dict[str, float]
+    pressure: dict[str, float]
+
+
+class MechanicalMeasure:
+    """Reads the slice of one scene.
+
+    Args:
+        stepper: Its mechanics. probes: Lines inward from its surface.
+        centred: Those of them that end in the centre of the section.
+    """
+
+    def __init__(
+        self, stepper: MechanicalStepper, probes: LineProbes, centred: tuple[str, ...]
+    ) -> None:
+        self.problem, self.probes, self._centred = stepper.problem, probes, centred
+        self.section: Section = self.problem.section
+        self._outward = {
+            name: -np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
+            for name, (start, end) in probes.lines.items()
+        }
+        touching = self.problem.contact
+        self._gap = None if touching is None else SurfaceGap(touching, self.problem.points)
+        self._starts: sparse.csr_matrix | None = None
+
+    def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalReading:
+        """Read the committed `state` (collective)."""
+        points = self.problem.points
+        stress = equivalent_stress(points.recovered(state.stress))
+        places = points.deviator.position
+        peak, *where = reductions.peak(self.section.comm, stress, places)
+        fields = [points.moved(state.displacement, state.modes), points.at_vertices(stress)]
+        fields += (
+            [] if self._gap is None else [self._on_surface(np.minimum(self._gap.at(state), FAR))]
+        )
+        starts = self.probes.starts(np.column_stack(fields))
+        moved = {n: float(outward @ starts[n][:2]) for n, outward in self._outward.items()}
+        touching, contact = self.problem.contact, None
+        gap = {n: float(values[3]) for n, values in starts.items() if len(values) > 3}
+        if touching is not None and state.contact is not None:
+            contact = summary(touching, state.contact, state.modes)
+        return MechanicalReading(
+            newton=0 if result is None else result.newton,
+            flowing=0.0 if result is None else result.flowing,
+            peak=peak,
+            peak_at=(where[0], where[1]),
+            surface_stress={n: float(values[2]) for n, values in starts.items()},
+            moved=moved,
+            across=self._across(moved),
+            strain=float(state.modes[0]),
+            balance=None if result is None else result.balance,
+            load=float(self.problem.slice.planes.load(state.time)[0]),
+            pull=0.0 if state.contact is None else float(state.contact.pull[0]),
+            contact=contact,
+            gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
+            pressure=self._pressed(state),
+        )
+
+    def _pressed(self, state: MechanicalState) -> dict[str, float]:
+        """Contact pressure around the start of each probe, Pa; empty without a mould."""
+        if self.problem.contact is None or state.contact is None:
+            return {}
+        mean = self.problem.contact.mean
+        if self._starts is None:
+            starts = np.array([start for start, _ in self.probes.lines.values()]).reshape(-1, 2)
+            self._starts = mean.around(starts)
+        pressure = self._starts @ mean.gathered(state.contact.pressure)
+        return {name: float(p) for name, p in zip(self.probes.lines, pressure, strict=True)}
+
+    def _across(self, moved: dict[str, float]) -> dict[str, float]:
+        """Size of the section through the probes that end in its centre, m."""
+        starts = {name: self.probes.lines[name][0] for name in self._centred}
+        return {n: 2.0 * (float(np.linalg.norm(p)) + moved[n]) for n, p in starts.items()}
+
+    def displaced(self, profiles: dict[str, Profile], state: MechanicalState) -> dict[str, Profile]:
+        """Profiles over the depth below the surface as both are now (collective)."""
+        moved = self.problem.points.moved(state.displacement, state.modes)
+        along_x, along_y = (self.probes.along(np.ascontiguousarray(u)) for u in moved.T)
+        found = {}
+        for name, profile in profiles.items():
+            n = self._outward[name]
+            outward = n[0] * along_x[name] + n[1] * along_y[name]
+            found[name] = replace(profile, depth=profile.depth + outward[0] - outward)
+        return found
+
+    def fields(self, state: MechanicalState, names: tuple[str, ...]) -> dict[str, Array]:
+        """Those of `names` that are mechanical, at the owned vertices (collective)."""
+        points = self.problem.points
+        found: dict[str, Array] = {}
+        if "displacement" in names:
+            found["displacement"] = points.moved(state.displacement, state.modes)
+        if {"stress", "von_mises"} & set(names):
+            recovered = points.recovered(state.stress)
+            if "stress" in names:
+                found["stress"] = points.at_vertices(recovered)
+            if "von_mises" in names:
+                found["von_mises"] = points.at_vertices(equivalent_stress(recovered))
+        if "strain" in names:
+            found["strain"] = points.at_vertices(self._strain(state))
+        remembered = self.problem.slice.law.state_names
+        if "viscoplastic_strain" in names:
+            column = np.zeros(points.split)
+            if "viscoplastic_strain" in remembered:
+                column = state.internal[: points.split, remembered.index("viscoplastic_strain")]
+            found["viscoplastic_strain"] = points.at_vertices(column)
+        if "pressure" in names:
+            found["pressure"] = self._pressure(state)
+        if self._gap is not None and state.contact is not None:
+            if "gap" in names:
+                gap = self._gap.at(state)
+                met = np.where(np.isfinite(gap), gap, np.nan)
+                found["gap"] = self._on_surface(met, inside=np.nan)
+            if "contact_pressure" in names:
+                found["contact_pressure"] = self._on_surface(self._gap.mean(state.contact.pressure))
+        return {name: in_components(found[name]) for name in names if name in found}
+
+    def _on_surface(self, values: Array, inside: float = 0.0) -> Array:
+        """Values of the surface's vertices at all owned ones (owned,), elsewhere `inside`."""
+        assert self._gap is not None
+        found = np.full(self.section.owned, inside)
+        found[self._gap.dofs] = values
+        return found
+
+    def _pressure(self, state: MechanicalState) -> Array:
+        """Ferrostatic pressure at the owned vertices, Pa."""
+        ferrostatic = self.problem.slice.ferrostatic
+        if ferrostatic is None:
+            return np.zeros(self.section.owned)
+        return ferrostatic.pressure(state.temperature, state.time)
+
+    def _strain(self, state: MechanicalState) -> Array:
+        """Strain (37) of the undeformed slice at the deviator's points, Mandel (split, 4)."""
+        points = self.problem.points
+        strain = (points.strain @ state.displacement).reshape(-1, 4)[: points.split]
+        x, y = points.deviator.position.T
+        a0, a1, a2, across = state.modes
+        strain[:, 1] += across
+        strain[:, 2] += a0 + a1 * x + a2 * y
+        return np.asarray(strain)
+
+
+def in_components(values: Array) -> Array:
+    """Mandel tensors (n, 4) as [xx, yy, zz, xy]; anything else as it is."""
+    if values.ndim == 2 and values.shape[1] == 4:
+        return values / np.array([1.0, 1.0, 1.0, SQRT2])
+    return values

@@ -1,0 +1,106 @@
+"""The worst of a slice on its way: of its contact in the mould, and of its stress."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING
+
+from castfem.mould.mould import is_below
+from castfem.output.summary import Quantity
+
+if TYPE_CHECKING:
+    from castfem.results.thermal import Reading
+
+
+@dataclass(slots=True)
+class Passage:
+    """What a run that goes on below its mould would otherwise have forgotten.
+
+    Attributes:
+        length: Of the mould, m.
+        gap: Largest so far, m. share: Least part of the surface in contact.
+        pressure: Largest of the contact at a point, Pa. mean_pressure: As mean over a length.
+        penetration: Deepest of the surface into the wall, m.
+        heat: Removed per length of strand, J/m.
+    """
+
+    length: float
+    gap: float = 0.0
+    share: float = 1.0
+    pressure: float = 0.0
+    mean_pressure: float = 0.0
+    penetration: float = 0.0
+    heat: float = 0.0
+
+    def note(self, reading: Reading) -> None:
+        """Take in one more interval."""
+        if is_below(reading.position, self.length):
+            return
+        self.heat = reading.removed
+        contact = None if reading.mechanics is None else reading.mechanics.contact
+        if contact is not None and reading.position > 0.0:
+            self.gap = max(self.gap, contact.gap)
+            self.share = min(self.share, contact.share)
+            self.pressure = max(self.pressure, contact.pressure)
+            self.mean_pressure = max(self.mean_pressure, contact.mean_pressure)
+            self.penetration = max(self.penetration, contact.penetration)
+
+    def memory(self) -> dict[str, float | None]:
+        """What a checkpoint must hold of it."""
+        return {f"mould_{name}": value for name, value in asdict(self).items() if name != "length"}
+
+    def recall(self, memory: dict[str, float | None]) -> None:
+        """Take up what `memory` gave."""
+        for name in ("gap", "share", "pressure", "mean_pressure", "penetration", "heat"):
+            value = memory.get(f"mould_{name}")  # of an older checkpoint not all are there
+            if value is not None:
+                setattr(self, name, value)
+
+    def quantities(self) -> dict[str, Quantity]:
+        """Results, from the meniscus to the mould's end or to where the slice is."""
+        return {
+            "mould_heat_removed": Quantity(self.heat, "MJ/m", "heat removed in the mould"),
+            "mould_gap_max": Quantity(self.gap, "mm", "largest gap in the mould"),
+            "mould_contact_least": Quantity(
+                self.share, "percent", "least contact in the mould, share of the surface"
+            ),
+            "mould_mean_pressure_max": Quantity(
+                self.mean_pressure, "MPa", "largest contact pressure in the mould, mean over 5 mm"
+            ),
+            "mould_pressure_max": Quantity(
+                self.pressure, "MPa", "largest contact pressure in the mould, at a point"
+            ),
+            "mould_penetration_max": Quantity(
+                self.penetration, "um", "largest penetration of the mould, on the way"
+            ),
+        }
+
+
+@dataclass(slots=True)
+class Strained:
+    """The largest von Mises stress on the way, and where it was.
+
+    Attributes:
+        stress: Pa. position: Of the slice below the meniscus, m. x, y: On the undeformed mesh, m.
+    """
+
+    stress: float = 0.0
+    position: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+
+    def note(self, reading: Reading) -> None:
+        """Take in one more interval."""
+        mechanics = reading.mechanics
+        if mechanics is not None and mechanics.peak > self.stress:
+            self.stress, self.position = mechanics.peak, reading.position
+            self.x, self.y = mechanics.peak_at
+
+    def memory(self) -> dict[str, float | None]:
+        """What a checkpoint must hold of it."""
+        return {f"strained_{name}": value for name, value in asdict(self).items()}
+
+    def recall(self, memory: dict[str, float | None]) -> None:
+        """Take up what `memory` gave; an older checkpoint has nothing of it."""
+        for name in ("stress", "position", "x", "y"):
+            setattr(self, name, memory.get(f"strained_{name}") or 0.0)

@@ -1,0 +1,271 @@
+"""The summary of a run: what was measured, in engineer's units, beside the case's references."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from castfem.coupling.step_control import same_instant
+from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
+from castfem.results.labels import result
+from castfem.simulation import closed_form
+
+if TYPE_CHECKING:
+    from castfem.contact.state import ContactSummary
+    from castfem.results.mechanical import MechanicalReading
+    from castfem.results.mould_extremes import Strained
+    from castfem.results.thermal import Reading
+    from castfem.simulation.simulation import Scene
+    from castfem.time_loop.loop import March
+
+
+def summarise(march: March, status: str) -> Summary:
+    """The summary of `march` as it stands."""
+    scene = march.scene
+    found, forces = last_results(march)
+    return Summary(
+        title=scene.case.title,
+        status=status,
+        quantities=found,
+        references=_comparisons(march, found),
+        balances={"heat": _heat_balance(march), **forces},
+        steps=_steps(march),
+        wall_time=dict(scene.watch.seconds),
+        zones=tuple(Zone(s.name, s.start, s.end, s.whole) for s in scene.zones.spans),
+        mould_exit=scene.case.mould_exit(),
+        unchecked=_unchecked(scene),
+    )
+
+
+def _unchecked(scene: Scene) -> tuple[str, ...]:
+    """Data of steel and law that are from memory of their source, one line a source."""
+    found = {key: o.source for key, o in scene.steel.origins.items() if o.status == "M"}
+    if scene.case.mechanics is not None:
+        from castfem.constitutive.parameters import unchecked
+
+        law = unchecked(scene.case.mechanics.law)
+        found |= {
+            f"mechanics.law {key}".removesuffix(" law"): source for key, source in law.items()
+        }
+    sources: dict[str, list[str]] = {}
+    for key, source in found.items():
+        sources.setdefault(source or "no source given", []).append(key.replace("_", " "))
+    return tuple(f"{', '.join(keys)}: {source}" for source, keys in sources.items())
+
+
+def last_results(march: March) -> tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]]:
+    """Results and balances of forces of the last step, by name."""
+    if march.told is not None:
+        return march.told
+    reading = march.reading
+    found = {} if reading is None else quantities(march, reading)
+    return found, _force_balances(reading)
+
+
+def _steps(march: March) -> dict[str, float]:
+    """Counts of the march."""
+    scene, counts = march.scene, march.counts
+    found = {
+        "accepted": counts.steps,
+        "rejected": counts.rejected,
+        "limited to backward Euler": counts.limited,
+        "Newton iterations": counts.newton,
+    }
+    if scene.mechanics is not None:
+        found |= {
+            "intervals": counts.intervals,
+            "intervals cut back": counts.cut_back,
+            "Newton iterations, mechanics": counts.newton_mechanics,
+        }
+        if scene.coupler is not None and scene.coupler.gap is not None:
+            found |= {
+                "passes through intervals": counts.passes,
+                "intervals not settled": counts.unsettled,
+            }
+    return {name: float(count) for name, count in found.items()}
+
+
+def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
+    """Each reference beside our value where it holds, if the run has come there."""
+    found: list[Comparison] = []
+    length, end = march.scene.case.casting.length, march.scene.control.end
+    for r in march.scene.case.reference:
+        here = march.snapshots.get(r.at) if r.at is not None else final
+        come = r.at is not None or same_instant(march.state.time, end, end)
+        if here is not None and come:
+            inner = None if r.at is None or same_instant(r.at, length, length) else r.at
+            reference = Reference(
+                r.quantity, r.si, r.unit or "-", r.source, inner, r.kind, r.note, r.changed or ()
+            )
+            found += compare([reference], here)
+    exact, time = march.scene.exact, march.state.thermal.time
+    if exact is not None and time > 0.0:
+        found += compare(closed_form.references(exact, time), final)
+    return tuple(found)
+
+
+def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
+    """The results of the slice where `reading` was taken."""
+    scene = march.scene
+    speed, whole = scene.case.casting.speed, scene.section.multiplicity
+    found = {
+        "solidus": Quantity(scene.steel.solidus, "degC", "solidus"),
+        "liquidus": Quantity(scene.steel.liquidus, "degC", "liquidus"),
+        **_told(position=reading.position, time=reading.time),
+    }
+    for name, profile in reading.profiles.items():
+        found |= _told(
+            name,
+            shell=reading.shell[name],
+            liquidus_depth=reading.liquidus[name],
+            surface_temperature=float(profile.temperature[0]),
+            heat_flux=reading.flux[name],
+        )
+    removed = reading.removed
+    found |= {
+        **_told(heat_removed=removed, cooling_power=removed * speed),
+        "heat_removed_slice": Quantity(
+            removed / whole * speed,
+            "kJ",
+            "heat removed in 1 s of casting, modelled part",
+        ),
+        **_told(temperature_max=reading.temperature_range[1]),
+    }
+    if reading.mechanics is not None:
+        found |= _mechanical_quantities(reading.mechanics, march.measure.strained_most)
+        found |= _friction(reading.mechanics, whole)
+    if march.measure.passage is not None:
+        found |= march.measure.passage.quantities()
+    closed = march.measure.metallurgical_length
+    if closed is not None:
+        found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")
+    if scene.exact is not None:
+        found |= closed_form.errors(scene.exact, scene, march.state)
+    return found
+
+
+def _heat_balance(march: March) -> dict[str, Quantity]:
+    scene, state = march.scene, march.state.thermal
+    gained = march.measure.heat_gained(state)
+    open_ = abs(state.removed + gained - state.generated - state.fed)
+    fed = {}
+    if scene.problem.shape is not None:
+        fed["fed"] = Quantity(state.fed, "kJ/m", "brought by liquid that was fed, modelled part")
+    return {
+        "removed": Quantity(state.removed, "kJ/m", "heat out, modelled part"),
+        "lost": Quantity(-gained, "kJ/m", "decrease of enthalpy, modelled part"),
+        "generated": Quantity(state.generated, "kJ/m", "viscoplastic work, modelled part"),
+        **fed,
+        "worst_step": Quantity(
+            march.measure.worst_balance, "-", "largest relative error of a step"
+        ),
+        "whole": Quantity(
+            open_ / max(abs(state.removed), 1e-300) if state.removed else 0.0,
+            "-",
+            "relative error over the run",
+        ),
+        "multiplicity": Quantity(
+            float(scene.section.multiplicity), "-", "modelled parts in the section"
+        ),
+    }
+
+
+def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
+    """What the mould does to the modelled part, friction included."""
+    if contact is None:
+        return {}
+    across, along = (float(f) for f in contact.force)
+    return {
+        "mould_x": Quantity(across, "kN/m", "mould along x"),
+        "mould_y": Quantity(along, "kN/m", "mould along y"),
+        "friction": Quantity(contact.axial, "kN/m", "friction along the strand, modelled part"),
+    }
+
+
+def _mechanical_quantities(reading: MechanicalReading, most: Strained) -> dict[str, Quantity]:
+    """Stress and shape of the slice, and the largest stress on the way here."""
+    way = f"{_place((most.x, most.y))}, {1e3 * most.position:.6g} mm below the meniscus"
+    found = {
+        "von_mises_max": result("von_mises_max", reading.peak, _place(reading.peak_at)),
+        "way_von_mises_max": result("way_von_mises_max", most.stress, way),
+    }
+    for name, stress in reading.surface_stress.items():
+        found |= _told(name, von_mises=stress, displacement=reading.moved[name])
+    for name, size in reading.across.items():
+        found |= _told(name, size=size)
+    found |= _told(axial_strain=reading.strain)
+    if reading.contact is not None:
+        found |= _contact_quantities(reading, reading.contact)
+    return found
+
+
+def _told(probe: str = "", **values: float) -> dict[str, Quantity]:
+    """Results by name, at a probe or of the whole slice."""
+    names = {f"{name}_{probe}" if probe else name: value for name, value in values.items()}
+    return {name: result(name, value) for name, value in names.items()}
+
+
+def _place(at: Iterable[float]) -> str:
+    """A place of the section."""
+    x, y = (1e3 * c for c in at)
+    return f"at x = {x:.1f}, y = {y:.1f} mm"
+
+
+def _friction(reading: MechanicalReading, whole: int) -> dict[str, Quantity]:
+    """What friction does to the whole strand, of which `whole` parts like the modelled one make."""
+    contact = reading.contact
+    if contact is None or contact.sticking is None:
+        return {}
+    return _told(mould_friction=-contact.axial * whole, mould_pull=reading.pull * whole)
+
+
+def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> dict[str, Quantity]:
+    """How the slice touches the mould."""
+    found: dict[str, Quantity] = {}
+    for name, gap in reading.gap.items():
+        found |= _told(name, gap=gap)
+    if contact.sticking is not None:
+        found |= _told(contact_sticking=contact.sticking)
+    widest = _place(contact.widest) if contact.gap else ""
+    highest, mean = "", ""
+    if contact.pressure:
+        highest, mean = _place(contact.highest), _place(contact.highest_mean)
+    return found | {
+        "gap_max": result("gap_max", contact.gap, widest),
+        "mean_contact_pressure_max": result(
+            "mean_contact_pressure_max", contact.mean_pressure, mean
+        ),
+        "contact_pressure_max": result("contact_pressure_max", contact.pressure, highest),
+        **_told(penetration=contact.penetration, contact_share=contact.share),
+    }
+
+
+def _force_balances(reading: Reading | None) -> dict[str, dict[str, Quantity]]:
+    """Forces of the slice at the end of the run."""
+    if reading is None or reading.mechanics is None or reading.mechanics.balance is None:
+        return {}
+    mechanics, balance = reading.mechanics, reading.mechanics.balance
+    along, moment_x, moment_y = (float(v) for v in balance.axial)
+    return {
+        "axial force": {
+            "force": Quantity(along, "kN", "axial force of the stress, modelled part"),
+            "external": Quantity(mechanics.load, "kN", "external axial force, its share"),
+            "friction": Quantity(
+                mechanics.pull, "kN", "pull of the friction on the way here, modelled part"
+            ),
+            "reaction": Quantity(
+                along - mechanics.load - mechanics.pull,
+                "kN",
+                "the rest: borne by the planes, 0 where they are free",
+            ),
+            "moment_x": Quantity(moment_x, "kN m", "its moment with x"),
+            "moment_y": Quantity(moment_y, "kN m", "its moment with y"),
+            "error": Quantity(balance.axial_error, "-", "relative error of the free motions"),
+        },
+        "forces in the plane": {
+            **_wall_forces(mechanics.contact),
+            "support_x": Quantity(float(balance.support[0]), "kN/m", "supports along x"),
+            "support_y": Quantity(float(balance.support[1]), "kN/m", "supports along y"),
+            "error": Quantity(balance.forces_error, "-", "largest relative error of a node"),
+        },
+    }

@@ -1,0 +1,208 @@
+"""What is read off the slice after each step and at the end of the run, in SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.coupling.staggered import StrandState
+from castfem.coupling.subcycling import Leg
+from castfem.fem import reductions
+from castfem.fem.line_probes import Profile
+from castfem.results.mould_extremes import Passage, Strained
+from castfem.simulation.simulation import Scene
+from castfem.thermal.stepper import ThermalState
+
+if TYPE_CHECKING:
+    from castfem.mechanics.state import MechanicalResult
+    from castfem.results.mechanical import MechanicalMeasure, MechanicalReading
+
+Array = npt.NDArray[np.float64]
+
+CELSIUS = 273.15
+
+
+@dataclass(slots=True)
+class Reading:
+    """One row of the history in SI, K.
+
+    Attributes:
+        time: s. position: Below the meniscus, m. step: Length of the last step, s.
+        newton: Newton iterations of the step. profiles: Temperature along each probe.
+        shell: Depth of the solidus below the surface, by probe, m; liquidus likewise. Of a slice
+            through which the heat flows as it has moved, where they are now.
+        cell: Size of the cell in which the solidus lies, along the probe's line, m; NaN without.
+        flux: Heat flux at the probe's surface point, W/m2.
+        removed: Heat removed from the whole section since the meniscus, J per m of strand.
+        temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
+        mechanics: The strained slice; None in a scene without mechanics.
+    """
+
+    time: float
+    position: float
+    step: float
+    newton: int
+    profiles: dict[str, Profile]
+    shell: dict[str, float]
+    liquidus: dict[str, float]
+    cell: dict[str, float]
+    flux: dict[str, float]
+    removed: float
+    temperature_range: tuple[float, float]
+    balance: float
+    mechanics: MechanicalReading | None = None
+
+
+@dataclass(slots=True)
+class Measure:
+    """Reads results off a scene and keeps what the summary needs over the whole run.
+
+    Attributes:
+        mechanics: What reads the strained slice; None without mechanics.
+        worst_balance: Largest relative heat balance error of a step.
+        metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
+            left.
+        passage: What the slice has met in its mould; None without one.
+        strained_most: Where its stress was largest.
+    """
+
+    scene: Scene
+    mechanics: MechanicalMeasure | None = None
+    worst_balance: float = 0.0
+    metallurgical_length: float | None = None
+    passage: Passage | None = None
+    strained_most: Strained = field(default_factory=Strained)
+    _hottest: float = np.inf
+    _time: float = 0.0
+    _surface: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Find the surface vertex nearest to the start of each probe."""
+        if self.scene.mechanics is not None:
+            from castfem.results.mechanical import MechanicalMeasure
+
+            self.mechanics = MechanicalMeasure(
+                self.scene.mechanics, self.scene.probes, self.scene.centred_probes
+            )
+        if self.scene.case.mould is not None:
+            self.passage = Passage(self.scene.case.mould.length)
+        section = self.scene.section
+        space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
+        on_surface = self.scene.zones.surface_vertices()
+        for name, (start, _) in self.scene.probes.lines.items():
+            distance = np.linalg.norm(space_points[on_surface] - np.asarray(start), axis=1)
+            nearest = float(distance.min()) if distance.size else np.inf
+            best = -reductions.largest(section.comm, np.array([-nearest]))
+            mine = np.isfinite(nearest) and nearest <= best * (1 + 1e-12)
+            owner = -reductions.largest(
+                section.comm, np.array([-float(section.comm.rank if mine else section.comm.size)])
+            )
+            if owner == section.comm.rank:
+                dof = int(on_surface[int(distance.argmin())])
+                self._surface[name] = dof
+
+    def read(
+        self, strand: StrandState, leg: Leg | None, mechanical: MechanicalResult | None = None
+    ) -> Reading:
+        """Read everything off the committed state (collective).
+
+        Args:
+            strand: The state.
+            leg: Thermal steps that led to it; None at the start.
+            mechanical: The mechanical step that led to it, likewise.
+        """
+        scene, state = self.scene, strand.thermal
+        profiles = scene.probes.sample(state.point.temperature)
+        if self.mechanics is not None and scene.problem.shape is not None:
+            assert strand.mechanical is not None
+            profiles = self.mechanics.displaced(profiles, strand.mechanical)
+        steel = scene.steel
+        self._note_closing(state, state.extremes[1])
+        balance = 0.0 if leg is None else leg.balance
+        self.worst_balance = max(self.worst_balance, abs(balance))
+        reading = Reading(
+            time=state.time,
+            position=state.time * scene.case.casting.speed,
+            step=0.0 if leg is None else leg.step,
+            newton=0 if leg is None else leg.newton,
+            profiles=profiles,
+            shell={n: p.isotherm_depth(steel.solidus) for n, p in profiles.items()},
+            liquidus={n: p.isotherm_depth(steel.liquidus) for n, p in profiles.items()},
+            cell={n: p.cell_at(steel.solidus) for n, p in profiles.items()},
+            flux=self._surface_flux(state),
+            removed=state.removed * scene.section.multiplicity,
+            temperature_range=state.extremes,
+            balance=balance,
+            mechanics=self._read_mechanics(strand, mechanical),
+        )
+        if self.passage is not None:
+            self.passage.note(reading)
+        self.strained_most.note(reading)
+        return reading
+
+    def _read_mechanics(
+        self, strand: StrandState, result: MechanicalResult | None
+    ) -> MechanicalReading | None:
+        if self.mechanics is None or strand.mechanical is None:
+            return None
+        return self.mechanics.read(strand.mechanical, result)
+
+    def memory(self) -> dict[str, float | None]:
+        """What a checkpoint must hold of the measures over the whole run."""
+        return {
+            "worst_balance": self.worst_balance,
+            "metallurgical_length": self.metallurgical_length,
+            "hottest": self._hottest,
+            "time": self._time,
+            **({} if self.passage is None else self.passage.memory()),
+            **({} if self.mechanics is None else self.strained_most.memory()),
+        }
+
+    def recall(self, memory: dict[str, float | None]) -> None:
+        """Take up what `memory` gave."""
+        self.worst_balance = memory["worst_balance"] or 0.0
+        self.metallurgical_length = memory["metallurgical_length"]
+        self._hottest = memory["hottest"] or np.inf
+        self._time = memory["time"] or 0.0
+        if self.passage is not None:
+            self.passage.recall(memory)
+        self.strained_most.recall(memory)
+
+    def heat_gained(self, state: ThermalState) -> float:
+        """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""
+        scene = self.scene
+        start = float(scene.problem.curve.enthalpy(scene.start_temperature))
+        volume = scene.problem.area * state.filled if state.filled.size else scene.problem.area
+        change = float(volume @ (state.enthalpy - start))
+        return reductions.total(scene.section.comm, change)
+
+    def _surface_flux(self, state: ThermalState) -> dict[str, float]:
+        """Heat flux at the surface point of each probe, W/m2."""
+        problem = self.scene.problem
+        flow = problem.surface_flow(state.point, state.rate, state.time)
+        share = self.scene.zones.perimeter_share()  # of the surface as it is now
+        names = list(self.scene.probes.lines)
+        local = np.zeros(len(names))
+        for i, name in enumerate(names):
+            # Through a face that no law cools nothing flows.
+            dof = self._surface.get(name)
+            if dof is not None and share[dof] > 0.0:
+                local[i] = flow[dof] / share[dof]
+        flux = reductions.totals(self.scene.section.comm, local)
+        return {name: float(flux[i]) for i, name in enumerate(names)}
+
+    def _note_closing(self, state: ThermalState, hottest: float) -> None:
+        """Note where the hottest vertex passes the solidus, between two steps by interpolation."""
+        solidus = self.scene.steel.solidus
+        if hottest >= solidus:
+            self.metallurgical_length = None
+        elif self.metallurgical_length is None:
+            share = 1.0
+            if np.isfinite(self._hottest) and self._hottest > solidus:
+                share = (self._hottest - solidus) / (self._hottest - hottest)
+            time = self._time + share * (state.time - self._time)
+            self.metallurgical_length = time * self.scene.case.casting.speed
+        self._hottest, self._time = hottest, state.time

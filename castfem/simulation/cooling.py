@@ -1,0 +1,244 @@
+"""From the cooling zones of a case to what cools the surface at a time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.case import cooling as given
+from castfem.errors import InputError
+from castfem.thermal import flux_laws
+from castfem.thermal.boundary import Cooling, Surface
+from castfem.thermal.sprays import CORRELATIONS
+from castfem.values.tables import Table
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.materials import Steel
+
+Array = npt.NDArray[np.float64]
+Row = tuple[list[int], flux_laws.SurfaceLaw]
+
+CROSSING = (given.Radiation, given.Convection)  # a gap; a spray is on the strand itself
+
+
+class Zones:
+    """The machine seen from the slice: which cooling holds at which time.
+
+    Args:
+        case: Its cooling zones and casting speed.
+        steel: Gives the emissivity where a law has none.
+        surface: Perimeter shares of the section's boundary groups.
+
+    Raises:
+        InputError: If a law names a boundary group the section does not have, or radiation needs an
+            emissivity the steel does not give.
+    """
+
+    def __init__(self, case: Case, steel: Steel, surface: Surface) -> None:
+        self._speed = speed = case.casting.speed
+        self.spans = case.zones()
+        self.starts = [span.start / speed for span in self.spans]
+        self._steel, self._surface = steel, surface
+        self._wall = wall_over_time(case)
+        self._coolings = [self._make(i) for i in range(len(self.spans))]
+        tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
+        self._cooled = surface.patch(tags) if tags else None
+
+    @property
+    def changes(self) -> list[float]:
+        """Instants at which the cooling changes, s: the zone boundaries and the kinks of tables."""
+        times = list(self.starts[1:])
+        for span in self.spans:
+            for _, law in span.laws:
+                for table in (getattr(law, "value", None), getattr(law, "wall", None)):
+                    if isinstance(table, Table) and table.over == "time":
+                        times += [t for t in table.arguments]
+        wall = self._wall
+        return times + (list(wall.arguments) if isinstance(wall, Table) else [])
+
+    def set_gap(self, gap: Array) -> None:
+        """Let heat cross these gaps from now on, at the owned vertices (owned,), m."""
+        for cooling in self._coolings:
+            for patch, law in cooling.laws:
+                if isinstance(law, flux_laws.Contact) and law.follows:
+                    law.gap = gap[patch.dofs]
+
+    def follow_shape(self) -> None:
+        """Cool the surface as it is now (collective)."""
+        self._surface.follow_shape()
+
+    def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
+        """Heat flux at the owned vertices (owned,), W/m2, if these were the gaps that change it.
+
+        Args:
+            gap: (owned,), m.
+            temperature: (owned,), K.
+            time: Within the zone that counts, s.
+        """
+        flux = np.zeros_like(temperature)
+        for patch, law in self._coolings[self.index(time)].laws:
+            if isinstance(law, flux_laws.Contact) and law.follows:
+                across = replace(law, gap=gap[patch.dofs])
+                flux[patch.dofs] += across.flux(temperature[patch.dofs], time)[0]
+        return flux
+
+    def index(self, time: float) -> int:
+        """Zone of a step that begins at `time` (s)."""
+        tiny = 1e-9 * max(time, 1e-3)
+        return max(bisect_right(self.starts, time + tiny) - 1, 0)
+
+    def cooling(self, index: int) -> Cooling:
+        """The cooling of one zone."""
+        return self._coolings[index]
+
+    def ambient_range(self) -> tuple[float, float]:
+        """Lowest and highest temperature the machine can drive the strand to, K."""
+        times = [*self.starts, *self.changes, self.spans[-1].end / self._speed]
+        ranges = [c.ambient_range(t) for c in self._coolings for t in times]
+        return min(low for low, _ in ranges), max(high for _, high in ranges)
+
+    def perimeter_share(self) -> Array:
+        """Share of the cooled perimeter that belongs to each owned vertex (owned,), m."""
+        share = np.zeros(self._surface.section.owned)
+        if self._cooled is not None:
+            share[self._cooled.dofs] = self._cooled.weights
+        return share
+
+    def surface_vertices(self) -> npt.NDArray[np.int64]:
+        """Owned vertices on the strand's surface, cooled or not."""
+        section = self._surface.section
+        return self._surface.patch(section.matching(section.outer_groups)).dofs
+
+    def _tags(self, names: tuple[str, ...]) -> list[int]:
+        """Tags of the surface groups that `names` stand for."""
+        section = self._surface.section
+        return [t for t in section.matching(names) if section.groups[t] in section.outer_groups]
+
+    def _make(self, index: int) -> Cooling:
+        span = self.spans[index]
+        cooling = Cooling([], [])
+        section = self._surface.section
+        rows: list[Row] = []
+        crossing: set[int] = set()
+        for names, law in span.laws:
+            tags = self._tags(names)
+            if not tags:
+                raise InputError(
+                    f"cooling zone '{span.name}': no boundary group is named {', '.join(names)}; "
+                    f"this section has {', '.join(section.outer_groups)}"
+                )
+            made = surface_law(law, self._steel, self._wall)
+            if isinstance(made, flux_laws.PrescribedTemperature):
+                cooling.prescribed.append((self._surface.patch(tags), made))
+            else:
+                crossing |= {len(rows)} if isinstance(law, CROSSING) else set()
+                rows.append((tags, made))
+        for tags, made in across_gaps(rows, crossing):
+            cooling.laws.append((self._surface.patch(tags), made))
+        return cooling
+
+
+def across_gaps(rows: list[Row], crossing: set[int]) -> list[Row]:
+    """The laws of a zone; those that cross a gap stand beside the contact that has it, (35)-(36).
+
+    Args:
+        rows: Tags of boundary groups, and the law that holds on them.
+        crossing: Rows of the laws that cross the gap of a contact law on the same group; of two
+            contact laws there the first has the gap.
+    """
+    found: list[Row] = []
+    met: set[int] = set()
+    for tags, law in rows:
+        if not isinstance(law, flux_laws.Contact):
+            continue
+        parts: dict[tuple[int, ...], list[int]] = {}
+        for tag in tags:
+            here = [] if tag in met else [i for i in sorted(crossing) if tag in rows[i][0]]
+            parts.setdefault(tuple(here), []).append(tag)
+        met |= set(tags)
+        for numbers, part in parts.items():
+            found.append((part, replace(law, beside=tuple(_crosses(rows[i][1]) for i in numbers))))
+    for i, (tags, law) in enumerate(rows):
+        free = [tag for tag in tags if tag not in met] if i in crossing else tags
+        if free and not isinstance(law, flux_laws.Contact):
+            found.append((free, law))
+    return found
+
+
+def _crosses(law: flux_laws.SurfaceLaw) -> flux_laws.Convection | flux_laws.Radiation:
+    assert isinstance(law, flux_laws.Convection | flux_laws.Radiation)
+    return law
+
+
+def _of_temperature(value: float | Table) -> float | Callable[[Array], Array]:
+    """A number, or a vectorised function of the temperatures (n,)."""
+    if isinstance(value, Table):
+        return partial(_interpolate, np.array(value.arguments), np.array(value.values))
+    return value
+
+
+def _interpolate(arguments: Array, values: Array, at: Array) -> Array:
+    return np.interp(at, arguments, values)
+
+
+def wall_over_time(case: Case) -> float | Table | None:
+    """Temperature of the mould's wall as the slice passes it, K, over time; None if not given."""
+    given_ = None if case.mould is None else case.mould.wall_temperature
+    if isinstance(given_, Table):
+        times = tuple(position / case.casting.speed for position in given_.arguments)
+        return Table("time", times, given_.values)
+    return given_
+
+
+def surface_law(
+    law: given.HeatLaw, steel: Steel, wall: float | Table | None = None
+) -> flux_laws.SurfaceLaw | flux_laws.PrescribedTemperature:
+    """The law of the case as arrays in, flux out.
+
+    Args:
+        law: As given.
+        steel: For what the law leaves to it.
+        wall: Likewise, temperature of the mould, K.
+    """
+    if isinstance(law, given.Contact):
+        # Without a gap its conductivity is of no account.
+        conductivity = law.gap_conductivity if law.gap_conductivity is not None else 1.0
+        facing = wall if law.wall in (None, given.MOULD) else law.wall
+        assert facing is not None and not isinstance(facing, str)
+        follows = law.gap is None
+        return flux_laws.Contact(law.coefficient, facing, conductivity, law.gap or 0.0, follows)
+    if isinstance(law, given.Convection):
+        return flux_laws.Convection(_of_temperature(law.coefficient), law.ambient)
+    if isinstance(law, given.Radiation):
+        if law.emissivity is None and not steel.has("emissivity"):
+            raise InputError(
+                f"radiation: steel {steel.name} has no emissivity; give one, emissivity = 0.8"
+            )
+        strand = steel.emissivity if law.emissivity is None else _of_temperature(law.emissivity)
+        return flux_laws.Radiation(
+            strand,
+            law.ambient,
+            _of_temperature(law.wall_emissivity),
+            law.refractive_index,
+            law.absorption,
+            law.gap,
+        )
+    if isinstance(law, given.Flux):
+        return flux_laws.PrescribedFlux(law.value)
+    if isinstance(law, given.Spray):
+        formula = partial(CORRELATIONS[law.correlation], law.water, law.water_temperature)
+        return flux_laws.Convection(
+            partial(_divided, formula, law.machine_factor), law.water_temperature
+        )
+    return flux_laws.PrescribedTemperature(law.value)
+
+
+def _divided(formula: Callable[[Array], Array], factor: float, at: Array) -> Array:
+    return np.asarray(formula(at) / factor)

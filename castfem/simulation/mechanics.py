@@ -1,0 +1,148 @@
+"""From the tables of a case to the mechanics of its slice."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.case import mechanics as given
+from castfem.case.build_mould import build_friction, build_mould
+from castfem.contact.settings import Contact
+from castfem.errors import InputError
+from castfem.fem.section import Section
+from castfem.mechanics.definition import Slice
+from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mechanics.planes import Course, PlainPlanes, allowed_modes
+from castfem.mechanics.problem import MechanicalProblem
+from castfem.mechanics.stepper import MechanicalStepper
+from castfem.mechanics.supports import SPRING, Held
+from castfem.simulation.law import build_law
+from castfem.support.stopwatch import Stopwatch
+from castfem.values.tables import Table
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.materials import Steel
+
+Array = npt.NDArray[np.float64]
+
+NOT_APART = 1e-9  # of the section's size: sides that are held at one and the same height
+HOTTER = 1.0  # K above the liquidus: where the density of the liquid is taken
+
+
+def build_mechanics(
+    case: Case, steel: Steel, section: Section, watch: Stopwatch
+) -> MechanicalStepper | None:
+    """The mechanics of `case` (collective); None for a case without.
+
+    Raises:
+        InputError: If the law, a boundary group or a solver option cannot be had, the steel lacks a
+            property, or nothing tells the strain across from a displacement.
+    """
+    table = case.mechanics
+    if table is None:
+        return None
+    problem = MechanicalProblem(
+        section,
+        make_slice(case, table, steel, section),
+        table.solver,
+        tolerance=table.tolerance,
+        watch=watch,
+        springs=None if case.mould is None else SPRING,
+    )
+    _check_across(problem)
+    return MechanicalStepper(problem)
+
+
+def _check_across(problem: MechanicalProblem) -> None:
+    """Refuse a free strain across that is a displacement like any other: no side follows it."""
+    apart = problem.constraints.spread(component=1)
+    if "across" in problem.slice.planes.free and apart <= NOT_APART * problem.scales.length:
+        problem.destroy()
+        raise InputError(
+            "mechanics.planes.across: free along y, as the section's sides are: nothing tells the "
+            'two apart; hold two sides, such as [[mechanics.held]] on = ["side_low", "side_high"], '
+            'component = "y", or leave across out'
+        )
+
+
+def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Section) -> Slice:
+    """What the slice of `case` is made of and how it is held."""
+    free = given.free_motions(table.planes, allowed_modes(section.groups))
+    return Slice(
+        law=build_law(table, steel),
+        thermal_strain=steel.thermal_strain,
+        planes=_planes(table.planes, free, section.multiplicity),
+        held=tuple(_held(one) for one in table.held),
+        ferrostatic=_ferrostatic(case, table, steel),
+        contact=_contact(case, section),
+        large_strain=table.strain == "large",
+        liquid=table.liquid,
+    )
+
+
+def _contact(case: Case, section: Section) -> Contact | None:
+    """Contact of the whole surface with the mould; None where the mould is idealised."""
+    if case.mould is None:
+        return None
+    speed, table = case.casting.speed, case.mould
+    return Contact(
+        wall=build_mould(table, case.section),
+        on=section.outer_groups,
+        position=lambda time: speed * time,
+        method=table.contact.method,
+        factor=table.contact.factor,
+        friction=build_friction(table.friction),
+    )
+
+
+def _course(value: float | Table) -> Course:
+    """A number or a table as a function of time."""
+    return value if isinstance(value, Table) else lambda time: value
+
+
+def _shared(value: float | Table, parts: int) -> Course:
+    """What each of the equal parts of the section bears of a load on the whole."""
+    course = _course(value)
+    return lambda time: course(time) / parts
+
+
+def _planes(motions: given.Motions, free: tuple[str, ...], parts: int) -> PlainPlanes:
+    imposed = {
+        name: _course(value)
+        for name in ("a0", "a1", "a2", "across")
+        if name not in free and (value := getattr(motions, name)) is not None
+    }
+    return PlainPlanes(
+        free=free,
+        imposed=imposed,
+        force=_shared(motions.force, parts),
+        moment_x=_shared(motions.moment_x, parts),
+        moment_y=_shared(motions.moment_y, parts),
+    )
+
+
+def _held(one: given.Held) -> Held:
+    component = "xy".index(one.component)
+    if one.value == 0.0:
+        return Held(one.on, component)
+    return Held(one.on, component, _everywhere(_course(one.value)))
+
+
+def _everywhere(course: Course) -> Callable[[Array, float], Array]:
+    """A displacement that is the same at all positions."""
+    return lambda positions, time: np.full(len(positions), course(time))
+
+
+def _ferrostatic(case: Case, table: given.Mechanics, steel: Steel) -> Ferrostatic | None:
+    """Pressure of the liquid in a vertical machine; None if it is left out."""
+    if table.ferrostatic == "off":
+        return None
+    density = float(steel.density(steel.liquidus + HOTTER))
+    head = vertical_head(density, case.casting.speed)
+    # A real mould holds the liquid by contact; the idealised one touches nothing.
+    outside: Literal["held", "free"] = "held" if case.mould is None else "free"
+    return Ferrostatic(head, steel.solid_fraction, table.ferrostatic, outside)

@@ -1,0 +1,240 @@
+"""Everything a case needs for its march, built once; a scene carries what its case asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.coupling.staggered import Coupler
+from castfem.coupling.step_control import Adaptive, StepControl
+from castfem.coupling.subcycling import MechanicalSteps, ThermalSteps
+from castfem.fem.line_probes import LineProbes
+from castfem.fem.root import on_root
+from castfem.fem.section import Section
+from castfem.materials.curve import ThermalCurve
+from castfem.simulation import closed_form
+from castfem.simulation.cooling import Zones
+from castfem.support.stopwatch import Stopwatch
+from castfem.thermal.boundary import Surface
+from castfem.thermal.deformed_section import Shape
+from castfem.thermal.problem import ThermalProblem
+from castfem.thermal.stepper import ThermalStepper
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.materials import Steel
+    from castfem.mechanics.stepper import MechanicalStepper
+    from castfem.meshes import SectionMesh
+    from castfem.verification import ClosedForm
+
+# T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
+ROOM, MARGIN = 280.0, 2.0  # K
+CENTRED = 1e-9  # of its length, how near the centre a probe ends that ends there
+
+
+@dataclass(slots=True)
+class Scene:
+    """The objects of one run.
+
+    Attributes:
+        case: The case. steel: Its steel. section: The distributed mesh.
+        stepper: Thermal time stepping (with the problem and its curve).
+        zones: The machine's cooling. probes: Lines at which results are read.
+        control: Choice of the step: thermal, or with mechanics the interval of both.
+        steps: Thermal steps. mechanics: The mechanical step; None for a case without.
+        coupler: Takes intervals of both; likewise.
+        start_temperature: At the meniscus, K. watch: Where the time goes.
+        exact: The closed form it is held against, if the case names one.
+    """
+
+    case: Case
+    steel: Steel
+    section: Section
+    stepper: ThermalStepper
+    zones: Zones
+    probes: LineProbes
+    control: StepControl
+    steps: ThermalSteps
+    mechanics: MechanicalStepper | None
+    coupler: Coupler | None
+    start_temperature: float
+    watch: Stopwatch
+    exact: ClosedForm | None = None
+
+    @property
+    def stations(self) -> list[float]:
+        """Positions short of the end for which the case has reference numbers, m."""
+        return stations(self.case)
+
+    @property
+    def problem(self) -> ThermalProblem:
+        """The thermal problem."""
+        return self.stepper.problem
+
+    @property
+    def centred_probes(self) -> tuple[str, ...]:
+        """Probes that end in the centre of the section, so that they measure half of its size."""
+        return tuple(
+            name
+            for name, (start, end) in self.probes.lines.items()
+            if np.linalg.norm(end) <= CENTRED * np.linalg.norm(start)
+        )
+
+    def destroy(self) -> None:
+        """Free the PETSc objects; many scenes may be made in one process."""
+        self.problem.destroy()
+        if self.mechanics is not None:
+            self.mechanics.problem.destroy()
+        self.probes.destroy()
+
+
+def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Scene:
+    """Build the scene of `case` on the ranks of `comm` (collective).
+
+    Raises:
+        InputError: If the steel, the mesh or the solver options cannot be had.
+    """
+    watch = watch if watch is not None else Stopwatch()
+    with watch.section("setup: steel"):
+        steel = case_steel(case)
+        start = starting_temperature(case, steel)
+        exact = closed_form.of_case(case, steel, start)
+    with watch.section("setup: mesh"):
+        section = Section(comm, on_root(comm, lambda: build_mesh(case)))
+    with watch.section("setup: mechanics"):
+        mechanics = _mechanics(case, steel, section, watch)
+    shape = None
+    if mechanics is not None and case.coupling.follow_shape:
+        shape = Shape(section, mechanics.problem.space, steel.solidus)
+    with watch.section("setup: thermal"):
+        zones = Zones(case, steel, Surface(section, shape))
+        curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None)
+        problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
+        probes = LineProbes(section)
+    stepping = case.thermal.time
+    stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
+    milestones = _milestones(case, zones)
+    if mechanics is None:
+        control = thermal = step_control(case, milestones)
+    else:
+        interval = case.coupling.interval
+        control = StepControl(case.casting.duration, milestones, fixed=interval)
+        thermal = step_control(case, [])
+    steps = ThermalSteps(stepper, thermal)
+    coupler = _coupler(case, steps, mechanics, zones)
+    made = (case, steel, section, stepper, zones, probes, control, steps, mechanics, coupler)
+    return Scene(*made, start_temperature=start, watch=watch, exact=exact)
+
+
+def _coupler(
+    case: Case, steps: ThermalSteps, mechanics: MechanicalStepper | None, zones: Zones
+) -> Coupler | None:
+    """What takes the intervals of a case with mechanics."""
+    if mechanics is None:
+        return None
+    gap, given = None, case.coupling
+    if mechanics.problem.contact is not None:
+        from castfem.mechanics.surface_gap import SurfaceGap
+
+        gap = SurfaceGap(mechanics.problem.contact, mechanics.problem.points)
+    return Coupler(
+        steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
+        given.interval, given.passes, given.settled, given.order,
+    )  # fmt: skip
+
+
+def _mechanics(
+    case: Case, steel: Steel, section: Section, watch: Stopwatch
+) -> MechanicalStepper | None:
+    """The mechanics of a case that has some; a thermal scene does not even import them."""
+    if case.mechanics is None:
+        return None
+    from castfem.simulation.mechanics import build_mechanics
+
+    return build_mechanics(case, steel, section, watch)
+
+
+def case_steel(case: Case) -> Steel:
+    """The steel of the case, with its composition and its changes."""
+    from castfem.materials import load_steel
+
+    given = case.steel
+    return load_steel(
+        given.name,
+        composition=given.composition or None,
+        overrides=given.overrides or None,
+        origin=f"{case.title}: steel",
+    )
+
+
+def thermal_curve(
+    steel: Steel, zones: Zones, start: float, keeps_mass: bool = False
+) -> ThermalCurve:
+    """T(H) between the coldest surroundings and the start, zero at the start.
+
+    Args:
+        steel: The steel.
+        zones: Have the surroundings.
+        start: Temperature at the meniscus, K.
+        keeps_mass: Whether the slice moves, so that solid keeps its mass and not its volume.
+    """
+    coldest, hottest = zones.ambient_range()
+    lower = max(min(coldest, start), ROOM) - MARGIN
+    upper = (max(hottest, start) if hottest < np.inf else start) + MARGIN
+    upper = max(upper, steel.liquidus + MARGIN)
+    return steel.thermal_curve(lower, upper, start, start if keeps_mass else None)
+
+
+def starting_temperature(case: Case, steel: Steel) -> float:
+    """Temperature of the steel at the meniscus, K."""
+    if case.casting.temperature is not None:
+        return case.casting.temperature
+    return steel.liquidus + (case.casting.superheat or 0.0)
+
+
+def stations(case: Case) -> list[float]:
+    """Positions short of the end for which the case has reference numbers, m."""
+    length = case.casting.length
+    return sorted({r.at for r in case.reference if r.at is not None and r.at < length})
+
+
+def _milestones(case: Case, zones: Zones) -> list[float]:
+    """Instants to be hit exactly: changes of cooling and mould, stations, output times; s."""
+    found = list(zones.changes)
+    found += [p / case.casting.speed for p in (*stations(case), *case.mould_knots())]
+    if case.output_fields:
+        every = case.output.every
+        found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]
+    return found
+
+
+def step_control(case: Case, milestones: list[float]) -> StepControl:
+    """Thermal step control of the case; it hits the milestones (s) exactly."""
+    duration, stepping = case.casting.duration, case.thermal.time
+    if stepping.step is not None:
+        return StepControl(duration, milestones, fixed=stepping.step)
+    given = stepping.adaptive
+    if given is None:
+        raise ValueError("a case has a fixed step or an adaptive one")
+    adaptive = Adaptive(given.tolerance, given.first, given.smallest, given.largest)
+    order = 3 if stepping.scheme == "sdirk2" else 2
+    return StepControl(duration, milestones, adaptive=adaptive, order=order)
+
+
+def build_mesh(case: Case) -> SectionMesh:
+    """The section's mesh, from the user's cache if it is there."""
+    from castfem import meshes
+
+    return meshes.cached(meshes.build, cache_folder() / "meshes", **case.mesh_parameters())
+
+
+def cache_folder() -> Path:
+    """The user's cache folder for castfem."""
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("castfem", appauthor=False))

@@ -1,0 +1,1 @@
+"""What every part uses: log, progress, stopwatch, messages, files written whole."""

@@ -1,0 +1,1 @@
+"""Tensile tests of a constitutive law: a case without a slice."""

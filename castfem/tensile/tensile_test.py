@@ -1,0 +1,302 @@
+"""Running a tensile test: the law of a case through the tensile machine, into a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.case.portable import portable
+from castfem.case.tensile import TABLE, TensileCase
+from castfem.constitutive import load_elasticity, load_law
+from castfem.constitutive.analytical import axial_stress, flow_curve
+from castfem.constitutive.base import Array
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import STRAIN
+from castfem.constitutive.parameters import AnyLaw, law_from, told_of
+from castfem.constitutive.tables import Constant, Rows
+from castfem.constitutive.uniaxial import Tension, pull
+from castfem.errors import InputError, RunFailure
+from castfem.output.folder import PROPERTIES_NAME, OutputFolder
+from castfem.output.history import HISTORY_NAME, History
+from castfem.output.summary import Quantity, Reference, Summary, compare
+from castfem.support import log
+from castfem.values.tables import Table
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from castfem.support.progress import Progress
+
+MEGA = 1e6
+CELSIUS = 273.15
+
+
+class TensileTest:
+    """A tensile test in SI: its law and its course.
+
+    Args:
+        case: The case.
+        origin: Where the test was written, for messages about its law.
+
+    Attributes:
+        law: Constitutive law.
+        time: (n,), s.
+        strain: Total axial strain (n,).
+        rate: Strain rate of the step that ends there (n,), 1/s; 0 for the first.
+        temperature: (n,), K.
+        thermal: Thermal strain (n,).
+        ends: Index of the last point of each segment.
+
+    Raises:
+        InputError: The law cannot be had, or not at the temperatures of the test; all problems.
+    """
+
+    def __init__(self, case: TensileCase, origin: str = TABLE) -> None:
+        given = self.given = case.tensile
+        steps, segments = given.steps, given.segment
+        ends = np.cumsum([0.0, *(s.duration for s in segments)])
+        turns = np.cumsum([0.0, *(s.rate * s.duration for s in segments)])
+        at = np.arange(len(segments) * steps + 1) / steps
+        self.time = np.interp(at, np.arange(len(ends)), ends)
+        self.strain = np.interp(at, np.arange(len(ends)), turns)
+        self.rate = np.concatenate([[0.0], np.repeat([s.rate for s in segments], steps)])
+        self.ends = [steps * (k + 1) for k in range(len(segments))]
+        course = given.temperature
+        self.temperature = np.array(
+            [course(t) if isinstance(course, Table) else course for t in self.time]
+        )
+        self.thermal = given.expansion * (self.temperature - self.temperature[0])
+        self.law = self._law(origin)
+
+    def _law(self, origin: str) -> AnyLaw:
+        """The law, tried at the temperatures of the test."""
+        given = self.given
+        try:
+            known = load_elasticity(given.elasticity)
+        except InputError as error:
+            raise told_of(f"{origin}.elasticity", error) from None
+        elasticity = Elasticity(
+            known.young if given.young is None else _curve(given.young),
+            known.poisson if given.poisson is None else _curve(given.poisson),
+            known.solidity,
+        )
+        where, carbon = f"{origin}.material", given.carbon
+        if isinstance(given.material, Mapping):
+            law = law_from(given.material, elasticity, where, carbon=carbon)
+        else:
+            try:
+                law = load_law(given.material, elasticity, carbon=carbon)
+            except InputError as error:
+                raise told_of(where, error) from None
+        try:
+            law.coefficients(self.temperature[:-1], self.temperature[1:])
+        except ValueError as error:
+            raise InputError(f"{where}: {error}") from None
+        return law
+
+    def analytical(self) -> Array | None:
+        """Stress (n,) in closed form, Pa; None where there is none.
+
+        It holds at one temperature.
+        """
+        level = float(self.temperature[0])
+        curve = flow_curve(self.law, level)
+        if curve is None or (self.temperature != level).any():
+            return None
+        modulus = float(self.law.elasticity.young(np.full(1, level))[0])
+        return axial_stress(self.strain, self.rate, modulus, curve)
+
+
+def _curve(value: float | Table) -> Constant | Rows:
+    """What was given as a value or a table, over temperature."""
+    return Rows(value.arguments, value.values) if isinstance(value, Table) else Constant(value)
+
+
+def run(
+    case: TensileCase,
+    folder: Path | str,
+    *,
+    comm: MPI.Intracomm | None = None,
+    resume: bool = False,
+    profile: bool = False,
+    progress: Progress | None = None,
+) -> Summary:
+    """Run a tensile test and write everything into `folder` (collective; rank 0 does it all).
+
+    Args:
+        case: What to run.
+        folder: Where the results go.
+        comm: Communicator; None for this process alone.
+        resume: Refused: a test takes a second.
+        profile: Without effect, likewise.
+        progress: Without effect, likewise.
+
+    Returns:
+        The summary, on every rank.
+
+    Raises:
+        InputError: The case or the folder cannot be used.
+        RunFailure: The test cannot go on; its history to there is on disk.
+    """
+    if resume:
+        raise InputError(f"{folder}: a tensile test has no checkpoint; run without --resume")
+    if comm is None or comm.size == 1:
+        return _run(case, OutputFolder(folder), 1)
+    from castfem.fem.root import on_root
+
+    summary = on_root(comm, lambda: _run(case, OutputFolder(folder), comm.size))
+    found: Summary = comm.bcast(summary)
+    return found
+
+
+def _run(case: TensileCase, output: OutputFolder, ranks: int) -> Summary:
+    """The whole run on one rank."""
+    begin = perf_counter()
+    test = TensileTest(case)
+    text, files = portable(case, PROPERTIES_NAME)
+    output.begin(text, files=files, ranks=ranks)
+    with output:
+        log.to_file(output / "run.log", append=False)
+        analytical = test.analytical()
+        writer = _Writer(output / HISTORY_NAME, test, analytical)
+        status, reason = "finished", ""
+        try:
+            with writer.history:
+                pull(
+                    test.law, test.time, test.strain, test.temperature,
+                    thermal_strain=test.thermal, done=writer.row,
+                )  # fmt: skip
+        except RunFailure as error:
+            status, reason = "failed", str(error)
+        wall = {"test": perf_counter() - begin}
+        summary = _summary(case, status, writer, wall)
+        output.write_summary(summary)
+        facts: dict[str, Any] = {"wall_time": wall, "reached": writer.reached}
+        if status == "failed":
+            output.fail(reason, **facts)
+            raise RunFailure(f"{reason}; the history to there is in {output / HISTORY_NAME}")
+        output.finish(**facts)
+    return summary
+
+
+class _Writer:
+    """Writes the rows of the history as the test goes on, and knows the last one.
+
+    Args:
+        path: Of the history.
+        test: The test.
+        analytical: Its stress in closed form (n,), Pa, or None.
+    """
+
+    def __init__(self, path: Path, test: TensileTest, analytical: Array | None) -> None:
+        self.test, self.analytical = test, analytical
+        self.record: Tension | None = None
+        self.last = 0
+        names = test.law.state_names
+        self._flow = names.index(STRAIN) if STRAIN in names else None
+        columns = [
+            ("time", "s"), ("strain", "-"), ("stress", "MPa"), ("viscoplastic_strain", "-"),
+            ("analytical_stress", "MPa"), ("temperature", "degC"), ("work", "MJ/m^3"),
+        ]  # fmt: skip
+        if test.thermal.any():
+            columns.insert(2, ("total_strain", "-"))
+        self._total = test.thermal.any()
+        self.history = History(path, columns)
+
+    @property
+    def reached(self) -> dict[str, float]:
+        """Last good state."""
+        return {"time": float(self.test.time[self.last]), "step": self.last}
+
+    def flow(self, k: int) -> float:
+        """Viscoplastic strain at step k."""
+        if self.record is None or self._flow is None:
+            return 0.0
+        return float(self.record.state[k, 0, self._flow])
+
+    def row(self, record: Tension, k: int) -> None:
+        """Write row k, before the first one that of the start."""
+        if self.record is None:
+            self.record = record
+            self._write(record, 0)
+        self.last = k
+        self._write(record, k)
+
+    def _write(self, record: Tension, k: int) -> None:
+        row = {
+            "time": record.time[k],
+            "strain": record.axial_strain[k, 0],
+            "stress": record.axial_stress[k, 0] / MEGA,
+            "viscoplastic_strain": self.flow(k),
+            "temperature": self.test.temperature[k] - CELSIUS,
+            "work": record.work[k, 0] / MEGA,
+        }
+        if self.analytical is not None:
+            row["analytical_stress"] = self.analytical[k] / MEGA
+        if self._total:
+            row["total_strain"] = self.test.strain[k]
+        self.history.append(row)
+
+
+def _summary(case: TensileCase, status: str, writer: _Writer, wall: Mapping[str, float]) -> Summary:
+    """What the test has found, as far as it has come."""
+    found = {} if writer.record is None else _quantities(writer, writer.record)
+    references = [
+        Reference(
+            r.quantity,
+            r.si,
+            r.unit or "-",
+            r.source,
+            kind=r.kind,
+            note=r.note,
+            changed=r.changed or (),
+        )
+        for r in case.reference
+    ]
+    return Summary(
+        title=case.title,
+        status=status,
+        quantities=found,
+        references=compare(references, found),
+        steps={"accepted": writer.last},
+        wall_time=dict(wall),
+    )
+
+
+def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
+    """Peak, end, end of each segment, and the distance from the analytical answer."""
+    last = writer.last
+    stress, strain = record.axial_stress[: last + 1, 0], record.axial_strain[: last + 1, 0]
+    top = int(np.argmax(np.abs(stress)))
+    found = {
+        "stress_peak": Quantity(float(stress[top]), "MPa", "largest stress"),
+        "strain_at_peak": Quantity(float(strain[top]), "percent", "strain there"),
+        "stress_end": Quantity(float(stress[-1]), "MPa", "stress at the end"),
+        "strain_end": Quantity(float(strain[-1]), "percent", "strain at the end"),
+        "viscoplastic_strain_end": Quantity(
+            writer.flow(last), "percent", "viscoplastic strain, end"
+        ),
+        "work": Quantity(float(record.work[last, 0]), "MJ/m^3", "viscoplastic work"),
+    }
+    if len(writer.test.ends) > 1:
+        found |= {
+            f"stress_{k}": Quantity(float(stress[end]), "MPa", f"stress, end of segment {k}")
+            for k, end in enumerate(writer.test.ends, start=1)
+            if end <= last
+        }
+    if writer.analytical is not None:
+        known = np.isfinite(writer.analytical[: last + 1])
+        gap = np.abs(stress - writer.analytical[: last + 1])[known] / max(
+            float(np.abs(stress).max()), 1e-300
+        )
+        found["analytical_rms"] = Quantity(
+            float(np.sqrt(np.mean(gap**2))), "percent", "off the analytical, rms"
+        )
+        found["analytical_worst"] = Quantity(
+            float(gap.max()), "percent", "off the analytical, worst"
+        )
+    return found

@@ -1,0 +1,79 @@
+"""The slice as it has moved, through which and out of which heat flows."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import ufl
+from dolfinx import fem
+
+from castfem.fem.dolfinx_compat import assemble_owned
+from castfem.fem.section import Section
+from castfem.forms.finite_strain import deformation
+from castfem.forms.heat import slice_measure, storage
+
+Array = npt.NDArray[np.float64]
+
+# Liquid follows the shell with next to no stiffness and may fold where it has much to follow. What
+# does not stay this share of its area conducts as if it had not moved.
+FOLDED = 0.1
+
+
+class Shape:
+    """Where the slice was at the end of the interval before (thesis IV): form and thickness.
+
+    Args:
+        section: The section.
+        space: Of the displacement.
+        solidus: Below it steel is solid, K.
+
+    Attributes:
+        gradient: In-plane deformation gradient F (2, 2). thickness: e, over the undeformed one.
+    """
+
+    def __init__(self, section: Section, space: fem.FunctionSpace, solidus: float) -> None:
+        mesh = section.mesh
+        self.solidus = solidus
+        self._displacement = fem.Function(space)
+        self._modes = fem.Constant(mesh, np.zeros(4))
+        moved = deformation(self._displacement, self._modes, mesh)
+        sound = ufl.gt(ufl.det(moved.gradient), FOLDED)
+        still = ufl.Identity(2)
+        self.gradient = ufl.as_tensor(
+            [
+                [ufl.conditional(sound, moved.gradient[i, j], still[i, j]) for j in range(2)]
+                for i in range(2)
+            ]
+        )
+        self.thickness = moved.thickness
+        v, dx = ufl.TestFunction(section.vertex_space), slice_measure(mesh)
+        now = self.thickness * ufl.det(self.gradient)
+        self._owned = section.owned
+        self._volume = section.compile("heat.volume.moved", storage(now, v, dx))
+        one = fem.Constant(mesh, np.float64(1.0))
+        self._undeformed = assemble_owned(
+            section.compile("heat.storage", storage(one, v, dx)), section.owned
+        )
+
+    def filled(self, before: Array, temperature: Array) -> Array:
+        """Volume that the steel of each vertex fills, over the undeformed one (owned,).
+
+        Liquid is fed: it fills what the slice encloses now.  Solid has filled its share once for
+        all when it froze.
+
+        Args:
+            before: The same before (owned,).
+            temperature: At the vertices (owned,), K.
+        """
+        now = assemble_owned(self._volume, self._owned) / self._undeformed
+        return np.where(temperature < self.solidus, before, now)
+
+    def take(self, displacement: Array, modes: Array) -> None:
+        """Move the slice.
+
+        Args:
+            displacement: Of this rank's nodes, ghosts included, x and y by turns, m.
+            modes: Generalized strains [a0 - 1, a1, a2, across] (4,).
+        """
+        self._displacement.x.array[:] = displacement
+        self._modes.value[:] = modes

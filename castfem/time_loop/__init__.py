@@ -1,0 +1,1 @@
+"""The time loop of a run: committed states, recording, interruption, restart."""

@@ -1,0 +1,65 @@
+"""Whether a case may be run in a folder that holds a run already.
+
+A new run into the folder of a run of the same physics replaces it, and a resumed run goes on with
+it. A run of other physics, or one that has come further down than the new one is to go, is kept,
+unless the user says --overwrite. Which files are castfem's, and that no others are touched, is the
+business of `castfem.output.folder`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from castfem.case import AnyCase, Case, read_case
+from castfem.errors import InputError
+from castfem.output.folder import CASE_NAME, RUN_NAME, RunRecord
+from castfem.output.xdmf import same_or_before
+from castfem.support import log
+from castfem.support.messages import differences
+
+_NOT_PHYSICS = ("title", "output", "reference", "verification", "casting.length")
+
+
+def check(folder: Path, case: AnyCase, *, resume: bool, overwrite: bool) -> None:
+    """Refuse a folder whose run is of other physics than the case, or has come further down.
+
+    Raises:
+        InputError: It is, or has, or it cannot be told; or the folder is a file.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
+    file = folder / CASE_NAME
+    if overwrite or not file.is_file():
+        return
+    mend = (
+        "run without --resume into another folder (-o)"
+        if resume
+        else "choose another folder with -o, or --overwrite it"
+    )
+    former = read_case(file)
+    if former.problems or former.case is None:
+        raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
+    if former.case.physics_hash() != case.physics_hash():
+        told = differences(former.case.document(), case.document(), _NOT_PHYSICS)
+        told = told or "the steel's file has changed"
+        raise InputError(f"{folder}: holds a run of another case ({told}); {mend}")
+    if isinstance(case, Case) and (folder / RUN_NAME).is_file():
+        _check_length(folder, case, resume, mend)
+
+
+def _check_length(folder: Path, case: Case, resume: bool, mend: str) -> None:
+    """Refuse to replace a run by a shorter one, or to resume one to above where it has come."""
+    record, end = RunRecord.load(folder), case.casting.length
+    reached = record.reached.get("position", 0.0)
+    if not same_or_before(reached, end):
+        if resume:
+            mend = f"a resumed run goes further down: give at least {reached:g} m, or {mend}"
+        raise InputError(
+            f"{folder}: casting.length: {end:g} m is asked for, and the run there has come to "
+            f"{reached:g} m; {mend}"
+        )
+    if not resume and record.status != "finished" and reached > 0.0:
+        log.logger.warning(
+            "%s: the run there had come to %g m (%s) and is replaced; --resume goes on with one",
+            folder, reached, record.status,
+        )  # fmt: skip

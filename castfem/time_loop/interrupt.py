@@ -1,0 +1,74 @@
+"""A wish to stop a march: heeded between two steps, for within PETSc an exception would be lost.
+
+Ctrl-C is one (SIGINT); the other is SIGTERM, which mpirun and batch systems send before they kill.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from types import FrameType
+from typing import Any, Self
+
+from mpi4py import MPI
+
+from castfem.fem import reductions
+from castfem.support import log
+from castfem.support.closing import Closing
+
+ONE = 1.0  # s: `timeout`, for one, sends its signal to the program and then to its group
+_DEFAULTS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+
+
+class Stopped(KeyboardInterrupt):
+    """A march was stopped after a step, the same one on all ranks."""
+
+
+class Interrupt(Closing):
+    """While it is entered, the first signal to stop is only noted; a later one acts at once.
+
+    It leaves signals alone that somebody else handles, and off the main thread, where Python
+    delivers none.
+
+    Args:
+        comm: Ranks that march together: a signal to any of them stops all.
+
+    Attributes:
+        wanted: Whether this rank was asked to stop.
+    """
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self.wanted = False
+        self._comm, self._since = comm, 0.0
+        self._former: dict[signal.Signals, Any] = {}
+
+    def heed(self) -> None:
+        """Stop here if that is wanted (collective).
+
+        Raises:
+            Stopped: It is.
+        """
+        if reductions.any_of(self._comm, self.wanted):
+            raise Stopped
+
+    def __enter__(self) -> Self:
+        if threading.current_thread() is threading.main_thread():
+            for number, default in _DEFAULTS.items():
+                if signal.getsignal(number) is default:
+                    self._former[number] = signal.signal(number, self._note)
+        return self
+
+    def close(self) -> None:
+        """Let the signals do what they did before."""
+        while self._former:
+            signal.signal(*self._former.popitem())
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.wanted:
+            if time.monotonic() - self._since >= ONE:
+                self.close()
+                signal.raise_signal(number)
+            return
+        self.wanted, self._since = True, time.monotonic()
+        log.logger.warning("stopping after this step; a second signal stops at once")

@@ -1,0 +1,345 @@
+"""The march of the slice from the meniscus to the end of the followed length."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.case.portable import portable
+from castfem.coupling.staggered import Interval, StrandState, take_interval
+from castfem.coupling.step_control import same_instant
+from castfem.coupling.subcycling import Leg
+from castfem.errors import CastfemError, RunFailure
+from castfem.fem import reductions
+from castfem.fem.root import Together, on_root
+from castfem.output.folder import PROPERTIES_NAME, OutputFolder
+from castfem.output.summary import Quantity
+from castfem.results.summary import quantities, summarise
+from castfem.results.thermal import Measure, Reading
+from castfem.simulation.simulation import Scene, build_scene
+from castfem.support import log
+from castfem.support.stopwatch import peak_memory, profile_table
+from castfem.time_loop import restart
+from castfem.time_loop.interrupt import Interrupt, Stopped
+from castfem.time_loop.recorder import Recorder
+from castfem.time_loop.run_state import Counts, Recorded
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.mechanics.state import MechanicalResult
+    from castfem.output.summary import Summary
+    from castfem.support.progress import Progress
+
+Array = npt.NDArray[np.float64]
+Named = dict[str, Quantity]
+
+LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/benchmarks.md)
+
+
+class March:
+    """Steps a scene through time; holds the committed state and nothing that is not committed.
+
+    Args:
+        scene: What to march.
+        recorder: Where committed steps are written; None for a march in memory.
+        progress: What is told after each step; None for silence.
+        interrupt: Asked after each step whether to stop there.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        recorder: Recorder | None = None,
+        progress: Progress | None = None,
+        interrupt: Interrupt | None = None,
+    ) -> None:
+        self.scene, self.recorder, self.progress = scene, recorder, progress
+        self.interrupt = interrupt
+        self.measure = Measure(scene)
+        self.archive = restart.make_archive(scene)
+        thermal = scene.stepper.initial(scene.start_temperature)
+        self.state: StrandState = (
+            StrandState(thermal, None, np.zeros(0))
+            if scene.coupler is None
+            else scene.coupler.start(thermal)
+        )
+        self.counts = Counts()
+        self.reading: Reading | None = None
+        # Results at the positions the case has references for.
+        self.snapshots: dict[float, dict[str, Quantity]] = {}
+        # Results and balances of forces as the checkpoint tells them, until the next step: what a
+        # step finds out, and the heat flux through its gap, are no part of the state.
+        self.told: tuple[Named, dict[str, Named]] | None = None
+        self.zone = -1
+        self._recorded: Recorded | None = None
+
+    def run(self) -> Reading:
+        """March to the end of the scene.
+
+        Raises:
+            RunFailure: If a step cannot be saved; the committed state stays as it was.
+        """
+        control = self.scene.control
+        if self.reading is None:
+            self._enter_zone()
+            self._record(None, None)
+        while self.state.time < control.end:
+            self._enter_zone()
+            self.advance()
+        assert self.reading is not None
+        return self.reading
+
+    def _enter_zone(self) -> None:
+        """Change the cooling if the slice has come to the next zone."""
+        zone = self.scene.zones.index(self.state.time)
+        if zone != self.zone:
+            self.scene.problem.set_cooling(self.scene.zones.cooling(zone))
+            if self.zone >= 0:
+                self.scene.steps.control.restart()
+            self.zone = zone
+
+    def advance(self) -> None:
+        """Take one step, or with mechanics one interval: try, cut back if need be, commit.
+
+        Raises:
+            RunFailure: At the smallest step.
+        """
+        counts, before = self.counts, self._iterations()
+        try:
+            found, failed = self._attempt()
+        except RunFailure as error:
+            raise RunFailure(f"{self._whereabouts()}: {error}") from None
+        after = self._iterations()
+        counts.newton += after[0] - before[0]
+        counts.newton_mechanics += after[1] - before[1]
+        if isinstance(found, Interval):
+            leg, result, self.state = found.leg, found.mechanical, found.state
+            counts.intervals += 1
+            counts.cut_back += failed
+            counts.passes += found.passes
+            counts.unsettled += not found.settled
+        else:
+            leg, result = found, None
+            self.state = replace(self.state, thermal=leg.state)
+        counts.steps += leg.steps
+        counts.rejected += leg.rejected
+        counts.limited += leg.limited
+        self._record(leg, result)
+
+    def _attempt(self) -> tuple[Leg | Interval, int]:
+        """A thermal step or an interval that can be kept, and how many intervals could not."""
+        scene = self.scene
+        if scene.coupler is None:
+            return scene.steps.one(self.state.thermal), 0
+        return take_interval(scene.coupler, self.state, scene.control)
+
+    def _iterations(self) -> tuple[int, int]:
+        """Newton iterations in this process, of temperature and mechanics."""
+        mechanics = self.scene.mechanics
+        return self.scene.problem.iterations, mechanics.problem.iterations if mechanics else 0
+
+    def _whereabouts(self) -> str:
+        """Where the slice is, for messages."""
+        time = self.state.time
+        return (
+            f"{1e3 * time * self.scene.case.casting.speed:.4g} mm below the meniscus ({time:.4g} s)"
+        )
+
+    def _record(self, leg: Leg | None, mechanical: MechanicalResult | None) -> None:
+        with self.scene.watch.section("results"):
+            self.told = None
+            self.reading = self.measure.read(self.state, leg, mechanical)
+            self._keep_snapshot(self.reading)
+        if self.recorder is not None:
+            with self.scene.watch.section("output"):
+                self.recorder.step(self, self.reading)
+        self.remember(self.reading)
+        if self.progress is not None:
+            reading = self.reading
+            newton = reading.newton + (reading.mechanics.newton if reading.mechanics else 0)
+            self.progress.update(reading.position, reading.time, newton, reading.step, self._note())
+        if self.interrupt is not None:
+            self.interrupt.heed()
+
+    def remember(self, reading: Reading) -> None:
+        """Keep what has been recorded: states are never written into, the rest is copied."""
+        scene = self.scene
+        self._recorded = Recorded(
+            self.state,
+            reading,
+            replace(self.counts),
+            scene.control.step,
+            scene.steps.control.step,
+            self.zone,
+            self.measure.memory(),
+            dict(self.snapshots),
+        )
+
+    def fall_back(self) -> bool:
+        """Take back what is not recorded, after an error at whatever place; False if nothing is."""
+        good = self._recorded
+        if good is None:
+            return False
+        self.state, self.reading, self.counts = good.state, good.reading, good.counts
+        self.scene.control.step, self.scene.steps.control.step = good.step, good.substep
+        self.zone, self.snapshots = good.zone, good.snapshots
+        self.measure.recall(good.memory)
+        return True
+
+    def _keep_snapshot(self, reading: Reading) -> None:
+        case = self.scene.case
+        # The end too: a run that goes on from there has its number at a station.
+        for position in {r.at for r in case.reference if r.at is not None}:
+            if same_instant(reading.position, position, case.casting.length):
+                self.snapshots[position] = quantities(self, reading)
+
+    def _note(self) -> str:
+        return self.scene.zones.spans[max(self.zone, 0)].name
+
+
+def run(
+    case: Case,
+    folder: Path | str,
+    *,
+    comm: MPI.Comm | None = None,
+    resume: bool = False,
+    profile: bool = False,
+    progress: Progress | None = None,
+) -> Summary:
+    """Run `case` and write everything into `folder` (collective).
+
+    Args:
+        case: What to run.
+        folder: Where the results go; see docs/output.md.
+        comm: Communicator; all ranks when None.
+        resume: Go on from the checkpoint in `folder`; where there is none yet, begin.
+        profile: Log where the time went.
+        progress: Told after each step; on rank 0.
+
+    Returns:
+        The summary, on every rank.
+
+    Raises:
+        InputError: The case, the folder or the checkpoint cannot be used.
+        RunFailure: The run cannot go on; the last good state is on disk.  It is so, too, after
+            any other error of a run on one rank.  What one of several ranks meets alone ends all:
+            it is told on stderr, and the last checkpoint is on disk.
+    """
+    comm = MPI.COMM_WORLD if comm is None else comm
+    output = OutputFolder(folder)
+
+    def begin() -> bool:
+        text, files = portable(case, PROPERTIES_NAME)
+        goes_on = output.begin(text, files=files, ranks=comm.size, resume=resume)
+        log.to_file(output / "run.log", append=goes_on)
+        if resume and not goes_on:
+            log.logger.warning("%s: no checkpoint to go on from; the run begins anew", folder)
+        return goes_on
+
+    resume = bool(comm.bcast(on_root(comm, begin)))
+    # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
+    with output, ExitStack() as freed, Together(comm, (RunFailure, Stopped)) as together:
+        scene = build_scene(case, comm)
+        freed.callback(scene.destroy)
+        _tell_of_idle_ranks(scene)
+        recorder = Recorder(scene, output, resume)
+        freed.callback(recorder.close)
+        return _march(scene, output, recorder, together, profile, progress)
+
+
+def _tell_of_idle_ranks(scene: Scene) -> None:
+    """Say that a small section is slower on several ranks (collective)."""
+    comm = scene.section.comm
+    each = reductions.total(comm, scene.section.owned) / comm.size
+    if comm.size > 1 and each < LEAST_VERTICES and comm.rank == 0:
+        log.logger.info(
+            "%.0f vertices on each of %d ranks: so few are slower than one rank, which waits for "
+            "no other (docs/benchmarks.md); several runs at once: castfem sweep", each, comm.size,
+        )  # fmt: skip
+
+
+def _march(
+    scene: Scene,
+    output: OutputFolder,
+    recorder: Recorder,
+    together: Together,
+    profile: bool,
+    progress: Progress | None,
+) -> Summary:
+    """March a built scene with its files open."""
+    comm, watch = scene.section.comm, scene.watch
+    interrupt = Interrupt(comm)
+    march = March(scene, recorder, progress, interrupt)
+    if recorder.checkpoint is not None:
+        restart.restore(march, *recorder.checkpoint)
+    if progress is not None:
+        progress.start(scene.case.casting.length, march.state.time * scene.case.casting.speed)
+    try:
+        with interrupt, watch.section("march"):
+            march.run()
+    except BaseException as error:
+        # Saving takes all ranks.  Failures and stops they raise together; after anything else they
+        # may stand at different places: then the checkpoint before must do.
+        if together.meet(error):
+            _leave(march, recorder, output, error)
+        raise
+    recorder.close()
+    if scene.case.output.checkpoint_every:
+        recorder.save(march)
+    if profile and comm.rank == 0:
+        log.logger.info("%s", profile_table(watch))
+    return _finish(march, output, "finished")
+
+
+def _leave(march: March, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:
+    """Leave the last good state on disk after `error`, which nothing here may hide (collective)."""
+    try:
+        if march.fall_back():
+            recorder.save(march)
+        stopped = isinstance(error, KeyboardInterrupt)
+        _finish(march, output, "interrupted" if stopped else "failed", _reason(error))
+    except Exception as other:
+        log.logger.warning("the state could not be saved: %s", other)
+
+
+def _reason(error: BaseException) -> str:
+    """Why a run ended, one line for run.json."""
+    if isinstance(error, CastfemError):
+        return str(error)
+    return f"unexpected {type(error).__name__}: {error}"
+
+
+def _finish(march: March, output: OutputFolder, status: str, reason: str = "") -> Summary:
+    """Write summary and run record; the summary is the same on every rank."""
+    comm = march.scene.section.comm
+    summary = summarise(march, status)
+    memory = reductions.total(comm, peak_memory())
+
+    def write() -> None:
+        output.write_summary(summary)
+        facts = {
+            "wall_time": dict(march.scene.watch.seconds),
+            "compiled_forms": tuple(march.scene.section.compiled),
+            "memory_mb": round(memory / 1e6, 1),
+            "reached": {
+                "time": march.state.time,
+                "position": march.state.time * march.scene.case.casting.speed,
+                "step": march.counts.steps,
+            },
+        }
+        if status == "finished":
+            output.finish(**facts)
+        elif status == "interrupted":
+            output.interrupt(**facts)
+        else:
+            output.fail(reason, **facts)
+
+    on_root(comm, write)
+    return summary

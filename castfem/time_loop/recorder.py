@@ -1,0 +1,172 @@
+"""Writes what a march yields: history, fields, checkpoints.  Files are rank 0's business."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.coupling.step_control import same_instant
+from castfem.errors import InputError
+from castfem.fem.root import on_root
+from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
+from castfem.output.folder import OutputFolder
+from castfem.output.history import HISTORY_NAME, History
+from castfem.output.xdmf import FieldWriter, same_or_before
+from castfem.results.columns import columns, row
+from castfem.results.thermal import Reading
+from castfem.time_loop import restart
+from castfem.time_loop.run_state import Counts
+
+if TYPE_CHECKING:
+    from castfem.simulation.simulation import Scene
+    from castfem.time_loop.loop import March
+
+Array = npt.NDArray[np.float64]
+
+
+class Recorder:
+    """Files of one run.
+
+    Args:
+        scene: What is marched.
+        folder: The run's folder, begun; used on rank 0.
+        resume: Go on with the files that are there.
+    """
+
+    def __init__(self, scene: Scene, folder: OutputFolder, resume: bool = False) -> None:
+        self.scene, self.folder, self.comm = scene, folder, scene.section.comm
+        self._every = scene.case.output.checkpoint_every
+        self._history: History | None = None
+        self._fields: FieldWriter | None = None
+        self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
+        on_root(self.comm, self._open_for_resume if resume else self._open)
+        if resume:
+            self.checkpoint = self.comm.bcast(self.checkpoint)
+
+    def _open(self) -> None:
+        """Begin history and fields."""
+        self._history = History(self.folder / HISTORY_NAME, columns(self.scene))
+        source = self.scene.section.source
+        if self.scene.case.output_fields and source is not None:
+            steel = self.scene.steel
+            facts: dict[str, float | str] = {"solidus": steel.solidus, "liquidus": steel.liquidus}
+            symmetry = getattr(self.scene.case.section, "symmetry", None)
+            if symmetry:
+                facts["symmetry"] = symmetry
+            self._fields = FieldWriter(
+                self.folder.path,
+                source.points,
+                source.cells,
+                source.cell,
+                source.order,
+                attributes=facts,
+            )
+
+    def _open_for_resume(self) -> None:
+        """Read the checkpoint and cut what was written after it."""
+        case = self.scene.case
+        self.checkpoint = load_checkpoint(
+            self.folder / CHECKPOINT_NAME, physics=case.physics_hash(), case=case.physics()
+        )
+        time = float(self.checkpoint[0]["time"])
+        if not same_or_before(time, case.casting.duration):
+            speed, length = case.casting.speed, case.casting.length
+            raise InputError(
+                f"{self.folder / CHECKPOINT_NAME}: casting.length: {length:g} m is asked for, and "
+                f"the run has come to {speed * time:g} m; give at least that, or run without "
+                "--resume into another folder"
+            )
+        taken = Counts(**self.checkpoint[0]["counts"]).taken
+        self._history = History.resume(
+            self.folder / HISTORY_NAME, time, columns(self.scene), rows=taken + 1
+        )
+        if names := self.scene.case.output_fields:
+            self._fields = FieldWriter.resume(self.folder.path, time, names)
+
+    def step(self, march: March, reading: Reading) -> None:
+        """Write one committed step: a row always, fields at output times, a checkpoint in turn.
+
+        Raises:
+            RunFailure: On every rank, when a file cannot be written.
+        """
+        fields = self._due_fields(march, reading)
+        state: dict[str, Array | None] = {}
+        taken = march.counts.taken
+        checkpoint = self._every > 0 and taken % self._every == 0  # at the meniscus, too
+        if checkpoint:
+            state = restart.arrays(march)
+
+        def write() -> None:
+            assert self._history is not None
+            self._history.append(row(march, reading))
+            if self._fields is not None and fields:
+                self._fields.write(reading.time, reading.position, fields)
+            if checkpoint:
+                self._save(march, state)
+
+        on_root(self.comm, write)
+
+    def _due_fields(self, march: March, reading: Reading) -> dict[str, Array] | None:
+        """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
+        names = self.scene.case.output_fields
+        if not names or not self._is_due(reading.time):
+            return None
+        state, gather = march.state, self.scene.section.gather
+        kelvin = state.thermal.point.temperature
+        owned = {"temperature": kelvin}
+        if "solid_fraction" in names:
+            owned["solid_fraction"] = np.asarray(self.scene.steel.solid_fraction(kelvin))
+        if march.measure.mechanics is not None and state.mechanical is not None:
+            owned |= march.measure.mechanics.fields(state.mechanical, names)
+        gathered = {name: _by_component(gather, owned[name]) for name in names}
+        return {name: values for name, values in gathered.items() if values is not None}
+
+    def _is_due(self, time: float) -> bool:
+        """Whether `time` is the meniscus, a multiple of the output interval, or the end."""
+        every, end = self.scene.case.output.every, self.scene.control.end
+        nearest = round(time / every) * every
+        return time == 0.0 or same_instant(time, nearest, end) or same_instant(time, end, end)
+
+    def _save(self, march: March, state: dict[str, Array | None]) -> None:
+        """Save a checkpoint and note how far the run has come (rank 0)."""
+        arrays = {name: values for name, values in state.items() if values is not None}
+        if self._history is not None:
+            self._history.sync()
+        case = self.scene.case
+        save_checkpoint(
+            self.folder / CHECKPOINT_NAME,
+            restart.description(march),
+            arrays,
+            physics=case.physics_hash(),
+            case=case.physics(),
+        )
+        self.folder.update(
+            reached={
+                "time": march.state.time,
+                "position": march.state.time * self.scene.case.casting.speed,
+                "step": march.counts.steps,
+            }
+        )
+
+    def save(self, march: March) -> None:
+        """Save a checkpoint of the committed state now (collective)."""
+        state = restart.arrays(march)
+        on_root(self.comm, lambda: self._save(march, state))
+
+    def close(self) -> None:
+        """Close the files; what was written is complete without it."""
+        for thing in (self._history, self._fields):
+            if thing is not None:
+                thing.close()
+
+
+def _by_component(gather: Callable[[Array], Array | None], owned: Array) -> Array | None:
+    """Vertex values (owned, ...) of all ranks on rank 0, a component at a time (collective)."""
+    if owned.ndim == 1:
+        return gather(owned)
+    parts = [gather(np.ascontiguousarray(component)) for component in owned.T]
+    whole = [part for part in parts if part is not None]
+    return np.column_stack(whole) if whole else None

@@ -1,0 +1,120 @@
+"""The committed state of a march as a checkpoint holds it, and back."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.coupling.staggered import StrandState
+from castfem.output.summary import Quantity
+from castfem.results.summary import last_results
+from castfem.time_loop.run_state import Counts
+
+if TYPE_CHECKING:
+    from castfem.mechanics.checkpoint import Archive
+    from castfem.simulation.simulation import Scene
+    from castfem.time_loop.loop import March
+
+Array = npt.NDArray[np.float64]
+Named = dict[str, Quantity]
+
+# Arrays of the thermal state, by their name in a checkpoint.
+STATE = ("enthalpy", "rate", "course")
+
+
+def arrays(march: March) -> dict[str, Array | None]:
+    """The arrays of the committed state, whole on rank 0 (collective)."""
+    gather, state = march.scene.section.gather, march.state
+    found = {name: gather(getattr(state.thermal, name)) for name in STATE}
+    if march.scene.problem.shape is not None:
+        found["filled"] = gather(state.thermal.filled)
+    if march.archive is not None and state.mechanical is not None:
+        found |= march.archive.arrays(state.mechanical)
+        if march.scene.case.coupling.dissipation:
+            found["heating"] = gather(state.heating)
+        if march.scene.case.coupling.order == "mechanics_first":
+            found["trend"] = gather(state.trend)
+    return found
+
+
+def description(march: March) -> dict[str, Any]:
+    """All of the committed state that is not an array; what a checkpoint holds beside them."""
+    thermal, mechanical = march.state.thermal, march.state.mechanical
+    results, forces = last_results(march)
+    found: dict[str, Any] = {
+        "time": thermal.time,
+        "removed": thermal.removed,
+        "generated": thermal.generated,
+        # Without end where a flux is given, which JSON has no number for.
+        "allowed": [a if np.isfinite(a) else None for a in thermal.allowed or ()],
+        "fed": thermal.fed,
+        "counts": asdict(march.counts),
+        "step": march.scene.control.step,
+        "substep": march.scene.steps.control.step,
+        "zone": march.zone,
+        "measure": march.measure.memory(),
+        "snapshots": [[position, _plain(found)] for position, found in march.snapshots.items()],
+        "results": _plain(results),
+        "forces": {name: _plain(terms) for name, terms in forces.items()},
+    }
+    if march.archive is not None and mechanical is not None:
+        found["mechanical"] = march.archive.description(mechanical)
+    return found
+
+
+def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> None:
+    """Go on from a checkpoint: `description` and arrays by node (on every rank)."""
+    nodes = march.scene.section.node_of_owned
+    enthalpy, rate, course = (np.asarray(by_node[name])[nodes] for name in STATE)
+    filled = np.asarray(by_node["filled"])[nodes] if "filled" in by_node else None
+    thermal = march.scene.stepper.state_from(
+        meta["time"], enthalpy, rate, meta["removed"], meta["generated"], course, filled,
+        meta.get("fed", 0.0),
+    )  # fmt: skip
+    if thermal.filled.size:
+        march.scene.problem.fill(thermal.filled)
+    if meta["allowed"]:
+        low, high = meta["allowed"]
+        thermal.allowed = low, np.inf if high is None else high
+    mechanical = None
+    if march.archive is not None:
+        mechanical = march.archive.state(meta["mechanical"], by_node)
+    heating, trend = (
+        np.asarray(by_node[name])[nodes] if name in by_node else np.zeros(0)
+        for name in ("heating", "trend")
+    )
+    march.state = StrandState(thermal, mechanical, heating, trend)
+    march.counts = Counts(**meta["counts"])
+    march.scene.control.step = meta["step"]
+    march.scene.steps.control.step = meta["substep"]
+    march.zone = meta["zone"]
+    if march.zone >= 0:
+        march.scene.problem.set_cooling(march.scene.zones.cooling(march.zone))
+    march.measure.recall(meta["measure"])
+    march.snapshots = {position: _named(found) for position, found in meta["snapshots"]}
+    march.reading = march.measure.read(march.state, None)
+    forces = {name: _named(terms) for name, terms in meta["forces"].items()}
+    march.told = _named(meta["results"]), forces
+    march.remember(march.reading)
+
+
+def _plain(found: Named) -> dict[str, list[Any]]:
+    """Quantities as a checkpoint holds them."""
+    return {name: [q.value, q.shown_unit, q.label] for name, q in found.items()}
+
+
+def _named(found: dict[str, list[Any]]) -> Named:
+    """The inverse of `_plain`."""
+    return {name: Quantity(*parts) for name, parts in found.items()}
+
+
+def make_archive(scene: Scene) -> Archive | None:
+    """What takes the mechanical state apart for checkpoints; None in a scene without mechanics."""
+    if scene.mechanics is None:
+        return None
+    from castfem.mechanics.checkpoint import Archive
+
+    return Archive(scene.mechanics.problem)

@@ -1,0 +1,264 @@
+"""Tables of numbers with units: a quantity that depends on temperature or time.
+
+In a case file such a quantity is a single value, two columns with their units named once,
+
+    [cooling.surface.coefficient]
+    temperature = [700, 900, 1100]
+    temperature_unit = "degC"
+    value = [400, 300, 250]
+    unit = "W/(m^2 K)"
+
+or a CSV file, `{ file = "spray.csv" }`, whose header names the columns and their units:
+`temperature [degC], value [W/(m^2 K)]`. Between the rows it is linear, beyond them constant.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from castfem.values import units
+from castfem.values.quantities import Kind, Notation
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+_ARGUMENTS = {
+    "temperature": Kind("K", "degC"),
+    "time": Kind("s", "s", least=0.0),
+    "position": Kind("m", "mm", least=0.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A quantity given in rows, linear between them and constant beyond.
+
+    Attributes:
+        over: What it depends on, "temperature", "time" or "position".
+        arguments: Increasing, K or s.
+        values: SI, as many as arguments, at least two.
+    """
+
+    over: str
+    arguments: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __call__(self, argument: float) -> float:
+        """Return the value at one argument (K or s)."""
+        x, y = self.arguments, self.values
+        if argument <= x[0]:
+            return y[0]
+        if argument >= x[-1]:
+            return y[-1]
+        i = bisect_right(x, argument)
+        return y[i - 1] + (argument - x[i - 1]) / (x[i] - x[i - 1]) * (y[i] - y[i - 1])
+
+
+@dataclass(frozen=True, slots=True)
+class Curve(Notation):
+    """Annotation of a field that takes a single value or a `Table`.
+
+    Attributes:
+        kind: Unit and bounds of the value.
+        over: What a table of it depends on, "temperature", "time" or "position".
+    """
+
+    kind: Kind
+    over: str
+
+    def read(self, given: object) -> float | Table:
+        """Return the value in SI, or a table; raise ValueError if it is neither."""
+        if isinstance(given, Table):
+            return self._checked(given)
+        if isinstance(given, Mapping):
+            return self._from_columns(self._columns(given))
+        return self.kind.read(given)
+
+    def write(self, value: float | Table) -> Any:
+        """Return what reads back to the same value: a text, a number, or a dict of columns."""
+        if not isinstance(value, Table):
+            return self.kind.write(value)
+        argument = _ARGUMENTS[self.over]
+        x, x_unit = _written(value.arguments, argument)
+        y, y_unit = _written(value.values, self.kind)
+        columns = {self.over: x, f"{self.over}_unit": x_unit, "value": y, "unit": y_unit}
+        return {key: entry for key, entry in columns.items() if entry is not None}
+
+    def _columns(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the columns and their units, from the table itself or from its file."""
+        if "file" in given:
+            if len(given) > 1:
+                raise ValueError("a table with a file takes no other key")
+            return _read_csv(Path(str(given["file"])), self.over)
+        allowed = (self.over, f"{self.over}_unit", "value", "unit")
+        for key in given:
+            if key not in allowed:
+                mend = units.nearest(str(key), (*allowed, "file"))
+                raise ValueError(
+                    f"unknown key '{key}' in a table over {self.over}; "
+                    f"allowed: {', '.join((*allowed, 'file'))}{mend}"
+                )
+        for key in (self.over, "value"):
+            if key not in given:
+                raise ValueError(f"a table over {self.over} needs the column '{key}'")
+        return dict(given)
+
+    def _from_columns(self, columns: dict[str, Any]) -> Table:
+        argument = _ARGUMENTS[self.over]
+        x = _column(self.over, columns[self.over], columns.get(f"{self.over}_unit"), argument)
+        y = _column("value", columns["value"], columns.get("unit"), self.kind)
+        return self._checked(Table(self.over, x, y))
+
+    def _checked(self, table: Table) -> Table:
+        x, y = table.arguments, table.values
+        if table.over != self.over:
+            raise ValueError(f"a table over {self.over} is needed, not over {table.over}")
+        if len(x) != len(y):
+            raise ValueError(f"{len(x)} rows of {self.over}, but {len(y)} of value")
+        if len(x) < 2:
+            raise ValueError(f"a table needs at least two rows, this one has {len(x)}")
+        for row in range(1, len(x)):
+            if not x[row] > x[row - 1]:
+                raise ValueError(
+                    f"{self.over} must increase from row to row; "
+                    f"row {row + 1} does not exceed row {row}"
+                )
+        return table
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        single = self.kind.json_schema()
+        cells = {"anyOf": [{"type": "number"}, {"type": "string"}]}
+        column = {"type": "array", "items": cells, "minItems": 2}
+        columns = {
+            "type": "object",
+            "properties": {
+                self.over: column,
+                f"{self.over}_unit": {"type": "string"},
+                "value": column,
+                "unit": {"type": "string"},
+            },
+            "required": [self.over, "value"],
+            "additionalProperties": False,
+        }
+        file = {
+            "type": "object",
+            "properties": {"file": {"type": "string"}},
+            "required": ["file"],
+            "additionalProperties": False,
+        }
+        text = f"{single['description']}; or a table over {self.over}"
+        return {"anyOf": [single, columns, file], "description": text}
+
+
+@dataclass(frozen=True, slots=True)
+class CurveOr(Curve):
+    """Annotation of a field that takes a certain word, too.
+
+    Attributes:
+        word: The word.
+    """
+
+    word: str
+
+    def read(self, given: object) -> Any:
+        """Return the word, the value in SI, or a table; raise ValueError if it is none of them."""
+        if given == self.word:
+            return self.word
+        try:
+            return Curve.read(self, given)
+        except ValueError as error:
+            raise ValueError(f'{error}; or "{self.word}"') from None
+
+    def write(self, value: Any) -> Any:
+        """Return what reads back to the same value."""
+        return value if value == self.word else Curve.write(self, value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the schema: that of a `Curve`, or the word."""
+        known = Curve.__get_pydantic_json_schema__(self, schema, handler)
+        known["anyOf"] = [{"const": self.word}, *known["anyOf"]]
+        return known
+
+
+def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | None]:
+    """Return a column that `_column` reads back to the same floats, and its unit."""
+    if kind.unit == "1":
+        return list(values), None
+    numbers = [float(f"{units.convert(v, kind.unit, kind.shown):.12g}") for v in values]
+    if _column("value", numbers, kind.shown, kind) == tuple(values):
+        return numbers, kind.shown
+    return list(values), kind.unit
+
+
+def _column(name: str, cells: object, unit: object, kind: Kind) -> tuple[float, ...]:
+    """Read one column in SI; `unit` is that of bare numbers, None if there is none.
+
+    Raises:
+        ValueError: Not a list, empty, or a bad cell, which is named by its row.
+    """
+    if not isinstance(cells, Sequence) or isinstance(cells, str):
+        raise ValueError(f"'{name}' must be a list of values")
+    if not cells:
+        raise ValueError(f"'{name}' is empty; a table needs at least two rows")
+    if unit is not None and not isinstance(unit, str):
+        raise ValueError(f"the unit of '{name}' must be a text, such as \"{kind.unit}\"")
+    values = []
+    for row, cell in enumerate(cells, start=1):
+        bare = isinstance(cell, int | float) and not isinstance(cell, bool)
+        try:
+            if bare and not math.isfinite(cell):
+                raise ValueError("a finite number is needed")
+            if bare and unit is None and kind.unit != "1":
+                _no_unit(name, kind)
+            values.append(kind.read(f"{cell!r} {unit}" if bare and unit else cell))
+        except ValueError as error:
+            raise ValueError(f"'{name}' row {row} ({cell!r}): {error}") from None
+    return tuple(values)
+
+
+def _no_unit(name: str, kind: Kind) -> NoReturn:
+    key = "unit" if name == "value" else f"{name}_unit"
+    raise ValueError(f'name the unit of the column once, {key} = "{kind.shown or kind.unit}"')
+
+
+def _read_csv(path: Path, over: str) -> dict[str, Any]:
+    """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
+
+    Raises:
+        ValueError: The file cannot be read, or its header or a row is not as it must be.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text in UTF-8"
+        raise ValueError(f"cannot read the table '{path}': {reason}") from None
+    kept = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+    header = f"{over} [unit], value [unit]"
+    if not kept:
+        raise ValueError(f"'{path}' is empty; its first line must be '{header}'")
+    separator = ";" if ";" in kept[0] else ","
+    rows = [[cell.strip() for cell in row] for row in csv.reader(kept, delimiter=separator)]
+    names = [cell.partition("[") for cell in rows[0]]
+    if [name.strip() for name, _, _ in names] != [over, "value"]:
+        raise ValueError(f"the first line of '{path}' must be '{header}', not '{kept[0].strip()}'")
+    given = [unit.rpartition("]")[0].strip() or None for _, _, unit in names]
+    columns: dict[str, Any] = {over: [], "value": [], f"{over}_unit": given[0], "unit": given[1]}
+    for number, row in enumerate(rows[1:], start=2):
+        try:
+            x, y = (float(cell) for cell in row)
+        except ValueError:
+            raise ValueError(f"line {number} of '{path}' must hold two numbers") from None
+        columns[over].append(x)
+        columns["value"].append(y)
+    return columns

@@ -1,0 +1,134 @@
+"""Laws, random states and small helpers shared by the tests of the laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.constitutive import (
+    Elasticity,
+    MaterialStep,
+    NortonCreep,
+    NortonHoff,
+    PerfectlyPlastic,
+    Response,
+    Solidity,
+    ThermoElastic,
+    load_elasticity,
+    load_law,
+)
+from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.tables import Constant, celsius
+
+Array = npt.NDArray[np.float64]
+ZERO = 273.15
+SOLIDUS, LIQUIDUS = 1723.0, 1775.0
+STRENGTH = celsius([800, 1000, 1200, 1400], [108e6, 55e6, 30e6, 17e6], logarithmic=True)
+
+
+def steel_like(ratio: float = 1e-6) -> Elasticity:
+    """Elasticity from cold solid to liquid."""
+    return load_elasticity(solidity=Solidity.between(SOLIDUS, LIQUIDUS, stiffness_ratio=ratio))
+
+
+def hoff(
+    elasticity: Elasticity, p1: float, p3: float, p4: float, limit: float | None = None
+) -> NortonHoff:
+    """Law (163) with a strength over temperature and constant exponents."""
+    given = None if limit is None else Constant(limit)
+    return NortonHoff(elasticity, STRENGTH, Constant(p1), Constant(p3), Constant(p4), given)
+
+
+def every_law() -> dict[str, RadialReturn]:
+    """All laws, the demanding parameters among them, on `steel_like` elasticity."""
+    el = steel_like()
+    return {
+        "elastic": ThermoElastic(el),
+        "plastic": PerfectlyPlastic(el, celsius([1000, 1494], [20e6, 1e4])),
+        "plastic, 1000-fold in 0.1 K": PerfectlyPlastic(
+            el, celsius([1200.0, 1200.1], [20e6, 2e4], logarithmic=True)
+        ),
+        "creep n=5": NortonCreep.constant(el, 1e-3, 20e6, 5.0),
+        "creep n=50": NortonCreep.constant(el, 1e-3, 20e6, 50.0),
+        "hoff": load_law("norton_hoff_kozlowski", el),
+        "hoff p1<0 p4<0": load_law("norton_hoff_kozlowski_p1", el),
+        "hoff p3=0.02 p4=0.6": hoff(el, 8.0, 0.02, 0.6),
+        "hoff p3=1 p4=0": hoff(el, -10.0, 1.0, 0.0),
+        "hoff softening": hoff(el, 50.0, 0.15, -0.01),
+        "viscous": hoff(el, -10.0, 0.15, 0.1, 0.0),
+        "viscous p3=0.02 softening": hoff(el, 30.0, 0.02, 0.6, 0.0),
+        "yield given": hoff(el, 3.0, 0.15, 0.2, 10e6),
+        "steel": load_law("kozlowski_zhu", el, carbon=0.08),
+    }
+
+
+@dataclass(frozen=True)
+class States:
+    """Random starts of steps for n points in groups that share a time step."""
+
+    temperature_old: Array
+    temperature: Array
+    strain: Array
+    thermal: Array
+    stress: Array
+    state: Array
+    dt: Array
+    group: npt.NDArray[np.intp]
+
+    def parts(self) -> list[tuple[MaterialStep, Array, Array]]:
+        """One step, stress and state for each group."""
+        found = []
+        for g in np.unique(self.group):
+            i = self.group == g
+            step = MaterialStep(
+                self.strain[i], self.thermal[i], self.temperature_old[i], self.temperature[i],
+                float(self.dt[i][0]),
+            )  # fmt: skip
+            found.append((step, self.stress[i], self.state[i]))
+        return found
+
+
+def random_states(law: RadialReturn, n: int, groups: int, seed: int) -> States:
+    """States over 20-1600 degC, 1e-8-1e2 1/s, strains 0-1, steps 1e-6-1e3 s, stresses to 10 GPa."""
+    rng = np.random.default_rng(seed)
+    old = rng.uniform(293.0, 1873.0, n)
+    new = np.where(rng.random(n) < 0.5, old, rng.uniform(293.0, 1873.0, n))
+    group = np.sort(rng.integers(0, groups, n))
+    dt = (10.0 ** rng.uniform(-6.0, 3.0, groups))[group]
+    strain = _directions(rng, n) * (10.0 ** rng.uniform(-8.0, 2.0, n) * dt)[:, None]
+    stress = _directions(rng, n) * 10.0 ** rng.uniform(0.0, 10.0, n)[:, None]
+    stress[rng.random(n) < 0.1] = 0.0
+    # Half of the points are strained along their stress, as in proportional loading.
+    along = rng.random(n) < 0.5
+    size = np.linalg.norm(stress, axis=1)[along][:, None]
+    sign = rng.choice([-1.0, 1.0], along.sum())[:, None]
+    length = np.linalg.norm(strain[along], axis=1)[:, None]
+    strain[along] = np.where(size > 0.0, sign * length * stress[along] / np.maximum(size, 1.0), 0.0)
+    state = law.initial_state(n)
+    if state.shape[1] > 0:
+        state[:, 0] = np.where(rng.random(n) < 0.2, 0.0, 10.0 ** rng.uniform(-8.0, 0.0, n))
+    if state.shape[1] > 1:
+        state[:, 1] = np.where(rng.random(n) < 0.2, 0.0, 10.0 ** rng.uniform(-10.0, 3.0, n))
+    thermal = np.where(new < SOLIDUS, rng.uniform(-1e-2, 1e-2, n), 0.0)
+    return States(old, new, strain, thermal, stress, state, dt, group)
+
+
+def _directions(rng: np.random.Generator, n: int) -> Array:
+    d = rng.normal(size=(n, 4))
+    return d / np.linalg.norm(d, axis=1)[:, None]
+
+
+def one(
+    law: RadialReturn, strain: list[float], dt: float = 1.0, temperature: float = 1273.15,
+    stress: Array | None = None, state: Array | None = None,
+) -> Response:  # fmt: skip
+    """Response of a single point at constant temperature."""
+    t = np.full(1, temperature)
+    step = MaterialStep(np.array([strain]), np.zeros(1), t, t, dt)
+    return law.integrate(
+        step,
+        np.zeros((1, 4)) if stress is None else stress,
+        law.initial_state(1) if state is None else state,
+    )

@@ -1,0 +1,150 @@
+"""The five tensile tests of thesis III.2.6, and the tensile machine itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from castfem.constitutive import (
+    Elasticity,
+    NortonCreep,
+    NortonHoff,
+    ThermoElastic,
+    load_elasticity,
+    load_law,
+)
+from castfem.constitutive.base import equivalent_strain, equivalent_stress
+from castfem.constitutive.curves import modified_norton_hoff
+from castfem.constitutive.uniaxial import pull
+from castfem.errors import RunFailure
+from castfem.tensile.thesis_tests import (
+    P3,
+    P4,
+    RATE,
+    SOFT,
+    TESTS,
+    YOUNG,
+    TensileTest,
+    plot_tensile_tests,
+)
+
+BY_FIGURE = {test.figure: test for test in TESTS}
+
+
+@pytest.mark.parametrize("steps", [20, 200])
+@pytest.mark.parametrize("figure", [58, 60])
+def test_constant_rate_is_the_curve(figure: int, steps: int) -> None:
+    """Figs 58 and 60, at every step and for coarse steps, too."""
+    test = BY_FIGURE[figure]
+    found = test.run(steps)
+    expected = test.curve(found.axial_strain[:, 0], RATE)
+    np.testing.assert_allclose(found.axial_stress[:, 0], expected, rtol=1e-9)
+
+
+def test_softening_peaks_where_it_must() -> None:
+    found = BY_FIGURE[60].run(600)
+    top = found.axial_strain[np.argmax(found.axial_stress[:, 0]), 0]
+    assert top == pytest.approx(P4 / SOFT, abs=2e-5)
+    assert found.axial_stress[-1, 0] < 0.85 * found.axial_stress.max()
+
+
+def test_change_of_rate_goes_from_curve_to_curve() -> None:
+    """Fig. 59: on the curve of its rate at the end of each segment; up not faster than elastic."""
+    test, steps = BY_FIGURE[59], 200
+    found = test.run(steps)
+    strain, stress = found.axial_strain[:, 0], found.axial_stress[:, 0]
+    for k, (rate, _) in enumerate(test.segments, start=1):
+        assert stress[k * steps] == pytest.approx(
+            float(test.curve(strain[k * steps], rate)), rel=1e-9
+        )
+    slope = np.diff(stress) / np.diff(strain)
+    assert slope.max() <= YOUNG * (1.0 + 1e-9)
+    after = strain > test.segments[0][1] + 15.0 * P3 * stress.max() / YOUNG
+    fast = after & (strain < test.segments[1][1] + 1e-12)
+    np.testing.assert_allclose(stress[fast], test.curve(strain[fast], 10.0 * RATE), rtol=2e-3)
+
+
+@pytest.mark.parametrize("figure", [61, 62])
+def test_unloading_is_elastic_and_comes_back_to_the_curve(figure: int) -> None:
+    """Figs 61 and 62: down the elastic line, back up along it, on along the curve."""
+    test, steps = BY_FIGURE[figure], 100
+    found = test.run(steps)
+    strain, stress = found.axial_strain[:, 0], found.axial_stress[:, 0]
+    turn, back = steps, 2 * steps
+    np.testing.assert_allclose(
+        stress[1 : turn + 1], test.curve(strain[1 : turn + 1], RATE), rtol=1e-9
+    )
+    line = stress[turn] + YOUNG * (strain - strain[turn])
+    np.testing.assert_allclose(stress[turn : back + 1], line[turn : back + 1], rtol=1e-9)
+    assert not found.flows[turn + 1 : back + 1].any()
+    expected = np.where(strain < strain[turn], line, test.curve(strain, RATE))
+    np.testing.assert_allclose(stress[back:], expected[back:], rtol=1e-9)
+
+
+def test_large_steps_do_no_harm() -> None:
+    """A hundred times the strain at yield in one step lands on the curve as well."""
+    found = TensileTest(58, "", 0.0, ((RATE, 0.02),)).run(1)
+    assert found.axial_stress[-1, 0] == pytest.approx(
+        float(BY_FIGURE[58].curve(0.02, RATE)), rel=1e-9
+    )
+
+
+def test_picture(tmp_path: Path) -> None:
+    path = plot_tensile_tests(tmp_path / "tensile.png", steps=20)
+    assert path.stat().st_size > 20_000
+
+
+def test_the_sides_are_free_and_the_flow_keeps_the_volume() -> None:
+    law = load_law("norton_hoff_kozlowski", load_elasticity())
+    time = np.linspace(0.0, 100.0, 41)
+    heat = np.array([1123.15, 1273.15, 1473.15, 1673.15])
+    found = pull(law, time, np.outer(1e-3 * time, [1.0, 1.0, -1.0, 2.0]), np.tile(heat, (41, 1)))
+    stress = found.stress
+    assert np.abs(stress[:, :, [0, 1, 3]]).max() < 1e-9 * np.abs(stress).max()
+    bulk = law.elasticity.moduli(heat)[1]
+    volume = found.strain[:, :, :3].sum(axis=2)
+    np.testing.assert_allclose(volume, stress[:, :, 2] / 3.0 / bulk, rtol=1e-6, atol=1e-12)
+    q = equivalent_stress(stress)
+    np.testing.assert_allclose(q, np.abs(stress[:, :, 2]), rtol=1e-9, atol=1e-2)
+    late = equivalent_strain(found.strain)[-1]
+    np.testing.assert_allclose(late, [0.1, 0.1, 0.1, 0.2], rtol=2e-3)  # less the elastic volume
+
+
+@pytest.mark.parametrize(
+    ("elasticity", "close"), [(Elasticity.constant(20e9, 0.3), 1e-9), (load_elasticity(), 2e-3)]
+)
+def test_pulling_while_it_cools(elasticity: Elasticity, close: float) -> None:
+    """Constant rate, falling temperature: the curve of the temperature of the moment.
+
+    Exact for constant moduli. Steel stiffens faster than it hardens: the stress that the kept
+    elastic strain gains has to relax, which takes some strain.
+    """
+    law = load_law("norton_hoff_kozlowski", elasticity)
+    assert isinstance(law, NortonHoff)
+    time = np.linspace(0.0, 50.0, 201)
+    heat = np.linspace(1573.15, 1223.15, 201)
+    found = pull(law, time, 1e-3 * time, heat)
+    t = heat[20:]
+    expected = modified_norton_hoff(
+        1e-3 * time[20:], 1e-3, law.strength(t), 0.0, law.p3(t), law.p4(t)
+    )
+    np.testing.assert_allclose(found.axial_stress[20:, 0], expected, rtol=close)
+
+
+def test_stress_control() -> None:
+    law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-4, 10e6, 4.0)
+    stress = np.outer(np.concatenate([[0.0], np.full(20, 1e6)]), [5.0, 10.0, 20.0])
+    found = pull(law, np.linspace(0.0, 20.0, 21), stress, 1273.15, control="stress")
+    rates = np.diff(found.axial_strain[1:], axis=0)
+    expected = np.tile([1e-4 * 0.5**4, 1e-4, 1e-4 * 2**4], (19, 1))
+    np.testing.assert_allclose(rates, expected, rtol=1e-8)
+
+
+def test_the_machine_says_when_it_cannot() -> None:
+    law = ThermoElastic(Elasticity.constant(1e9, 0.3))
+    with pytest.raises(RunFailure, match="at 1 s"):
+        pull(law, [0.0, 1.0], [0.0, 1e-3], 300.0, tolerance=0.0)
+    with pytest.raises(ValueError, match="3 times, but 2 values"):
+        pull(law, [0.0, 1.0, 2.0], [0.0, 1e-3], 300.0)

@@ -1,0 +1,195 @@
+"""SNES as castfem uses it: every option arrives, none is left behind, failure has a name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+
+from castfem.errors import InputError
+from castfem.fem.snes import SnesSolver
+
+
+class Square:
+    """x^2 = a, for each of n unknowns."""
+
+    def __init__(self, a: float, n: int = 3) -> None:
+        self.a = a
+        self.vector = PETSc.Vec().createSeq(n)
+        self.matrix = PETSc.Mat().createAIJ([n, n], nnz=1, comm=PETSc.COMM_SELF)
+        for i in range(n):
+            self.matrix.setValue(i, i, 1.0)
+        self.matrix.assemble()
+
+    def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        out.setArray(x.getArray(readonly=True) ** 2 - self.a)
+
+    def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
+        slope = x.duplicate()
+        slope.setArray(2.0 * x.getArray(readonly=True))
+        out.setDiagonal(slope)
+        out.assemble()
+
+    def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
+        return {"square": float(np.abs(f.getArray(readonly=True)).max()) / 1e-12}
+
+
+def solver(problem: Square, prefix: str = "square_", **options: Any) -> SnesSolver:
+    return SnesSolver(problem, problem.vector, problem.matrix, prefix, options)
+
+
+def test_it_solves_and_says_how() -> None:
+    problem = Square(2.0)
+    snes = solver(problem, ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic")
+    snes.x.set(1.0)
+    outcome = snes.solve()
+    assert outcome.converged
+    assert outcome.iterations == len(outcome.norms) - 1 == 5
+    assert snes.x.getArray() == pytest.approx(np.sqrt(2.0), rel=1e-12)
+    snes.destroy()
+
+
+def test_every_option_reaches_snes_ksp_and_pc() -> None:
+    snes = solver(
+        Square(2.0),
+        snes_type="newtontr",
+        snes_max_it=17,
+        snes_rtol=1e-5,
+        snes_atol=1e-6,
+        snes_stol=1e-7,
+        ksp_type="gmres",
+        ksp_rtol=1e-4,
+        ksp_max_it=33,
+        pc_type="jacobi",
+    )
+    rtol, atol, stol, max_it = snes.snes.getTolerances()
+    assert (rtol, atol, stol, max_it) == (1e-5, 1e-6, 1e-7, 17)
+    assert snes.snes.getType() == "newtontr"
+    ksp = snes.snes.getKSP()
+    assert ksp.getType() == "gmres"
+    assert ksp.getTolerances()[0] == 1e-4
+    assert ksp.getTolerances()[3] == 33
+    assert ksp.getPC().getType() == "jacobi"
+    snes.destroy()
+
+
+def late(problem: Square, **options: Any) -> tuple[SnesSolver, list[str]]:
+    """A solver, and a list that gets what PETSc's database holds for it while it solves."""
+    made, seen = solver(problem, **options), []
+    jacobian = problem.jacobian
+
+    def noted(x: PETSc.Vec, out: PETSc.Mat) -> None:
+        seen.append(PETSc.Options().getString("square_mat_mumps_icntl_14", ""))
+        jacobian(x, out)
+
+    problem.jacobian = noted  # type: ignore[method-assign]
+    made.x.set(1.0)
+    return made, seen
+
+
+def test_options_bind_one_solver_while_it_solves() -> None:
+    """What is read when a matrix is first factored is there, even if another solver came after."""
+    first, seen = late(Square(2.0), mat_mumps_icntl_14=80, ksp_type="preonly", pc_type="lu")
+    second, others = late(Square(2.0), mat_mumps_icntl_14=33, ksp_type="preonly", pc_type="lu")
+    assert not any(name.startswith("square_") for name in PETSc.Options().getAll())
+    for made in (first, second):
+        assert made.solve().converged
+        assert not any(name.startswith("square_") for name in PETSc.Options().getAll())
+    assert set(seen) == {"80"} and set(others) == {"33"}
+
+
+def test_options_go_when_a_callback_raises(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = Square(2.0)
+    made = solver(problem, mat_mumps_icntl_14=80)
+    monkeypatch.setattr(problem, "jacobian", lambda *_: 1 / 0)
+    made.x.set(1.0)
+    with pytest.raises(ZeroDivisionError):
+        made.solve()
+    assert not PETSc.Options().hasName("square_mat_mumps_icntl_14")
+
+
+def test_option_that_petsc_never_reads_is_told_once(told: pytest.LogCaptureFixture) -> None:
+    made = solver(
+        Square(2.0), ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic", snes_maxit=1
+    )
+    for _ in range(2):
+        made.x.set(1.0)
+        assert made.solve().iterations == 5
+    assert [r.getMessage() for r in told.records] == [
+        'square solver: PETSc has not read snes_maxit = "1": a wrong name, or of no use with the '
+        "rest"
+    ]
+
+
+def test_defaults_that_petsc_never_reads_are_not_told(told: pytest.LogCaptureFixture) -> None:
+    problem = Square(2.0)
+    options = {"snes_type": "newtontr", "snes_linesearch_type": "basic", "pc_typ": "lu"}
+    made = SnesSolver(
+        problem, problem.vector, problem.matrix, "square_", options, asked=("pc_typ",)
+    )
+    made.x.set(1.0)
+    made.solve()
+    assert len(told.records) == 1 and "pc_typ" in told.text
+
+
+def test_command_line_has_the_last_word() -> None:
+    database = PETSc.Options()
+    database.setValue("square_snes_max_it", 3)
+    try:
+        snes = solver(Square(2.0), snes_max_it=50)
+        assert snes.snes.getTolerances()[3] == 3
+        assert database.hasName("square_snes_max_it")
+        snes.destroy()
+    finally:
+        database.delValue("square_snes_max_it")
+
+
+def test_stranger_among_the_options_is_named() -> None:
+    with pytest.raises(InputError, match=r"'tolerance'.*snes_"):
+        solver(Square(2.0), tolerance=1e-3)
+
+
+def test_value_petsc_refuses_is_an_input_error() -> None:
+    with pytest.raises(InputError, match=r'^refused solver, ksp_type = "none_such": .* KSP type'):
+        solver(
+            Square(2.0),
+            prefix="refused_",
+            ksp_rtol=1e-3,
+            ksp_type="none_such",
+            mat_mumps_icntl_14=80,
+        )
+    assert not any(name.startswith("refused_") for name in PETSc.Options().getAll())
+
+
+@pytest.mark.parametrize(("start", "a", "reason"), [(0.9, -1.0, "MAX_IT"), (np.nan, 2.0, "NAN")])
+def test_failure_has_a_name(start: float, a: float, reason: str) -> None:
+    snes = solver(
+        Square(a), ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic", snes_max_it=8
+    )
+    snes.x.set(start)
+    outcome = snes.solve()
+    assert not outcome.converged
+    assert reason in outcome.reason
+    assert reason in outcome.describe()
+    snes.destroy()
+
+
+@pytest.mark.parametrize("kind", [KeyboardInterrupt, InputError, ZeroDivisionError])
+@pytest.mark.parametrize("where", ["residual", "jacobian", "norms"])
+def test_what_a_callback_raises_comes_out(
+    where: str, kind: type[BaseException], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = Square(2.0)
+    made = solver(problem)
+    made.x.set(1.0)
+
+    def stopped(*_: Any) -> None:
+        raise kind("stop")
+
+    monkeypatch.setattr(problem, where, stopped)
+    with pytest.raises(kind, match="stop"):
+        made.solve()
+    assert not made.watch._stack

@@ -1,0 +1,73 @@
+"""Billets in moulds for the tests: coarse, in memory or in a folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mpi4py import MPI
+
+from castfem.case import Case, load_case
+from castfem.coupling.staggered import StrandState
+from castfem.output.summary import Summary
+from castfem.results.summary import summarise
+from castfem.results.thermal import Reading
+from castfem.simulation.simulation import build_scene
+from castfem.time_loop import loop
+from castfem.time_loop.loop import March
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+# Scenes of contact, friction and steps keep the liquid where it is: that which is fed runs after
+# the wall, or out of a strand whose surface stays liquid. Tests of it ask for it.
+ELASTIC = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
+FED = ("mechanics.liquid=fed", "mechanics.ferrostatic=full")
+COARSE = (
+    "mesh.surface_size=2 mm",
+    "mesh.corner_size=2 mm",
+    "mesh.face_size=10 mm",
+    "mesh.core_size=14 mm",
+    "coupling.interval=0.25 s",
+    "output.fields=[]",
+    "output.figures=false",
+)
+
+
+def billet(name: str, *overrides: str) -> Case:
+    """One of the shipped billets on a coarse mesh, its liquid elastic."""
+    liquid = () if name == "thermal" else ELASTIC
+    return load_case(CASES / f"{name}.toml", (*COARSE, *liquid, *overrides))
+
+
+def run(case: Case, folder: Path, **options: object) -> Summary:
+    """Run into a folder, on one rank."""
+    return loop.run(case, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
+
+
+@dataclass
+class Kept:
+    """Every reading of a march in memory, and its state after each interval."""
+
+    readings: list[Reading] = field(default_factory=list)
+    states: list[StrandState] = field(default_factory=list)
+    summary: Summary | None = None
+
+    def step(self, march: March, reading: Reading) -> None:
+        self.readings.append(reading)
+        self.states.append(march.state)
+
+    def value(self, name: str) -> float:
+        """A result where the march ended, SI."""
+        assert self.summary is not None
+        return self.summary.quantities[name].value
+
+
+def marched(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
+    """March in memory to the end."""
+    scene, kept = build_scene(case, comm), Kept()
+    try:
+        last = March(scene, kept)  # type: ignore[arg-type]
+        last.run()
+        kept.summary = summarise(last, "finished")
+    finally:
+        scene.destroy()
+    return kept

@@ -1,0 +1,112 @@
+"""Cases that have no answer, or none that rounding does not decide, are refused by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from time_loop.moulded import CASES, billet, marched
+
+from castfem.case import load_case
+from castfem.errors import InputError
+
+STRIP = """
+title = "a strip that freezes from one end"
+
+[casting]
+speed = "1 m/min"
+length = "5 mm"
+temperature = "1495 degC"
+
+[steel]
+name = "weiner_boley"
+
+[section]
+shape = "strip"
+length = "10 mm"
+width = "0.5 mm"
+
+[mesh]
+surface_size = "0.5 mm"
+core_size = "0.5 mm"
+
+[[cooling]]
+name = "chill"
+
+[[cooling.surface]]
+law = "temperature"
+value = "1000 degC"
+
+[thermal.time]
+step = "50 ms"
+
+[mechanics]
+law = "weiner_boley"
+ferrostatic = "off"
+planes = { a0 = "free", a1 = "0 1/m", a2 = "0 1/m", across = "free" }
+
+[coupling]
+interval = "50 ms"
+
+[output]
+figures = false
+fields = []
+"""
+
+
+@pytest.mark.parametrize("strain", ["small", "large"])
+def test_a_strain_across_that_no_side_follows(tmp_path: Path, strain: str) -> None:
+    path = tmp_path / "strip.toml"
+    path.write_text(STRIP)
+    changes = (f"mechanics.strain={strain}",)
+    with pytest.raises(InputError, match=r"planes\.across: free along y.*side_low"):
+        marched(load_case(path, changes))
+    held = 'mechanics.held=[{on=["side_low", "side_high"], component="y"}]'
+    assert marched(load_case(path, (*changes, held))).value("axial_strain") < 0.0
+
+
+def test_a_gap_of_nanometres() -> None:
+    law = "cooling.mould.surface.0.gap_conductivity"
+    with pytest.raises(InputError, match=r"gap of 0\.625 nm would halve the heat"):
+        billet("taper_1", f"{law}=1e-6 W/(m K)")
+    billet("taper_1", f"{law}=8e-3 W/(m K)")
+
+
+def test_liquid_too_soft_for_large_strain() -> None:
+    for liquid in ("1e-7", "1e-8"):
+        with pytest.raises(InputError, match=r"liquid_stiffness: .*folds in a mould"):
+            billet("taper_1", "mechanics.strain=large", f"mechanics.liquid_stiffness={liquid}")
+        billet("taper_1", f"mechanics.liquid_stiffness={liquid}")
+        billet("idealised", "mechanics.strain=large", f"mechanics.liquid_stiffness={liquid}")
+
+
+@pytest.mark.parametrize("given", ["-1", '{time=[0, 1], time_unit="s", value=[0, -1.5]}'])
+def test_a_slice_without_thickness(given: str) -> None:
+    with pytest.raises(InputError, match="leaves the slice no thickness"):
+        billet("idealised", f"mechanics.planes.a0={given}")
+
+
+def test_zones_that_rounding_has_made(tmp_path: Path) -> None:
+    zones = "".join(
+        f'[[cooling]]\nname="{name}"\n{end}[[cooling.surface]]\nlaw="flux"\nvalue="1 MW/m^2"\n'
+        for name, end in (
+            ("one", 'to="300 mm"\n'),
+            ("two", 'to="300.00000001 mm"\n'),
+            ("three", ""),
+        )
+    )
+    path = tmp_path / "case.toml"
+    path.write_text(f'extends="{CASES / "thermal.toml"}"\n{zones}')
+    with pytest.raises(InputError, match=r"lies 0\.01 nm below the end of the zone before"):
+        load_case(path)
+
+
+def test_a_cavity_with_wider_corners() -> None:
+    """Round corners of 5 mm fit into wider ones where the cavity has room on both sides."""
+    room = ("mould.width=128 mm", "mould.height=128 mm")
+    for radius in ("5 mm", "8 mm", "10.1 mm"):
+        billet("taper_1", *room, f"mould.corner_radius={radius}")
+    with pytest.raises(InputError, match=r"at most 10\.12"):
+        billet("taper_1", *room, "mould.corner_radius=10.2 mm")
+    with pytest.raises(InputError, match=r"corner_radius.*at most that"):
+        billet("taper_1", "mould.corner_radius=6 mm")

@@ -1,0 +1,197 @@
+"""A failed attempt leaves the slice as it was: temperature, mechanics, contact and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from time_loop.moulded import Kept, billet
+
+from castfem.contact.state import OPEN, SLIP
+from castfem.coupling.staggered import Coupler, Interval, StrandState
+from castfem.mechanics.problem import MechanicalProblem
+from castfem.mechanics.stepper import MechanicalStepper
+from castfem.results.thermal import Reading
+from castfem.simulation.simulation import Scene, build_scene
+from castfem.time_loop import restart
+from castfem.time_loop.loop import March
+
+RUBBING = (
+    "mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "mould.contact=nitsche",
+    "casting.length=210 mm", "coupling.interval=0.5 s", "mesh.surface_size=3 mm",
+    "mesh.corner_size=3 mm", "mesh.face_size=14 mm",
+)  # fmt: skip
+BEFORE, WHEN = 3.0, 3.5  # s: the interval whose first attempt fails, the corner half open
+Bits = dict[str, bytes]
+
+
+def bits(part: Any, name: str = "state") -> Bits:
+    """Every number of a state, to the bit, by the name of where it stands."""
+    if is_dataclass(part):
+        below = (bits(getattr(part, f.name), f"{name}.{f.name}") for f in fields(part))
+        return {key: found for one in below for key, found in one.items()}
+    return {name: np.asarray(part).tobytes()}
+
+
+class Attempts:
+    """Watches the coupler, and spoils its first attempt to come to `WHEN`.
+
+    Args:
+        patch: For the time of the march.
+        spoil: Given the patch for the attempt that is to fail, spoils what it uses; None stands in
+            for the attempt, and nothing is computed.
+
+    Attributes:
+        before: The committed state when an attempt began, and after: when it ended, for those that
+            failed. given: What the attempt after each of these began with.
+    """
+
+    def __init__(
+        self, patch: pytest.MonkeyPatch, spoil: Callable[[pytest.MonkeyPatch], None] | None
+    ) -> None:
+        self.before: list[Bits] = []
+        self.after: list[Bits] = []
+        self.given: list[StrandState] = []
+        self._spoil, self._patch, self._take = spoil, patch, Coupler.take
+        patch.setattr(Coupler, "take", lambda coupler, old, end: self.take(coupler, old, end))
+
+    def take(self, coupler: Coupler, old: StrandState, end: float) -> Interval:
+        if len(self.given) < len(self.before):
+            self.given.append(old)
+        if self.before or end != WHEN:
+            return self._take(coupler, old, end)
+        self.before.append(bits(old))
+        found = self._fail(coupler, old, end)
+        self.after.append(bits(old))
+        assert not found.converged and found.state is old
+        return found
+
+    def _fail(self, coupler: Coupler, old: StrandState, end: float) -> Interval:
+        if self._spoil is None:
+            nothing: Any = SimpleNamespace(reason="spoilt", refused=False)
+            return Interval(False, old, nothing, nothing, 1)
+        with self._patch.context() as patch:
+            self._spoil(patch)
+            return self._take(coupler, old, end)
+
+
+def untried(patch: pytest.MonkeyPatch) -> None:
+    """Temperatures are at the new time; the mechanics give up before they have begun."""
+
+    def step(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
+        nothing = np.zeros(self.problem.points.split)
+        return SimpleNamespace(
+            converged=False,
+            state=old,
+            newton=0,
+            reason="spoilt",
+            dissipation=nothing,
+            refused=False,
+        )
+
+    patch.setattr(MechanicalStepper, "step", step)
+
+
+def half_way(patch: pytest.MonkeyPatch) -> None:
+    """Newton's method ends after two iterations, far from equilibrium, contact evaluated."""
+    solve = MechanicalProblem.solve
+
+    def cut(self: MechanicalProblem, guesses: Any) -> Any:
+        snes = self.solver.snes
+        before = snes.getTolerances()
+        snes.setTolerances(max_it=2)
+        try:
+            return solve(self, guesses)
+        finally:
+            snes.setTolerances(*before)
+
+    patch.setattr(MechanicalProblem, "solve", cut)
+
+
+def found_and_lost(patch: pytest.MonkeyPatch) -> None:
+    """The mechanics come to the new state, with its contact, and say they have not."""
+    step = MechanicalStepper.step
+
+    def lost(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
+        result = step(self, old, time, temperature)
+        assert result.converged
+        return replace(result, converged=False, state=old, reason="spoilt", balance=None)
+
+    patch.setattr(MechanicalStepper, "step", lost)
+
+
+def repeated(patch: pytest.MonkeyPatch) -> None:
+    """A first pass is good, its gap is not that of the heat, and the pass after it fails."""
+    step, calls = MechanicalStepper.step, []
+
+    def second(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
+        result = step(self, old, time, temperature)
+        calls.append(time)
+        if len(calls) == 1:
+            return result
+        return replace(result, converged=False, state=old, reason="spoilt", balance=None)
+
+    patch.setattr(MechanicalStepper, "step", second)
+    patch.setattr(Coupler, "_misjudged", lambda *given: np.inf)
+
+
+class Undisturbed(Kept):
+    """A march whose spoilt attempt computes nothing, and a checkpoint from before it."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__()
+        self.scene = scene
+        self.checkpoint: tuple[Any, Any] = (None, None)
+
+    def step(self, march: March, reading: Reading) -> None:
+        super().step(march, reading)
+        if reading.time == BEFORE:
+            self.checkpoint = restart.description(march), restart.arrays(march)
+
+
+@pytest.fixture(scope="module")
+def undisturbed() -> Iterator[Undisturbed]:
+    """The run that takes the same intervals."""
+    scene = build_scene(billet("taper_0", *RUBBING), MPI.COMM_SELF)
+    with pytest.MonkeyPatch.context() as patch:
+        Attempts(patch, None)
+        kept = Undisturbed(scene)
+        March(scene, kept).run()  # type: ignore[arg-type]
+    yield kept
+    scene.destroy()
+
+
+@pytest.mark.parametrize("spoil", [untried, half_way, found_and_lost, repeated])
+def test_a_failed_attempt_leaves_no_trace(
+    undisturbed: Undisturbed, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Any], None]
+) -> None:
+    attempts, kept = Attempts(monkeypatch, spoil), Kept()
+    march = March(undisturbed.scene, kept)  # type: ignore[arg-type]
+    restart.restore(march, *undisturbed.checkpoint)
+    march.run()
+    (old,) = attempts.given
+    assert attempts.before == attempts.after == [bits(old)]
+    # Contact, friction, flow and Nitsche's own state were there to be spoilt ...
+    assert old.mechanical is not None and old.mechanical.contact is not None
+    contact = old.mechanical.contact
+    assert set(contact.status) == {OPEN, SLIP} and np.abs(contact.friction[:, 1]).max() > 1e3
+    for array in (
+        contact.stress, contact.internal, contact.pull, old.mechanical.internal, old.heating,
+    ):  # fmt: skip
+        assert np.abs(array).max() > 1e-8
+    # ... all of one instant: the temperatures that strained the slice are those it has.
+    assert old.time == old.thermal.time == old.mechanical.time == BEFORE
+    assert np.array_equal(old.mechanical.temperature, old.thermal.point.temperature)
+    # The run goes on as if the attempt had never been.
+    assert march.counts.cut_back == 1
+    same = undisturbed.states[-len(kept.states) :]
+    assert same[0].time > BEFORE and len(same) == 3 and same[-1].time == WHEN
+    for ours, theirs in zip(kept.states, same, strict=True):
+        one, other = bits(ours), bits(theirs)
+        assert not [name for name in one if one[name] != other[name]]

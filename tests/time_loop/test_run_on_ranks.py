@@ -1,0 +1,115 @@
+"""Whole runs with mechanics and a mould give the same on one rank and on several."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pandas
+import pytest
+from ranks import needs_mpirun, python_on
+
+from castfem.case import load_case
+from castfem.output.checkpoint import load_checkpoint
+from castfem.output.history import read_history
+from castfem.time_loop import loop
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+COARSE = (
+    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
+    "mesh.core_size=14 mm", "output.figures=false",
+)  # fmt: skip
+IDEALISED = (*COARSE, "coupling.interval=0.25 s", "casting.length=150 mm", "output.fields=[]")
+MOULDED = (
+    *COARSE, "mould.friction.law=coulomb", "mould.friction.coefficient=0.2",
+    "coupling.interval=0.2 s", "output.every=0.4 s",
+)  # fmt: skip
+# What is zero but for rounding, and rounds otherwise on other ranks.
+LEFT_OVER = {"energy_error", "axial_force", "force_error"}
+ERRORS = {"error", "whole", "worst_step"}
+
+
+def run(folder: Path, ranks: int, case: str, overrides: tuple[str, ...], *words: str) -> None:
+    """A run as a user starts it; that on one rank, to which others are compared, in here."""
+    if ranks == 1:
+        loop.run(load_case(CASES / f"{case}.toml", overrides), folder, comm=MPI.COMM_SELF)
+        return
+    sets = [word for override in overrides for word in ("--set", override)]
+    words = ("-m", "castfem.cli", "run", f"billet125/{case}", "-q", *sets, *words)
+    done = python_on(ranks, *words, "-o", str(folder))
+    assert done.returncode == 0, done.stderr
+
+
+def assert_same(one: pandas.DataFrame, other: pandas.DataFrame) -> None:
+    """Two histories are one."""
+    assert list(other) == list(one) and len(other) == len(one)
+    for name in set(one) - LEFT_OVER:
+        ours, theirs = other[name].to_numpy(), one[name].to_numpy()
+        size = np.nanmax(np.abs(theirs), initial=1e-300)
+        assert np.nanmax(np.abs(ours - theirs), initial=0.0) <= 1e-8 * size, name
+
+
+@needs_mpirun
+def test_ranks_do_not_show(tmp_path: Path) -> None:
+    for ranks in (1, 3):
+        run(tmp_path / str(ranks), ranks, "idealised", IDEALISED)
+    one, three = (read_history(tmp_path / str(ranks) / "history.csv") for ranks in (1, 3))
+    assert one["von_mises_max"].iloc[-1] > 1.0 and one["shell_corner"].iloc[-1] > 0.5
+    assert_same(one, three)
+
+
+def numbers(folder: Path) -> dict[str, float]:
+    """All numbers of a summary but errors, by name."""
+    content: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    found = {name: entry["value"] for name, entry in content["quantities"].items()}
+    for balance, terms in content["balances"].items():
+        for name in terms.keys() - ERRORS:
+            found[f"{balance}: {name}"] = terms[name]["value"]
+    return found | content["steps"]
+
+
+def assert_same_state(one: Path, other: Path) -> dict[str, np.ndarray]:
+    """Two checkpoints are one; returns the arrays."""
+    (_, state), (_, ours) = (load_checkpoint(folder / "checkpoint.h5") for folder in (one, other))
+    assert state.keys() == ours.keys()
+    for name, values in state.items():
+        known = np.isfinite(values)
+        assert np.array_equal(known, np.isfinite(ours[name])), name
+        size = np.abs(values[known]).max(initial=1e-300)
+        assert np.abs(values - ours[name])[known].max(initial=0.0) <= 1e-7 * size, name
+    return state
+
+
+@needs_mpirun
+def test_nitsche_with_friction_on_two_ranks(tmp_path: Path) -> None:
+    """What Nitsche's method keeps at the wall among it."""
+    elastic = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
+    changes = (*MOULDED, *elastic, "mould.contact=nitsche", "casting.length=150 mm")
+    for ranks in (1, 2):
+        run(tmp_path / str(ranks), ranks, "taper_0", changes)
+    one, two = (tmp_path / str(ranks) for ranks in (1, 2))
+    table = read_history(one / "history.csv")
+    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 0.0
+    assert_same(table, read_history(two / "history.csv"))
+    state = assert_same_state(one, two)
+    assert np.abs(state["contact_stress"]).max() > 1e3 and state["contact_internal"].any()
+
+
+@needs_mpirun
+def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> None:
+    """What one rank does in one go, two begin and three end."""
+    case = "taper_0"  # leaves the wall in the corner
+    run(tmp_path / "one", 1, case, (*MOULDED, "casting.length=108 mm"))
+    run(tmp_path / "many", 2, case, (*MOULDED, "casting.length=48 mm"))
+    run(tmp_path / "many", 3, case, (*MOULDED, "casting.length=108 mm"), "--resume")
+    table = read_history(tmp_path / "one" / "history.csv")
+    assert table["friction_force"].iloc[-1] < -1e-3 and table["gap_max"].iloc[-1] > 1e-4
+    assert_same(table, read_history(tmp_path / "many" / "history.csv"))
+    one, many = numbers(tmp_path / "one"), numbers(tmp_path / "many")
+    assert many == pytest.approx(one, rel=1e-7, abs=1e-12)
+    state = assert_same_state(tmp_path / "one", tmp_path / "many")
+    assert len(set(state["contact_status"].ravel())) > 1
