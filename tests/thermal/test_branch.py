@@ -94,7 +94,8 @@ def test_a_law_that_heats_beyond_its_surroundings_is_refused(
 ) -> None:
     from castfem.thermal import sprays
 
-    monkeypatch.setitem(sprays.CORRELATIONS, "nozaki", lambda w, tw, t: np.full_like(t, -500.0))
+    heating = sprays.Correlation(lambda water, cold, surface: np.full_like(surface, -500.0))
+    monkeypatch.setitem(sprays.CORRELATIONS, "nozaki", heating)
     spray = {"law": "spray", "water": "5 L/(m^2 s)", "water_temperature": "25 degC"}
     case = strip.with_({"cooling.water.surface": [{**spray, "correlation": "nozaki"}]})
     with pytest.raises(RunFailure, match="though there is nothing hotter than 1000 degC"):
