@@ -184,10 +184,11 @@ class WallContact:
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
         solidity = solid.law.elasticity.solidity
         self._molten: Flags = temperatures[1] > solidity.solidus
-        self._wets: Flags = np.zeros(self.facets.count, dtype=bool)
+        # Of liquid at the surface, which runs to the wall wherever that is and presses on it.
+        self._pool: Array = np.zeros(self.facets.count)
         if solid.liquid == "fed":
             fluid = solidity.weight(temperatures[1]) == 0.0
-            self._wets = fluid & (self._liquid(after, end) > 0.0)
+            self._pool = np.where(fluid, self._liquid(after, end), 0.0)
         if self._stress is not None:
             liquid = self._liquid(after, end)
             if solid.liquid == "fed":
@@ -242,15 +243,23 @@ class WallContact:
         else:
             pressure = forms.penalty_pressure(self.stiffness, near)
         drawn = -stress - self.stiffness * near
-        pressure = np.where(self._held, drawn, pressure)
+        pool = np.where(np.isfinite(gap), self._pool, 0.0)
+        wets = pool > 0.0
+        if self._stress is not None:
+            drawn[wets] = -self.stiffness[wets] * near[wets]
+            by_strain[wets], by_turn[wets] = 0.0, 0.0
+        pressure = np.where(self._held | wets, drawn, pressure)
         # What just touches holds, too: a block laid on a wall would have no support at first.
-        closed = (drawn >= 0.0) | self._held
+        closed = (drawn >= 0.0) | self._held | wets
         seen: Array = np.zeros((self.facets.count, WIDTH))
         seen[:, NORMAL], seen[:, STIFFNESS] = n, self.stiffness * closed
         if self._stress is not None:
             seen[:, BY_STRAIN] = by_strain * closed[:, None]
             seen[:, BY_TURN] = by_turn * closed
-        seen[:, TRACTION.start : 2] = -pressure[:, None] * n
+        # The pool's pressure along the strand's own normal balances that inside to the last digit:
+        # along the wall's, the difference would push a surface without stiffness round its arcs.
+        borne = pressure[:, None] * n + pool[:, None] * strand
+        seen[:, TRACTION.start : 2] = -borne
         # Along a hollow wall the pressure turns against what slides.
         along = np.column_stack([-n[:, 1], n[:, 0]])
         seen[:, BY_SLIP.start : BY_SLIP.stop - 1] = -(bend * pressure)[:, None] * along
@@ -260,6 +269,11 @@ class WallContact:
         if self.contact.friction is not None:
             slides, friction = self._rub(seen, along, moved - before, pressure)
         self._given.fill(seen)
+        if wets.any():
+            n = n.copy()
+            found = np.copysign(np.hypot(*borne.T), np.einsum("ni,ni->n", borne, n))
+            pressure = np.where(wets, found, pressure)
+            n[wets] = borne[wets] / pressure[wets, None]
         strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
         self.now = Touch(place, n, gap, pressure, friction, slides, stretch, seen, strain)
         far = float(np.abs(moved).max(initial=0.0))
@@ -333,7 +347,6 @@ class WallContact:
     def hold(self, on: bool) -> bool:
         """Keep closed what was so at the start of the step, or let it open again (collective).
 
-        Liquid that is fed runs to the wall wherever that is: it is kept there too.
         What the wall has left behind meanwhile is let go of.
 
         Returns:
@@ -344,7 +357,6 @@ class WallContact:
             u, modes = self._motion.u_old.x.array, self._motion.modes_old.value
             _, gap, _ = self._meet(self._where(u, modes)[1], self.facing(u, modes)[0])
             self._held = (self._old.pressure > 0.0) & (gap < REACH * self._height)
-            self._held |= self._wets & np.isfinite(gap)
         return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
 
     def kink(self, base: Touch) -> float:
@@ -358,7 +370,7 @@ class WallContact:
         """
         now = self.now
         assert now is not None
-        moved = np.einsum("ni,ni->n", base.normal, now.place - base.place)
+        moved = np.einsum("ni,ni->n", base.seen[:, NORMAL], now.place - base.place)
         foreseen = base.pressure + base.seen[:, STIFFNESS] * moved
         if len(now.strain):
             change = now.strain - base.strain

@@ -7,7 +7,7 @@ the old one as it was.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
@@ -24,6 +24,7 @@ from castfem.thermal.stepper import ThermalState
 if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.mechanics.surface_gap import SurfaceGap
+    from castfem.simulation.cooling import Zones
 
 Array = npt.NDArray[np.float64]
 
@@ -86,22 +87,6 @@ class Interval:
         return self.mechanical.newton
 
 
-class CooledSurface(Protocol):
-    """The surface and what cools it, as far as the coupling has to do with them."""
-
-    def perimeter_share(self) -> Array:
-        """Length of the surface that belongs to each owned vertex (owned,), m."""
-
-    def set_gap(self, gap: Array) -> None:
-        """From now on heat crosses this gap at the owned vertices (owned,), m."""
-
-    def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
-        """Flux at the owned vertices (owned,), W/m2, through this gap at these temperatures, K."""
-
-    def follow_shape(self) -> None:
-        """Cool the surface where it is now."""
-
-
 def difference(one: Array, other: Array) -> Array:
     """One gap less another; 0 where both are without a wall."""
     with np.errstate(invalid="ignore"):
@@ -149,7 +134,7 @@ class Coupler:
     Args:
         thermal: Thermal steps. mechanics: Mechanical steps.
         dissipation: Share of the viscoplastic work that heats the next interval.
-        surface: Told the gaps. gap: Finds them; None without a mould.
+        zones: Told the gaps. gap: Finds them; None without a mould.
         interval: Length of an interval that is not cut back, s.
         passes: Largest number of passes through an interval. settled: The gap has settled when the
             one that was found would change the temperature of the surface by less, K.
@@ -162,7 +147,7 @@ class Coupler:
         thermal: ThermalSteps,
         mechanics: MechanicalSteps,
         dissipation: float,
-        surface: CooledSurface,
+        zones: Zones,
         gap: SurfaceGap | None,
         interval: float,
         passes: int = 1,
@@ -170,7 +155,7 @@ class Coupler:
         order: str = "thermal_first",
     ) -> None:
         self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
-        self.surface, self.gap, self.interval = surface, gap, interval
+        self.zones, self.gap, self.interval = zones, gap, interval
         self.passes, self.settled, self.order = passes, settled, order
 
     def take(self, old: StrandState, end: float) -> Interval:
@@ -187,7 +172,7 @@ class Coupler:
         given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
         repeats = begun is not None and self.order == "thermal_first"
         learnt = self.thermal.control.step
-        relaxed = Relaxation(self.mechanics.comm, self.surface.perimeter_share())
+        relaxed = Relaxation(self.mechanics.comm, self.zones.perimeter_share())
         taken = self._pass(old, end, gap)
         while taken.converged and repeats:
             assert begun is not None and gap is not None and taken.state.mechanical is not None
@@ -216,7 +201,7 @@ class Coupler:
             if first.converged and gap is not None:
                 gap = self.gap_of(first.state)
         if gap is not None:
-            self.surface.set_gap(gap)
+            self.zones.set_gap(gap)
         leg, course = self.thermal.through(old.thermal, instants)
         result = first or self.mechanics.through(old.mechanical, course)
         if not result.converged:
@@ -234,7 +219,7 @@ class Coupler:
         problem = self.thermal.stepper.problem
         if problem.shape is not None:
             problem.shape.take(state.displacement, state.modes)
-            self.surface.follow_shape()
+            self.zones.follow_shape()
             problem.follow_shape()
 
     def _expected(self, old: StrandState, end: float) -> Array:
@@ -259,8 +244,8 @@ class Coupler:
         The difference of the fluxes cools a thick body of the steel that is there for the length of
         the interval (Carslaw and Jaeger, Conduction of Heat in Solids, 2.9). (Collective.)
         """
-        point, surface = state.thermal.point, self.surface
-        fluxes = [surface.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
+        point, zones = state.thermal.point, self.zones
+        fluxes = [zones.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
         slope = point.temperature_slope  # 1 / (rho c); that of conduction is k / (rho c)
         effusivity = np.sqrt(np.maximum(point.conduction_slope, TINY)) / np.maximum(slope, TINY)
         duration = state.time - begun

@@ -15,7 +15,8 @@ from types import MappingProxyType
 import numpy as np
 
 from castfem.materials.iron_carbon import Array, Phases
-from castfem.values.constants import ZERO_CELSIUS
+
+ZERO_CELSIUS = 273.15
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,8 @@ from petsc4py import PETSc
 
 from castfem.fem.snes import Options
 
-NEWTON: dict[str, Any] = {"snes_linesearch_type": "basic", "snes_max_it": 30}
+# A shell that shrinks off its wall lets go of it point by point, an iteration each.
+NEWTON: dict[str, Any] = {"snes_linesearch_type": "basic", "snes_max_it": 100}
 # PETSc's own factorisation has no pivoting and no parallel form; with it nested dissection pays.
 OWN = {"pc_factor_mat_solver_type": "petsc", "pc_factor_mat_ordering_type": "nd"}
 

@@ -39,6 +39,8 @@ Array = npt.NDArray[np.float64]
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
 STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
 LEAST_YOUNG = 1e-6  # the same over that of the solid at the solidus, where nothing presses
+NEARLY = 1e-2  # of the square of the imbalance: what leaves less of it has not overshot, whatever
+# its work: along a correction that is no longer than rounding that may have any sign
 PATIENCE = 8  # Newton iterations in which contact may overshoot
 
 
@@ -332,11 +334,13 @@ class MechanicalProblem:
         if self.constraints.moving and reductions.largest(comm, np.array([missing])) > 0.0:
             return False  # supports must get to where they belong first
 
-        first = reductions.total(comm, float(self._residual(local) @ step))
+        first, before = self._along(local, step)
         base = None if self.contact is None else self.contact.now
 
         def work(share: float) -> float:
-            found = reductions.total(comm, float(self._residual(local - share * step) @ step))
+            found, left = self._along(local - share * step, step)
+            if share == 1.0 and left < NEARLY * before:
+                return 0.0
             if self.contact is None or base is None or share < 1.0:
                 return found
             if self.solver.snes.getIterationNumber() >= PATIENCE:
@@ -348,6 +352,13 @@ class MechanicalProblem:
         if share < 1.0:
             correction.scale(share)
         return share < 1.0
+
+    def _along(self, local: Array, step: Array) -> tuple[float, float]:
+        """Work of what is out of balance along a step, and the square of its size (collective)."""
+        residual = self._residual(local)
+        sums = [float(residual @ step), float(residual @ residual)]
+        work, square = reductions.totals(self.section.comm, sums)
+        return float(work), float(square)
 
     def _lift(self, nodal: Array, missing: Array) -> None:
         """Add the forces by which supports, on their way to where they belong, move the rest."""

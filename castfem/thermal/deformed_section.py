@@ -10,7 +10,7 @@ from dolfinx import fem
 from castfem.fem.dolfinx_compat import assemble_owned
 from castfem.fem.section import Section
 from castfem.forms.finite_strain import deformation
-from castfem.forms.heat import storage, storage_measure
+from castfem.forms.heat import slice_measure, storage
 
 Array = npt.NDArray[np.float64]
 
@@ -28,9 +28,7 @@ class Shape:
         solidus: Below it steel is solid, K.
 
     Attributes:
-        gradient: In-plane deformation gradient F (2, 2).
-        thickness: e, over the undeformed one.
-        area: Of each owned vertex (owned,), undeformed, m2.
+        gradient: In-plane deformation gradient F (2, 2). thickness: e, over the undeformed one.
     """
 
     def __init__(self, section: Section, space: fem.FunctionSpace, solidus: float) -> None:
@@ -48,14 +46,14 @@ class Shape:
             ]
         )
         self.thickness = moved.thickness
-        v = ufl.TestFunction(section.vertex_space)
-        dx = storage_measure(mesh, section.order == 2)
+        v, dx = ufl.TestFunction(section.vertex_space), slice_measure(mesh)
         now = self.thickness * ufl.det(self.gradient)
         self._owned = section.owned
         self._volume = section.compile("heat.volume.moved", storage(now, v, dx))
         one = fem.Constant(mesh, np.float64(1.0))
-        area = section.compile("heat.storage", storage(one, v, dx))
-        self.area = assemble_owned(area, section.owned)
+        self._undeformed = assemble_owned(
+            section.compile("heat.storage", storage(one, v, dx)), section.owned
+        )
 
     def filled(self, before: Array, temperature: Array) -> Array:
         """Volume that the steel of each vertex fills, over the undeformed one (owned,).
@@ -67,7 +65,7 @@ class Shape:
             before: The same before (owned,).
             temperature: At the vertices (owned,), K.
         """
-        now = assemble_owned(self._volume, self._owned) / self.area
+        now = assemble_owned(self._volume, self._owned) / self._undeformed
         return np.where(temperature < self.solidus, before, now)
 
     def take(self, displacement: Array, modes: Array) -> None:

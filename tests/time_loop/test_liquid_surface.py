@@ -1,0 +1,129 @@
+"""Surfaces that stay liquid, or freeze at once: they follow the wall, whatever that does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from time_loop.moulded import Kept, marched
+from time_loop.test_beam_blank import BEAM_BLANK
+
+from castfem.case import load_case
+
+HALF = 0.08
+DENSITY = 7400.0
+BILLET = """
+title = "billet"
+
+[casting]
+speed = "3.6 m/min"
+length = "{length}"
+superheat = "60 K"
+
+[steel]
+name = "carbon_042"
+
+[section]
+shape = "rectangle"
+width = "160 mm"
+height = "160 mm"
+corner_radius = "6 mm"
+symmetry = "quarter"
+
+[mesh]
+order = 2
+cell = "{cell}"
+surface_size = "{size}"
+corner_size = "{size}"
+face_size = "10 mm"
+core_size = "14 mm"
+
+[[cooling]]
+name = "mould"
+
+[[cooling.surface]]
+{cooling}
+
+[thermal.time]
+step = "0.25 s"
+
+[mechanics]
+
+[mould]
+length = "300 mm"
+taper = "{taper}"
+contact = "{contact}"
+
+[coupling]
+interval = "0.25 s"
+
+[output]
+figures = false
+fields = []
+"""
+MILD = """law = "contact"
+coefficient = "400 W/(m^2 K)"
+gap_conductivity = "0.15 W/(m K)"
+wall = "160 degC"
+"""
+GIVEN = """law = "temperature"
+value = "1000 degC"
+"""
+
+
+def cast(folder: Path, **given: str) -> Kept:
+    """A billet in a mould."""
+    scene = {"length": "300 mm", "cell": "quadrilateral", "size": "3 mm", "cooling": MILD}
+    path = folder / "billet.toml"
+    path.write_text(BILLET.format(**{**scene, "contact": "penalty", **given}))
+    return marched(load_case(path))
+
+
+@pytest.mark.parametrize(
+    ("cell", "taper", "contact"),
+    [("triangle", "3 %/m", "penalty"), ("quadrilateral", "-3 %/m", "nitsche")],
+)
+def test_liquid_follows_the_wall_and_presses_on_it(
+    tmp_path: Path, cell: str, taper: str, contact: str
+) -> None:
+    """All of its surface, with the pressure of its depth, and at the cost of a linear problem."""
+    kept = cast(tmp_path, cell=cell, taper=taper, contact=contact)
+    assert kept.summary is not None
+    assert kept.summary.steps["intervals cut back"] == 0.0
+    assert kept.summary.steps["Newton iterations, mechanics"] <= 4 * len(kept.readings)
+    for reading in kept.readings[1:]:
+        assert reading.shell["mid_face"] == 0.0 and reading.mechanics is not None
+        touch = reading.mechanics.contact
+        assert touch is not None and touch.share == 1.0 and touch.gap < 1e-9
+        head = DENSITY * 9.81 * reading.position
+        # What bears the stretch of the surface is a stand-in of 30 times the pressure.
+        assert touch.force == pytest.approx([-head * HALF] * 2, rel=1e-3)
+    moved = kept.states[-1].mechanical
+    assert moved is not None
+    assert np.abs(moved.displacement).max() < 1.5 * 0.03 * 0.3 * HALF
+
+
+def test_a_hollow_surface_stays_where_it_is(tmp_path: Path) -> None:
+    """Liquid without stiffness does not creep round the fillets, threefold each interval."""
+    path = tmp_path / "beam_blank.toml"
+    path.write_text(BEAM_BLANK)
+    changes = ("coupling.interval=0.25 s", "casting.length=30 mm", "mould.taper=0 %/m")
+    kept = marched(load_case(path, changes))
+    assert kept.readings[-1].shell["mid_face"] == 0.0
+    first, last = (s.mechanical for s in (kept.states[1], kept.states[-1]))
+    assert first is not None and last is not None
+    # Once it has come from the mesh's facets to the wall's arcs.
+    assert np.abs(first.displacement).max() > 1e-8
+    assert np.abs(last.displacement - first.displacement).max() < 1e-7
+
+
+def test_a_surface_frozen_from_the_first_instant(tmp_path: Path) -> None:
+    """A shell of 1000 degC at the meniscus, in a wall that closes on it."""
+    kept = cast(tmp_path, cooling=GIVEN, taper="3 %/m", size="4 mm", length="15 mm")
+    assert kept.value("shell_mid_face") > 0.5e-3
+    for reading in kept.readings[1:]:
+        mechanics = reading.mechanics
+        assert mechanics is not None and mechanics.balance is not None
+        assert mechanics.contact is not None and mechanics.contact.penetration < 1e-5
+        assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
