@@ -19,7 +19,7 @@ import numpy.typing as npt
 from castfem.case import Case, from_document, load_case
 from castfem.coupling.step_control import same_instant
 from castfem.results.thermal import CELSIUS, Reading
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 if TYPE_CHECKING:
@@ -201,7 +201,7 @@ def run(
 
 
 def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
-    scene = build_scene(case, comm)
+    scene = build(case, comm)
     listener = Listener()
     try:
         before = dict(scene.watch.seconds)

@@ -18,7 +18,7 @@ from benchmarks.billet_run import CASES, MOULDS, NAMES, QUIET, every, mesh, touc
 from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.mechanics.state import MechanicalResult
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.support.stopwatch import LIBRARIES, Stopwatch
 from castfem.time_loop.loop import March
 
@@ -55,9 +55,7 @@ class Divided(Stopwatch):
 def march(mould: str, changes: Sequence[str]) -> dict[str, Any]:
     """March one billet; seconds of all, of the mechanics by section, and counts."""
     watch = Divided()
-    scene = build_scene(
-        load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF, watch
-    )
+    scene = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF, watch)
     assert scene.mechanics is not None
     step = scene.mechanics.step
 

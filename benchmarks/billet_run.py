@@ -17,7 +17,7 @@ from castfem.errors import CastfemError
 from castfem.report.remarks import OPEN, spells
 from castfem.results.summary import quantities
 from castfem.results.thermal import Reading
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 CASES = ROOT / "cases" / "billet125"
@@ -176,7 +176,7 @@ class Found:
 def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> Found:
     """March one billet with some keys changed."""
     case = load_case(CASES / f"{mould}.toml", (*QUIET, *changes))
-    scene = build_scene(case, MPI.COMM_SELF)
+    scene = build(case, MPI.COMM_SELF)
     listener = Listener(process_time() + patience)
     march = March(scene, listener)  # type: ignore[arg-type]
     start, failure = process_time(), ""

@@ -17,7 +17,7 @@ from benchmarks.accuracy import default_settings
 from benchmarks.billet import CASE, LENGTHS, Settings, time_table
 from benchmarks.report import Output, table
 from castfem.case import from_document, load_case
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 LENGTH = 20.0  # m
@@ -46,7 +46,7 @@ def march(settings: Settings) -> dict[str, Any]:
         }
         for place in PLACES
     ]
-    scene = build_scene(from_document(document, "caster"), MPI.COMM_SELF)
+    scene = build(from_document(document, "caster"), MPI.COMM_SELF)
     try:
         run = March(scene)
         start = perf_counter()

@@ -17,7 +17,7 @@ from benchmarks.billet import Array, Settings, billet_case
 from benchmarks.report import Output, table
 from castfem.case import from_document
 from castfem.results.thermal import Reading
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.thermal.stepper import ThermalStepper
 from castfem.time_loop.loop import March
 
@@ -62,7 +62,7 @@ def march(settings: Settings, coefficient: float) -> dict[str, Any]:
     law = {"law": "convection", "coefficient": f"{coefficient} kW/(m^2 K)", "ambient": "25 degC"}
     document["cooling"][0]["surface"] = [law]
     document["output"] = {"fields": []}
-    scene = build_scene(from_document(document, "jump"), MPI.COMM_SELF)
+    scene = build(from_document(document, "jump"), MPI.COMM_SELF)
     heard = Listener()
     try:
         run = March(scene, heard)  # type: ignore[arg-type]

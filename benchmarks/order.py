@@ -15,7 +15,7 @@ from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.results.thermal import CELSIUS, Reading
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 FINE = "coupling.interval=0.05 s"
@@ -44,7 +44,7 @@ class Corner:
         """Note an interval."""
         mechanical = march.state.mechanical
         assert mechanical is not None and reading.mechanics is not None
-        told = march.scene.probes.sample(mechanical.temperature)["corner"].temperature[0]
+        told = march.simulation.probes.sample(mechanical.temperature)["corner"].temperature[0]
         self.time.append(reading.time)
         self.heat.append(float(reading.profiles["corner"].temperature[0]) - CELSIUS)
         self.told.append(float(told) - CELSIUS)
@@ -54,7 +54,7 @@ class Corner:
 def marched(*changes: str) -> Corner:
     """March the shipped case on coarse cells."""
     case = load_case(CASES / "mechanics_first.toml", (*QUIET, *COARSE[:4], *changes))
-    scene, corner = build_scene(case, MPI.COMM_SELF), Corner()
+    scene, corner = build(case, MPI.COMM_SELF), Corner()
     March(scene, corner).run()  # type: ignore[arg-type]
     scene.destroy()
     return corner

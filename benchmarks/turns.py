@@ -18,7 +18,7 @@ from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.results.summary import summarise
 from castfem.results.thermal import Reading
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 STRONG = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="300 mm"')
@@ -44,7 +44,7 @@ class Faces:
 def run(mould: str, changes: tuple[str, ...], interval: float, passes: int) -> dict[str, Any]:
     """March one scene; a row of the table."""
     keys = (*QUIET, *COARSE, f"coupling.interval={interval} s", f"coupling.passes={passes}")
-    scene = build_scene(load_case(CASES / f"{mould}.toml", (*keys, *changes)), MPI.COMM_SELF)
+    scene = build(load_case(CASES / f"{mould}.toml", (*keys, *changes)), MPI.COMM_SELF)
     faces = Faces()
     march = March(scene, faces)  # type: ignore[arg-type]
     start = process_time()

@@ -24,7 +24,7 @@ from castfem.results.mechanical import MechanicalReading
 from castfem.results.summary import summarise
 from castfem.results.thermal import Reading
 from castfem.simulation import mechanics as build_mechanics
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 Array = npt.NDArray[np.float64]
@@ -58,7 +58,7 @@ class Marched:
 
 def march(mould: str, changes: Iterable[str]) -> Marched:
     """March one billet with some keys changed."""
-    scene = build_scene(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF)
+    scene = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF)
     found = Marched()
     one = March(scene, found)  # type: ignore[arg-type]
     start = process_time()

@@ -116,7 +116,7 @@ class Case(TableModel):
 
     @property
     def output_fields(self) -> tuple[FieldName, ...]:
-        """The fields to write: those asked for, or what the scene has."""
+        """The fields to write: those asked for, or what the simulation has."""
         if self.output.fields is not None:
             return self.output.fields
         usual: tuple[FieldName, ...] = (

@@ -67,7 +67,7 @@ class Section:
         self.compiled: list[str] = []
 
     def compile(self, name: str, form: ufl.Form) -> fem.Form:
-        """Compile `form`, noting `name`: what a scene compiled is part of its record."""
+        """Compile `form`, noting `name`: what a simulation compiled is part of its record."""
         self.compiled.append(name)
         return dolfinx_compat.compile_form(form)
 

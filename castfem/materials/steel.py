@@ -1,7 +1,7 @@
 """A steel: its characteristic temperatures and its properties as vectorised functions of T, in SI.
 
 A property that the set does not give (no emissivity, say) raises InputError when it is asked for,
-so that a set needs only what the scenes made with it need.
+so that a set needs only what the simulations made with it need.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ class RunRecord:
         ranks: Number of MPI processes.
         versions: Name to version of castfem and what it stands on.
         wall_time: Stage to seconds, those before a resume included.
-        compiled_forms: Names of the forms this scene compiled or took from the cache.
+        compiled_forms: Names of the forms this simulation compiled or took from the cache.
         memory_mb: Largest resident memory of all ranks together, in 10^6 bytes.
         reached: Last good state: time [s], position [m], step.
         commands: The command line, of each start if it was resumed.

@@ -10,14 +10,14 @@ from castfem.results.thermal import CELSIUS, Reading
 
 if TYPE_CHECKING:
     from castfem.results.mechanical import MechanicalReading
-    from castfem.simulation.simulation import Scene
+    from castfem.simulation.simulation import Simulation
     from castfem.time_loop.loop import March
 
 
-def columns(scene: Scene) -> list[tuple[str, str]]:
-    """Names and units of the history's columns: those of what the scene has."""
+def columns(simulation: Simulation) -> list[tuple[str, str]]:
+    """Names and units of the history's columns: those of what the simulation has."""
     found = [("time", "s"), ("position", "m"), ("step", "s"), ("newton", "-")]
-    for name in scene.probes.lines:
+    for name in simulation.probes.lines:
         found += [
             (f"surface_temperature_{name}", "degC"),
             (f"shell_{name}", "mm"),
@@ -33,37 +33,37 @@ def columns(scene: Scene) -> list[tuple[str, str]]:
         ("temperature_min", "degC"),
         ("temperature_max", "degC"),
         ("energy_error", "-"),
-        *(_mechanical_columns(scene) if scene.mechanics is not None else ()),
+        *(_mechanical_columns(simulation) if simulation.mechanics is not None else ()),
     ]
 
 
-def _mechanical_columns(scene: Scene) -> list[tuple[str, str]]:
+def _mechanical_columns(simulation: Simulation) -> list[tuple[str, str]]:
     found = [("newton_mechanics", "-"), ("von_mises_max", "MPa")]
-    for name in scene.probes.lines:
+    for name in simulation.probes.lines:
         found += [(f"von_mises_{name}", "MPa"), (f"displacement_{name}", "mm")]
-    found += [(f"size_{name}", "mm") for name in scene.centred_probes]
+    found += [(f"size_{name}", "mm") for name in simulation.centred_probes]
     found += [("axial_strain", "-"), ("axial_force", "kN"), ("force_error", "-")]
-    if scene.case.mould is not None:
-        for name in scene.probes.lines:
+    if simulation.case.mould is not None:
+        for name in simulation.probes.lines:
             found += [(f"gap_{name}", "mm"), (f"contact_pressure_{name}", "MPa")]
         found += [("gap_max", "mm"), ("mean_contact_pressure_max", "MPa")]
         found += [("contact_pressure_max", "MPa"), ("penetration", "um")]
         found += [("contact_share", "percent"), ("friction_force", "kN/m"), ("friction_pull", "kN")]
-        if _rubs(scene):
+        if _rubs(simulation):
             found += [("contact_sticking", "percent"), ("mould_friction", "kN/m")]
             found.append(("mould_pull", "kN"))
     return found
 
 
-def _rubs(scene: Scene) -> bool:
+def _rubs(simulation: Simulation) -> bool:
     """Whether the mould has friction: without it nothing sticks."""
-    contact = None if scene.mechanics is None else scene.mechanics.problem.slice.contact
+    contact = None if simulation.mechanics is None else simulation.mechanics.problem.slice.contact
     return contact is not None and contact.friction is not None
 
 
 def row(march: March, reading: Reading) -> dict[str, float]:
     """One row of the history in its units."""
-    speed, whole = march.scene.case.casting.speed, march.scene.section.multiplicity
+    speed, whole = march.simulation.case.casting.speed, march.simulation.section.multiplicity
     cells = {
         "time": reading.time,
         "position": reading.position,

@@ -65,7 +65,7 @@ class MechanicalReading:
 
 
 class MechanicalMeasure:
-    """Reads the slice of one scene.
+    """Reads the slice of one simulation.
 
     Args:
         stepper: Its mechanics. probes: Lines inward from its surface.

@@ -15,35 +15,35 @@ if TYPE_CHECKING:
     from castfem.results.mechanical import MechanicalReading
     from castfem.results.mould_extremes import Strained
     from castfem.results.thermal import Reading
-    from castfem.simulation.simulation import Scene
+    from castfem.simulation.simulation import Simulation
     from castfem.time_loop.loop import March
 
 
 def summarise(march: March, status: str) -> Summary:
     """The summary of `march` as it stands."""
-    scene = march.scene
+    simulation = march.simulation
     found, forces = last_results(march)
     return Summary(
-        title=scene.case.title,
+        title=simulation.case.title,
         status=status,
         quantities=found,
         references=_comparisons(march, found),
         balances={"heat": _heat_balance(march), **forces},
         steps=_steps(march),
-        wall_time=dict(scene.watch.seconds),
-        zones=tuple(Zone(s.name, s.start, s.end, s.whole) for s in scene.zones.spans),
-        mould_exit=scene.case.mould_exit(),
-        unchecked=_unchecked(scene),
+        wall_time=dict(simulation.watch.seconds),
+        zones=tuple(Zone(s.name, s.start, s.end, s.whole) for s in simulation.zones.spans),
+        mould_exit=simulation.case.mould_exit(),
+        unchecked=_unchecked(simulation),
     )
 
 
-def _unchecked(scene: Scene) -> tuple[str, ...]:
+def _unchecked(simulation: Simulation) -> tuple[str, ...]:
     """Data of steel and law that are from memory of their source, one line a source."""
-    found = {key: o.source for key, o in scene.steel.origins.items() if o.status == "M"}
-    if scene.case.mechanics is not None:
+    found = {key: o.source for key, o in simulation.steel.origins.items() if o.status == "M"}
+    if simulation.case.mechanics is not None:
         from castfem.constitutive.parameters import unchecked
 
-        law = unchecked(scene.case.mechanics.law)
+        law = unchecked(simulation.case.mechanics.law)
         found |= {
             f"mechanics.law {key}".removesuffix(" law"): source for key, source in law.items()
         }
@@ -64,20 +64,20 @@ def last_results(march: March) -> tuple[dict[str, Quantity], dict[str, dict[str,
 
 def _steps(march: March) -> dict[str, float]:
     """Counts of the march."""
-    scene, counts = march.scene, march.counts
+    simulation, counts = march.simulation, march.counts
     found = {
         "accepted": counts.steps,
         "rejected": counts.rejected,
         "limited to backward Euler": counts.limited,
         "Newton iterations": counts.newton,
     }
-    if scene.mechanics is not None:
+    if simulation.mechanics is not None:
         found |= {
             "intervals": counts.intervals,
             "intervals cut back": counts.cut_back,
             "Newton iterations, mechanics": counts.newton_mechanics,
         }
-        if scene.coupler is not None and scene.coupler.gap is not None:
+        if simulation.coupler is not None and simulation.coupler.gap is not None:
             found |= {
                 "passes through intervals": counts.passes,
                 "intervals not settled": counts.unsettled,
@@ -88,8 +88,8 @@ def _steps(march: March) -> dict[str, float]:
 def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
     """Each reference beside our value where it holds, if the run has come there."""
     found: list[Comparison] = []
-    length, end = march.scene.case.casting.length, march.scene.control.end
-    for r in march.scene.case.reference:
+    length, end = march.simulation.case.casting.length, march.simulation.control.end
+    for r in march.simulation.case.reference:
         here = march.snapshots.get(r.at) if r.at is not None else final
         come = r.at is not None or same_instant(march.state.time, end, end)
         if here is not None and come:
@@ -98,7 +98,7 @@ def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, 
                 r.quantity, r.si, r.unit or "-", r.source, inner, r.kind, r.note, r.changed or ()
             )
             found += compare([reference], here)
-    exact, time = march.scene.exact, march.state.thermal.time
+    exact, time = march.simulation.exact, march.state.thermal.time
     if exact is not None and time > 0.0:
         found += compare(closed_form.references(exact, time), final)
     return tuple(found)
@@ -106,11 +106,11 @@ def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, 
 
 def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
     """The results of the slice where `reading` was taken."""
-    scene = march.scene
-    speed, whole = scene.case.casting.speed, scene.section.multiplicity
+    simulation = march.simulation
+    speed, whole = simulation.case.casting.speed, simulation.section.multiplicity
     found = {
-        "solidus": Quantity(scene.steel.solidus, "degC", "solidus"),
-        "liquidus": Quantity(scene.steel.liquidus, "degC", "liquidus"),
+        "solidus": Quantity(simulation.steel.solidus, "degC", "solidus"),
+        "liquidus": Quantity(simulation.steel.liquidus, "degC", "liquidus"),
         **_told(position=reading.position, time=reading.time),
     }
     for name, profile in reading.profiles.items():
@@ -139,17 +139,17 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
     closed = march.measure.metallurgical_length
     if closed is not None:
         found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")
-    if scene.exact is not None:
-        found |= closed_form.errors(scene.exact, scene, march.state)
+    if simulation.exact is not None:
+        found |= closed_form.errors(simulation.exact, simulation, march.state)
     return found
 
 
 def _heat_balance(march: March) -> dict[str, Quantity]:
-    scene, state = march.scene, march.state.thermal
+    simulation, state = march.simulation, march.state.thermal
     gained = march.measure.heat_gained(state)
     open_ = abs(state.removed + gained - state.generated - state.fed)
     fed = {}
-    if scene.problem.shape is not None:
+    if simulation.problem.shape is not None:
         fed["fed"] = Quantity(state.fed, "kJ/m", "brought by liquid that was fed, modelled part")
     return {
         "removed": Quantity(state.removed, "kJ/m", "heat out, modelled part"),
@@ -165,7 +165,7 @@ def _heat_balance(march: March) -> dict[str, Quantity]:
             "relative error over the run",
         ),
         "multiplicity": Quantity(
-            float(scene.section.multiplicity), "-", "modelled parts in the section"
+            float(simulation.section.multiplicity), "-", "modelled parts in the section"
         ),
     }
 

@@ -13,7 +13,7 @@ from castfem.coupling.subcycling import Leg
 from castfem.fem import reductions
 from castfem.fem.line_probes import Profile
 from castfem.results.mould_extremes import Passage, Strained
-from castfem.simulation.simulation import Scene
+from castfem.simulation.simulation import Simulation
 from castfem.thermal.stepper import ThermalState
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Reading:
         flux: Heat flux at the probe's surface point, W/m2.
         removed: Heat removed from the whole section since the meniscus, J per m of strand.
         temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
-        mechanics: The strained slice; None in a scene without mechanics.
+        mechanics: The strained slice; None in a simulation without mechanics.
     """
 
     time: float
@@ -58,7 +58,7 @@ class Reading:
 
 @dataclass(slots=True)
 class Measure:
-    """Reads results off a scene and keeps what the summary needs over the whole run.
+    """Reads results off a simulation and keeps what the summary needs over the whole run.
 
     Attributes:
         mechanics: What reads the strained slice; None without mechanics.
@@ -69,7 +69,7 @@ class Measure:
         strained_most: Where its stress was largest.
     """
 
-    scene: Scene
+    simulation: Simulation
     mechanics: MechanicalMeasure | None = None
     worst_balance: float = 0.0
     metallurgical_length: float | None = None
@@ -81,18 +81,18 @@ class Measure:
 
     def __post_init__(self) -> None:
         """Find the surface vertex nearest to the start of each probe."""
-        if self.scene.mechanics is not None:
+        if self.simulation.mechanics is not None:
             from castfem.results.mechanical import MechanicalMeasure
 
             self.mechanics = MechanicalMeasure(
-                self.scene.mechanics, self.scene.probes, self.scene.centred_probes
+                self.simulation.mechanics, self.simulation.probes, self.simulation.centred_probes
             )
-        if self.scene.case.mould is not None:
-            self.passage = Passage(self.scene.case.mould.length)
-        section = self.scene.section
+        if self.simulation.case.mould is not None:
+            self.passage = Passage(self.simulation.case.mould.length)
+        section = self.simulation.section
         space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
-        on_surface = self.scene.zones.surface_vertices()
-        for name, (start, _) in self.scene.probes.lines.items():
+        on_surface = self.simulation.zones.surface_vertices()
+        for name, (start, _) in self.simulation.probes.lines.items():
             distance = np.linalg.norm(space_points[on_surface] - np.asarray(start), axis=1)
             nearest = float(distance.min()) if distance.size else np.inf
             best = -reductions.largest(section.comm, np.array([-nearest]))
@@ -114,18 +114,18 @@ class Measure:
             leg: Thermal steps that led to it; None at the start.
             mechanical: The mechanical step that led to it, likewise.
         """
-        scene, state = self.scene, strand.thermal
-        profiles = scene.probes.sample(state.point.temperature)
-        if self.mechanics is not None and scene.problem.shape is not None:
+        simulation, state = self.simulation, strand.thermal
+        profiles = simulation.probes.sample(state.point.temperature)
+        if self.mechanics is not None and simulation.problem.shape is not None:
             assert strand.mechanical is not None
             profiles = self.mechanics.displaced(profiles, strand.mechanical)
-        steel = scene.steel
+        steel = simulation.steel
         self._note_closing(state, state.extremes[1])
         balance = 0.0 if leg is None else leg.balance
         self.worst_balance = max(self.worst_balance, abs(balance))
         reading = Reading(
             time=state.time,
-            position=state.time * scene.case.casting.speed,
+            position=state.time * simulation.case.casting.speed,
             step=0.0 if leg is None else leg.step,
             newton=0 if leg is None else leg.newton,
             profiles=profiles,
@@ -133,7 +133,7 @@ class Measure:
             liquidus={n: p.isotherm_depth(steel.liquidus) for n, p in profiles.items()},
             cell={n: p.cell_at(steel.solidus) for n, p in profiles.items()},
             flux=self._surface_flux(state),
-            removed=state.removed * scene.section.multiplicity,
+            removed=state.removed * simulation.section.multiplicity,
             temperature_range=state.extremes,
             balance=balance,
             mechanics=self._read_mechanics(strand, mechanical),
@@ -173,30 +173,32 @@ class Measure:
 
     def heat_gained(self, state: ThermalState) -> float:
         """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""
-        scene = self.scene
-        start = float(scene.problem.curve.enthalpy(scene.start_temperature))
-        volume = scene.problem.area * state.filled if state.filled.size else scene.problem.area
+        simulation = self.simulation
+        start = float(simulation.problem.curve.enthalpy(simulation.start_temperature))
+        volume = (
+            simulation.problem.area * state.filled if state.filled.size else simulation.problem.area
+        )
         change = float(volume @ (state.enthalpy - start))
-        return reductions.total(scene.section.comm, change)
+        return reductions.total(simulation.section.comm, change)
 
     def _surface_flux(self, state: ThermalState) -> dict[str, float]:
         """Heat flux at the surface point of each probe, W/m2."""
-        problem = self.scene.problem
+        problem = self.simulation.problem
         flow = problem.surface_flow(state.point, state.rate, state.time)
-        share = self.scene.zones.perimeter_share()  # of the surface as it is now
-        names = list(self.scene.probes.lines)
+        share = self.simulation.zones.perimeter_share()  # of the surface as it is now
+        names = list(self.simulation.probes.lines)
         local = np.zeros(len(names))
         for i, name in enumerate(names):
             # Through a face that no law cools nothing flows.
             dof = self._surface.get(name)
             if dof is not None and share[dof] > 0.0:
                 local[i] = flow[dof] / share[dof]
-        flux = reductions.totals(self.scene.section.comm, local)
+        flux = reductions.totals(self.simulation.section.comm, local)
         return {name: float(flux[i]) for i, name in enumerate(names)}
 
     def _note_closing(self, state: ThermalState, hottest: float) -> None:
         """Note where the hottest vertex passes the solidus, between two steps by interpolation."""
-        solidus = self.scene.steel.solidus
+        solidus = self.simulation.steel.solidus
         if hottest >= solidus:
             self.metallurgical_length = None
         elif self.metallurgical_length is None:
@@ -204,5 +206,5 @@ class Measure:
             if np.isfinite(self._hottest) and self._hottest > solidus:
                 share = (self._hottest - solidus) / (self._hottest - hottest)
             time = self._time + share * (state.time - self._time)
-            self.metallurgical_length = time * self.scene.case.casting.speed
+            self.metallurgical_length = time * self.simulation.case.casting.speed
         self._hottest, self._time = hottest, state.time

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from castfem.case import Case
     from castfem.coupling.staggered import StrandState
     from castfem.materials import Steel
-    from castfem.simulation.simulation import Scene
+    from castfem.simulation.simulation import Simulation
     from castfem.verification import ClosedForm
 
 Array = npt.NDArray[np.float64]
@@ -46,9 +46,9 @@ def references(exact: ClosedForm, time: float) -> list[Reference]:
     ]
 
 
-def errors(exact: ClosedForm, scene: Scene, state: StrandState) -> dict[str, Quantity]:
+def errors(exact: ClosedForm, simulation: Simulation, state: StrandState) -> dict[str, Quantity]:
     """Rms errors of the committed `state` over what has frozen (collective)."""
-    section, time = scene.section, state.thermal.time
+    section, time = simulation.section, state.thermal.time
     if time <= 0.0:
         return {}
     comm = section.comm
@@ -56,7 +56,7 @@ def errors(exact: ClosedForm, scene: Scene, state: StrandState) -> dict[str, Qua
     ours = state.thermal.point.temperature[: section.owned]
     inside = depth <= exact.depth(time)
     gap = (ours - exact.temperature(depth, time))[inside]
-    area = scene.problem.area[: section.owned][inside]
+    area = simulation.problem.area[: section.owned][inside]
     largest = reductions.largest(comm, np.array([np.abs(gap).max(initial=0.0)]))
     found = {
         "error_temperature": Quantity(
@@ -68,8 +68,8 @@ def errors(exact: ClosedForm, scene: Scene, state: StrandState) -> dict[str, Qua
     }
     if exact.stress is None or exact.shell is None or state.mechanical is None:
         return found
-    assert scene.mechanics is not None
-    points = scene.mechanics.problem.points
+    assert simulation.mechanics is not None
+    points = simulation.mechanics.problem.points
     depth = points.deviator.position[:, 0]
     inside = depth < exact.shell(time)
     stress = points.recovered(state.mechanical.stress)[:, 2][inside]

@@ -1,4 +1,4 @@
-"""Everything a case needs for its march, built once; a scene carries what its case asks for."""
+"""The objects of a run, built once from its case: those that the case asks for and no others."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CENTRED = 1e-9  # of its length, how near the centre a probe ends that ends ther
 
 
 @dataclass(slots=True)
-class Scene:
+class Simulation:
     """The objects of one run.
 
     Attributes:
@@ -86,15 +86,15 @@ class Scene:
         )
 
     def destroy(self) -> None:
-        """Free the PETSc objects; many scenes may be made in one process."""
+        """Free the PETSc objects; many simulations may be built in one process."""
         self.problem.destroy()
         if self.mechanics is not None:
             self.mechanics.problem.destroy()
         self.probes.destroy()
 
 
-def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Scene:
-    """Build the scene of `case` on the ranks of `comm` (collective).
+def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulation:
+    """Build the objects of `case` on the ranks of `comm` (collective).
 
     Raises:
         InputError: If the steel, the mesh or the solver options cannot be had.
@@ -128,7 +128,7 @@ def build_scene(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> S
     steps = ThermalSteps(stepper, thermal)
     coupler = _coupler(case, steps, mechanics, zones)
     made = (case, steel, section, stepper, zones, probes, control, steps, mechanics, coupler)
-    return Scene(*made, start_temperature=start, watch=watch, exact=exact)
+    return Simulation(*made, start_temperature=start, watch=watch, exact=exact)
 
 
 def _coupler(
@@ -151,7 +151,7 @@ def _coupler(
 def _mechanics(
     case: Case, steel: Steel, section: Section, watch: Stopwatch
 ) -> MechanicalStepper | None:
-    """The mechanics of a case that has some; a thermal scene does not even import them."""
+    """The mechanics of a case that has some; a thermal simulation does not even import them."""
     if case.mechanics is None:
         return None
     from castfem.simulation.mechanics import build_mechanics

@@ -23,7 +23,7 @@ from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.summary import Quantity
 from castfem.results.summary import quantities, summarise
 from castfem.results.thermal import Measure, Reading
-from castfem.simulation.simulation import Scene, build_scene
+from castfem.simulation.simulation import Simulation, build
 from castfem.support import log
 from castfem.support.stopwatch import peak_memory, profile_table
 from castfem.time_loop import restart
@@ -44,10 +44,10 @@ LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/
 
 
 class March:
-    """Steps a scene through time; holds the committed state and nothing that is not committed.
+    """Steps a simulation through time; holds the committed state and nothing that is not committed.
 
     Args:
-        scene: What to march.
+        simulation: What to march.
         recorder: Where committed steps are written; None for a march in memory.
         progress: What is told after each step; None for silence.
         interrupt: Asked after each step whether to stop there.
@@ -55,20 +55,20 @@ class March:
 
     def __init__(
         self,
-        scene: Scene,
+        simulation: Simulation,
         recorder: Recorder | None = None,
         progress: Progress | None = None,
         interrupt: Interrupt | None = None,
     ) -> None:
-        self.scene, self.recorder, self.progress = scene, recorder, progress
+        self.simulation, self.recorder, self.progress = simulation, recorder, progress
         self.interrupt = interrupt
-        self.measure = Measure(scene)
-        self.archive = restart.make_archive(scene)
-        thermal = scene.stepper.initial(scene.start_temperature)
+        self.measure = Measure(simulation)
+        self.archive = restart.make_archive(simulation)
+        thermal = simulation.stepper.initial(simulation.start_temperature)
         self.state: StrandState = (
             StrandState(thermal, None, np.zeros(0))
-            if scene.coupler is None
-            else scene.coupler.start(thermal)
+            if simulation.coupler is None
+            else simulation.coupler.start(thermal)
         )
         self.counts = Counts()
         self.reading: Reading | None = None
@@ -81,12 +81,12 @@ class March:
         self._recorded: Recorded | None = None
 
     def run(self) -> Reading:
-        """March to the end of the scene.
+        """March to the end of the simulation.
 
         Raises:
             RunFailure: If a step cannot be saved; the committed state stays as it was.
         """
-        control = self.scene.control
+        control = self.simulation.control
         if self.reading is None:
             self._enter_zone()
             self._record(None, None)
@@ -98,11 +98,11 @@ class March:
 
     def _enter_zone(self) -> None:
         """Change the cooling if the slice has come to the next zone."""
-        zone = self.scene.zones.index(self.state.time)
+        zone = self.simulation.zones.index(self.state.time)
         if zone != self.zone:
-            self.scene.problem.set_cooling(self.scene.zones.cooling(zone))
+            self.simulation.problem.set_cooling(self.simulation.zones.cooling(zone))
             if self.zone >= 0:
-                self.scene.steps.control.restart()
+                self.simulation.steps.control.restart()
             self.zone = zone
 
     def advance(self) -> None:
@@ -135,30 +135,28 @@ class March:
 
     def _attempt(self) -> tuple[Leg | Interval, int]:
         """A thermal step or an interval that can be kept, and how many intervals could not."""
-        scene = self.scene
-        if scene.coupler is None:
-            return scene.steps.one(self.state.thermal), 0
-        return take_interval(scene.coupler, self.state, scene.control)
+        simulation = self.simulation
+        if simulation.coupler is None:
+            return simulation.steps.one(self.state.thermal), 0
+        return take_interval(simulation.coupler, self.state, simulation.control)
 
     def _iterations(self) -> tuple[int, int]:
         """Newton iterations in this process, of temperature and mechanics."""
-        mechanics = self.scene.mechanics
-        return self.scene.problem.iterations, mechanics.problem.iterations if mechanics else 0
+        mechanics = self.simulation.mechanics
+        return self.simulation.problem.iterations, mechanics.problem.iterations if mechanics else 0
 
     def _whereabouts(self) -> str:
         """Where the slice is, for messages."""
-        time = self.state.time
-        return (
-            f"{1e3 * time * self.scene.case.casting.speed:.4g} mm below the meniscus ({time:.4g} s)"
-        )
+        time, speed = self.state.time, self.simulation.case.casting.speed
+        return f"{1e3 * time * speed:.4g} mm below the meniscus ({time:.4g} s)"
 
     def _record(self, leg: Leg | None, mechanical: MechanicalResult | None) -> None:
-        with self.scene.watch.section("results"):
+        with self.simulation.watch.section("results"):
             self.told = None
             self.reading = self.measure.read(self.state, leg, mechanical)
             self._keep_snapshot(self.reading)
         if self.recorder is not None:
-            with self.scene.watch.section("output"):
+            with self.simulation.watch.section("output"):
                 self.recorder.step(self, self.reading)
         self.remember(self.reading)
         if self.progress is not None:
@@ -170,13 +168,13 @@ class March:
 
     def remember(self, reading: Reading) -> None:
         """Keep what has been recorded: states are never written into, the rest is copied."""
-        scene = self.scene
+        simulation = self.simulation
         self._recorded = Recorded(
             self.state,
             reading,
             replace(self.counts),
-            scene.control.step,
-            scene.steps.control.step,
+            simulation.control.step,
+            simulation.steps.control.step,
             self.zone,
             self.measure.memory(),
             dict(self.snapshots),
@@ -188,20 +186,20 @@ class March:
         if good is None:
             return False
         self.state, self.reading, self.counts = good.state, good.reading, good.counts
-        self.scene.control.step, self.scene.steps.control.step = good.step, good.substep
+        self.simulation.control.step, self.simulation.steps.control.step = good.step, good.substep
         self.zone, self.snapshots = good.zone, good.snapshots
         self.measure.recall(good.memory)
         return True
 
     def _keep_snapshot(self, reading: Reading) -> None:
-        case = self.scene.case
+        case = self.simulation.case
         # The end too: a run that goes on from there has its number at a station.
         for position in {r.at for r in case.reference if r.at is not None}:
             if same_instant(reading.position, position, case.casting.length):
                 self.snapshots[position] = quantities(self, reading)
 
     def _note(self) -> str:
-        return self.scene.zones.spans[max(self.zone, 0)].name
+        return self.simulation.zones.spans[max(self.zone, 0)].name
 
 
 def run(
@@ -246,18 +244,18 @@ def run(
     resume = bool(comm.bcast(on_root(comm, begin)))
     # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
     with output, ExitStack() as freed, Together(comm, (RunFailure, Stopped)) as together:
-        scene = build_scene(case, comm)
-        freed.callback(scene.destroy)
-        _tell_of_idle_ranks(scene)
-        recorder = Recorder(scene, output, resume)
+        simulation = build(case, comm)
+        freed.callback(simulation.destroy)
+        _tell_of_idle_ranks(simulation)
+        recorder = Recorder(simulation, output, resume)
         freed.callback(recorder.close)
-        return _march(scene, output, recorder, together, profile, progress)
+        return _march(simulation, output, recorder, together, profile, progress)
 
 
-def _tell_of_idle_ranks(scene: Scene) -> None:
+def _tell_of_idle_ranks(simulation: Simulation) -> None:
     """Say that a small section is slower on several ranks (collective)."""
-    comm = scene.section.comm
-    each = reductions.total(comm, scene.section.owned) / comm.size
+    comm = simulation.section.comm
+    each = reductions.total(comm, simulation.section.owned) / comm.size
     if comm.size > 1 and each < LEAST_VERTICES and comm.rank == 0:
         log.logger.info(
             "%.0f vertices on each of %d ranks: so few are slower than one rank, which waits for "
@@ -266,21 +264,23 @@ def _tell_of_idle_ranks(scene: Scene) -> None:
 
 
 def _march(
-    scene: Scene,
+    simulation: Simulation,
     output: OutputFolder,
     recorder: Recorder,
     together: Together,
     profile: bool,
     progress: Progress | None,
 ) -> Summary:
-    """March a built scene with its files open."""
-    comm, watch = scene.section.comm, scene.watch
+    """March a built simulation with its files open."""
+    comm, watch = simulation.section.comm, simulation.watch
     interrupt = Interrupt(comm)
-    march = March(scene, recorder, progress, interrupt)
+    march = March(simulation, recorder, progress, interrupt)
     if recorder.checkpoint is not None:
         restart.restore(march, *recorder.checkpoint)
     if progress is not None:
-        progress.start(scene.case.casting.length, march.state.time * scene.case.casting.speed)
+        progress.start(
+            simulation.case.casting.length, march.state.time * simulation.case.casting.speed
+        )
     try:
         with interrupt, watch.section("march"):
             march.run()
@@ -291,7 +291,7 @@ def _march(
             _leave(march, recorder, output, error)
         raise
     recorder.close()
-    if scene.case.output.checkpoint_every:
+    if simulation.case.output.checkpoint_every:
         recorder.save(march)
     if profile and comm.rank == 0:
         log.logger.info("%s", profile_table(watch))
@@ -318,19 +318,19 @@ def _reason(error: BaseException) -> str:
 
 def _finish(march: March, output: OutputFolder, status: str, reason: str = "") -> Summary:
     """Write summary and run record; the summary is the same on every rank."""
-    comm = march.scene.section.comm
+    comm = march.simulation.section.comm
     summary = summarise(march, status)
     memory = reductions.total(comm, peak_memory())
 
     def write() -> None:
         output.write_summary(summary)
         facts = {
-            "wall_time": dict(march.scene.watch.seconds),
-            "compiled_forms": tuple(march.scene.section.compiled),
+            "wall_time": dict(march.simulation.watch.seconds),
+            "compiled_forms": tuple(march.simulation.section.compiled),
             "memory_mb": round(memory / 1e6, 1),
             "reached": {
                 "time": march.state.time,
-                "position": march.state.time * march.scene.case.casting.speed,
+                "position": march.state.time * march.simulation.case.casting.speed,
                 "step": march.counts.steps,
             },
         }

@@ -21,7 +21,7 @@ from castfem.time_loop import restart
 from castfem.time_loop.run_state import Counts
 
 if TYPE_CHECKING:
-    from castfem.simulation.simulation import Scene
+    from castfem.simulation.simulation import Simulation
     from castfem.time_loop.loop import March
 
 Array = npt.NDArray[np.float64]
@@ -31,14 +31,14 @@ class Recorder:
     """Files of one run.
 
     Args:
-        scene: What is marched.
+        simulation: What is marched.
         folder: The run's folder, begun; used on rank 0.
         resume: Go on with the files that are there.
     """
 
-    def __init__(self, scene: Scene, folder: OutputFolder, resume: bool = False) -> None:
-        self.scene, self.folder, self.comm = scene, folder, scene.section.comm
-        self._every = scene.case.output.checkpoint_every
+    def __init__(self, simulation: Simulation, folder: OutputFolder, resume: bool = False) -> None:
+        self.simulation, self.folder, self.comm = simulation, folder, simulation.section.comm
+        self._every = simulation.case.output.checkpoint_every
         self._history: History | None = None
         self._fields: FieldWriter | None = None
         self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
@@ -48,12 +48,12 @@ class Recorder:
 
     def _open(self) -> None:
         """Begin history and fields."""
-        self._history = History(self.folder / HISTORY_NAME, columns(self.scene))
-        source = self.scene.section.source
-        if self.scene.case.output_fields and source is not None:
-            steel = self.scene.steel
+        self._history = History(self.folder / HISTORY_NAME, columns(self.simulation))
+        source = self.simulation.section.source
+        if self.simulation.case.output_fields and source is not None:
+            steel = self.simulation.steel
             facts: dict[str, float | str] = {"solidus": steel.solidus, "liquidus": steel.liquidus}
-            symmetry = getattr(self.scene.case.section, "symmetry", None)
+            symmetry = getattr(self.simulation.case.section, "symmetry", None)
             if symmetry:
                 facts["symmetry"] = symmetry
             self._fields = FieldWriter(
@@ -67,7 +67,7 @@ class Recorder:
 
     def _open_for_resume(self) -> None:
         """Read the checkpoint and cut what was written after it."""
-        case = self.scene.case
+        case = self.simulation.case
         self.checkpoint = load_checkpoint(
             self.folder / CHECKPOINT_NAME, physics=case.physics_hash(), case=case.physics()
         )
@@ -81,9 +81,9 @@ class Recorder:
             )
         taken = Counts(**self.checkpoint[0]["counts"]).taken
         self._history = History.resume(
-            self.folder / HISTORY_NAME, time, columns(self.scene), rows=taken + 1
+            self.folder / HISTORY_NAME, time, columns(self.simulation), rows=taken + 1
         )
-        if names := self.scene.case.output_fields:
+        if names := self.simulation.case.output_fields:
             self._fields = FieldWriter.resume(self.folder.path, time, names)
 
     def step(self, march: March, reading: Reading) -> None:
@@ -111,14 +111,14 @@ class Recorder:
 
     def _due_fields(self, march: March, reading: Reading) -> dict[str, Array] | None:
         """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
-        names = self.scene.case.output_fields
+        names = self.simulation.case.output_fields
         if not names or not self._is_due(reading.time):
             return None
-        state, gather = march.state, self.scene.section.gather
+        state, gather = march.state, self.simulation.section.gather
         kelvin = state.thermal.point.temperature
         owned = {"temperature": kelvin}
         if "solid_fraction" in names:
-            owned["solid_fraction"] = np.asarray(self.scene.steel.solid_fraction(kelvin))
+            owned["solid_fraction"] = np.asarray(self.simulation.steel.solid_fraction(kelvin))
         if march.measure.mechanics is not None and state.mechanical is not None:
             owned |= march.measure.mechanics.fields(state.mechanical, names)
         gathered = {name: _by_component(gather, owned[name]) for name in names}
@@ -126,7 +126,7 @@ class Recorder:
 
     def _is_due(self, time: float) -> bool:
         """Whether `time` is the meniscus, a multiple of the output interval, or the end."""
-        every, end = self.scene.case.output.every, self.scene.control.end
+        every, end = self.simulation.case.output.every, self.simulation.control.end
         nearest = round(time / every) * every
         return time == 0.0 or same_instant(time, nearest, end) or same_instant(time, end, end)
 
@@ -135,7 +135,7 @@ class Recorder:
         arrays = {name: values for name, values in state.items() if values is not None}
         if self._history is not None:
             self._history.sync()
-        case = self.scene.case
+        case = self.simulation.case
         save_checkpoint(
             self.folder / CHECKPOINT_NAME,
             restart.description(march),
@@ -146,7 +146,7 @@ class Recorder:
         self.folder.update(
             reached={
                 "time": march.state.time,
-                "position": march.state.time * self.scene.case.casting.speed,
+                "position": march.state.time * self.simulation.case.casting.speed,
                 "step": march.counts.steps,
             }
         )

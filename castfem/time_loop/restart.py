@@ -15,7 +15,7 @@ from castfem.time_loop.run_state import Counts
 
 if TYPE_CHECKING:
     from castfem.mechanics.checkpoint import Archive
-    from castfem.simulation.simulation import Scene
+    from castfem.simulation.simulation import Simulation
     from castfem.time_loop.loop import March
 
 Array = npt.NDArray[np.float64]
@@ -27,15 +27,15 @@ STATE = ("enthalpy", "rate", "course")
 
 def arrays(march: March) -> dict[str, Array | None]:
     """The arrays of the committed state, whole on rank 0 (collective)."""
-    gather, state = march.scene.section.gather, march.state
+    gather, state = march.simulation.section.gather, march.state
     found = {name: gather(getattr(state.thermal, name)) for name in STATE}
-    if march.scene.problem.shape is not None:
+    if march.simulation.problem.shape is not None:
         found["filled"] = gather(state.thermal.filled)
     if march.archive is not None and state.mechanical is not None:
         found |= march.archive.arrays(state.mechanical)
-        if march.scene.case.coupling.dissipation:
+        if march.simulation.case.coupling.dissipation:
             found["heating"] = gather(state.heating)
-        if march.scene.case.coupling.order == "mechanics_first":
+        if march.simulation.case.coupling.order == "mechanics_first":
             found["trend"] = gather(state.trend)
     return found
 
@@ -52,8 +52,8 @@ def description(march: March) -> dict[str, Any]:
         "allowed": [a if np.isfinite(a) else None for a in thermal.allowed or ()],
         "fed": thermal.fed,
         "counts": asdict(march.counts),
-        "step": march.scene.control.step,
-        "substep": march.scene.steps.control.step,
+        "step": march.simulation.control.step,
+        "substep": march.simulation.steps.control.step,
         "zone": march.zone,
         "measure": march.measure.memory(),
         "snapshots": [[position, _plain(found)] for position, found in march.snapshots.items()],
@@ -67,15 +67,15 @@ def description(march: March) -> dict[str, Any]:
 
 def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> None:
     """Go on from a checkpoint: `description` and arrays by node (on every rank)."""
-    nodes = march.scene.section.node_of_owned
+    nodes = march.simulation.section.node_of_owned
     enthalpy, rate, course = (np.asarray(by_node[name])[nodes] for name in STATE)
     filled = np.asarray(by_node["filled"])[nodes] if "filled" in by_node else None
-    thermal = march.scene.stepper.state_from(
+    thermal = march.simulation.stepper.state_from(
         meta["time"], enthalpy, rate, meta["removed"], meta["generated"], course, filled,
         meta.get("fed", 0.0),
     )  # fmt: skip
     if thermal.filled.size:
-        march.scene.problem.fill(thermal.filled)
+        march.simulation.problem.fill(thermal.filled)
     if meta["allowed"]:
         low, high = meta["allowed"]
         thermal.allowed = low, np.inf if high is None else high
@@ -88,11 +88,11 @@ def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> No
     )
     march.state = StrandState(thermal, mechanical, heating, trend)
     march.counts = Counts(**meta["counts"])
-    march.scene.control.step = meta["step"]
-    march.scene.steps.control.step = meta["substep"]
+    march.simulation.control.step = meta["step"]
+    march.simulation.steps.control.step = meta["substep"]
     march.zone = meta["zone"]
     if march.zone >= 0:
-        march.scene.problem.set_cooling(march.scene.zones.cooling(march.zone))
+        march.simulation.problem.set_cooling(march.simulation.zones.cooling(march.zone))
     march.measure.recall(meta["measure"])
     march.snapshots = {position: _named(found) for position, found in meta["snapshots"]}
     march.reading = march.measure.read(march.state, None)
@@ -111,10 +111,10 @@ def _named(found: dict[str, list[Any]]) -> Named:
     return {name: Quantity(*parts) for name, parts in found.items()}
 
 
-def make_archive(scene: Scene) -> Archive | None:
-    """What takes the mechanical state apart for checkpoints; None in a scene without mechanics."""
-    if scene.mechanics is None:
+def make_archive(simulation: Simulation) -> Archive | None:
+    """What takes the mechanical state apart for checkpoints; None without mechanics."""
+    if simulation.mechanics is None:
         return None
     from castfem.mechanics.checkpoint import Archive
 
-    return Archive(scene.mechanics.problem)
+    return Archive(simulation.mechanics.problem)

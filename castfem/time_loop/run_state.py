@@ -37,7 +37,7 @@ class Counts:
 
     @property
     def taken(self) -> int:
-        """Commits so far: intervals, or thermal steps in a scene without mechanics."""
+        """Commits so far: intervals, or thermal steps in a simulation without mechanics."""
         return self.intervals or self.steps
 
 
@@ -47,7 +47,8 @@ class Recorded:
 
     Attributes:
         state: The committed state. reading: What was read off it. counts: So far.
-        step: Of `Scene.control`, s. substep: Of the thermal steps, s. zone: Index of the cooling.
+        step: Of `Simulation.control`, s. substep: Of the thermal steps, s.
+        zone: Index of the cooling.
         memory: Of the measures. snapshots: Results at the references' positions.
     """
 

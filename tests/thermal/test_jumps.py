@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from castfem.case import load_case
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.thermal import flux_laws
 from castfem.thermal.stepper import REBOUND, ThermalStepper
 from castfem.time_loop.loop import March
@@ -40,7 +40,7 @@ class Course:
 
 def marched(*changes: str) -> tuple[Course, March]:
     """The shipped billet, changed, after its march."""
-    scene = build_scene(load_case("cases/billet125/thermal.toml", changes), MPI.COMM_SELF)
+    scene = build(load_case("cases/billet125/thermal.toml", changes), MPI.COMM_SELF)
     course = Course()
     march = March(scene, course)  # type: ignore[arg-type]
     try:

@@ -12,7 +12,7 @@ from castfem.coupling.staggered import StrandState
 from castfem.output.summary import Summary
 from castfem.results.summary import summarise
 from castfem.results.thermal import Reading
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop import loop
 from castfem.time_loop.loop import March
 
@@ -63,7 +63,7 @@ class Kept:
 
 def marched(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
     """March in memory to the end."""
-    scene, kept = build_scene(case, comm), Kept()
+    scene, kept = build(case, comm), Kept()
     try:
         last = March(scene, kept)  # type: ignore[arg-type]
         last.run()

@@ -25,7 +25,7 @@ from castfem.output.history import read_history
 from castfem.results.mechanical import MechanicalReading
 from castfem.results.thermal import Reading
 from castfem.simulation.cooling import Zones
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
@@ -209,7 +209,7 @@ def test_order_decides_through_which_gap_heat_flows(
 
     class Gaps:
         def step(self, march: March, reading: Reading) -> None:
-            coupler, state = march.scene.coupler, march.state.mechanical
+            coupler, state = march.simulation.coupler, march.state.mechanical
             assert coupler is not None and state is not None
             gap = coupler.gap_of(state)
             assert gap is not None
@@ -220,7 +220,7 @@ def test_order_decides_through_which_gap_heat_flows(
         Zones, "set_gap", lambda zones, gap: taken.append(gap.copy()) or set_gap(zones, gap)
     )
     single = (f"coupling.order={order}", "coupling.passes=1", "casting.length=105 mm")
-    scene = build_scene(billet("taper_0", *single), MPI.COMM_SELF)
+    scene = build(billet("taper_0", *single), MPI.COMM_SELF)
     try:
         March(scene, Gaps()).run()  # type: ignore[arg-type]
     finally:

@@ -18,7 +18,7 @@ from castfem.coupling.staggered import Coupler, Interval, StrandState
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.results.thermal import Reading
-from castfem.simulation.simulation import Scene, build_scene
+from castfem.simulation.simulation import Simulation, build
 from castfem.time_loop import restart
 from castfem.time_loop.loop import March
 
@@ -144,7 +144,7 @@ def repeated(patch: pytest.MonkeyPatch) -> None:
 class Undisturbed(Kept):
     """A march whose spoilt attempt computes nothing, and a checkpoint from before it."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Simulation) -> None:
         super().__init__()
         self.scene = scene
         self.checkpoint: tuple[Any, Any] = (None, None)
@@ -158,7 +158,7 @@ class Undisturbed(Kept):
 @pytest.fixture(scope="module")
 def undisturbed() -> Iterator[Undisturbed]:
     """The run that takes the same intervals."""
-    scene = build_scene(billet("taper_0", *RUBBING), MPI.COMM_SELF)
+    scene = build(billet("taper_0", *RUBBING), MPI.COMM_SELF)
     with pytest.MonkeyPatch.context() as patch:
         Attempts(patch, None)
         kept = Undisturbed(scene)

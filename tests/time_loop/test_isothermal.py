@@ -10,7 +10,7 @@ import pytest
 from castfem.case import load_case
 from castfem.constitutive.elasticity import Solidity
 from castfem.materials import load_steel
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 MELTING = 1775.65  # K
@@ -32,7 +32,7 @@ def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
             "output.fields=[]",
         ),
     )
-    scene = build_scene(case, MPI.COMM_SELF)
+    scene = build(case, MPI.COMM_SELF)
     try:
         march = March(scene)
         march.run()

@@ -96,8 +96,8 @@ import numpy as np
 from mpi4py import MPI
 from castfem.case import load_case
 from castfem.case.shipped_cases import find
-from castfem.simulation.simulation import build_scene
-scene = build_scene(load_case(find(sys.argv[1]), sys.argv[2:]), MPI.COMM_WORLD)
+from castfem.simulation.simulation import build
+scene = build(load_case(find(sys.argv[1]), sys.argv[2:]), MPI.COMM_WORLD)
 state = scene.stepper.initial(scene.start_temperature)
 guess = state.enthalpy.copy()
 if MPI.COMM_WORLD.rank == 1:

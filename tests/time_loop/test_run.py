@@ -230,15 +230,15 @@ def test_forms_compiled_are_forms_assembled(
 
 
 def test_scene_holds_only_the_laws_it_needs() -> None:
-    from castfem.simulation.simulation import build_scene
+    from castfem.simulation.simulation import build
     from castfem.thermal import flux_laws
 
-    scene = build_scene(billet(), MPI.COMM_SELF)
+    scene = build(billet(), MPI.COMM_SELF)
     assert not scene.stepper.estimate
     kinds = {type(law) for c in scene.zones._coolings for _, law in c.laws}
     assert kinds == {flux_laws.Contact}
     adaptive = billet('thermal.time.adaptive={tolerance="1 K"}')
-    assert build_scene(adaptive, MPI.COMM_SELF).stepper.estimate
+    assert build(adaptive, MPI.COMM_SELF).stepper.estimate
 
 
 def test_full_caster_by_one_key(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import pytest
 
 from castfem.case import load_case
-from castfem.simulation.simulation import build_scene
+from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
 CASE = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
@@ -33,7 +33,7 @@ RUBBING = (
 @lru_cache
 def ends(*changes: str) -> dict[str, float]:
     """What the run comes to: heat, stress, movement, contact."""
-    scene = build_scene(load_case(CASE, (*COARSE, *changes)), MPI.COMM_SELF)
+    scene = build(load_case(CASE, (*COARSE, *changes)), MPI.COMM_SELF)
     try:
         reading = March(scene).run()
     finally:

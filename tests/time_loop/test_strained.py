@@ -98,9 +98,9 @@ def test_other_physics_is_refused(tmp_path: Path) -> None:
 def test_a_thermal_scene_knows_no_mechanics() -> None:
     code = (
         "import sys; from mpi4py import MPI; from castfem.case import load_case; "
-        "from castfem.simulation.simulation import build_scene; "
+        "from castfem.simulation.simulation import build; "
         "from castfem.time_loop.loop import March; "
-        "scene = build_scene(load_case(sys.argv[1], sys.argv[2:]), MPI.COMM_SELF); "
+        "scene = build(load_case(sys.argv[1], sys.argv[2:]), MPI.COMM_SELF); "
         "march = March(scene); march._enter_zone(); march.advance(); "
         "assert not any(name.startswith('mechanics') for name in scene.section.compiled); "
         "bad = [m for m in sys.modules if m.startswith(('castfem.mechanics', 'castfem.contact', "
