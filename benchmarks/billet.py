@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from castfem.case import Case, from_document, load_case
 from castfem.coupling.step_control import same_instant
-from castfem.results.thermal import CELSIUS, Reading
+from castfem.results.thermal import CELSIUS, Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
@@ -120,16 +120,16 @@ def billet_case(settings: Settings) -> Case:
 
 
 class Listener:
-    """Keeps the readings at the instants of comparison, where a run would write its files."""
+    """Keeps the samples at the instants of comparison, where a run would write its files."""
 
     def __init__(self) -> None:
-        self.kept: list[Reading] = []
+        self.kept: list[Sample] = []
 
-    def step(self, march: March, reading: Reading) -> None:
-        """Keep `reading` if it falls on an instant."""
-        nearest = round(reading.time / EVERY) * EVERY
-        if nearest > 0.0 and same_instant(reading.time, nearest, END):
-            self.kept.append(reading)
+    def step(self, march: March, sample: Sample) -> None:
+        """Keep `sample` if it falls on an instant."""
+        nearest = round(sample.time / EVERY) * EVERY
+        if nearest > 0.0 and same_instant(sample.time, nearest, END):
+            self.kept.append(sample)
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,9 +232,9 @@ def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
     )
 
 
-def _surface(reading: Reading, name: str) -> float:
+def _surface(sample: Sample, name: str) -> float:
     """Surface temperature at the start of a probe, degC; nan where there is none (a strip)."""
-    profile = reading.profiles.get(name)
+    profile = sample.profiles.get(name)
     return float("nan") if profile is None else float(profile.temperature[0]) - CELSIUS
 
 

@@ -16,7 +16,7 @@ from castfem.case import load_case
 from castfem.errors import CastfemError
 from castfem.report.remarks import OPEN, spells
 from castfem.results.summary import quantities
-from castfem.results.thermal import Reading
+from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
@@ -97,18 +97,18 @@ class Listener:
     pressure: float = np.nan
     tracks: dict[str, list[float]] = field(default_factory=dict)
 
-    def step(self, march: March, reading: Reading) -> None:
+    def step(self, march: March, sample: Sample) -> None:
         """Look at a committed interval.
 
         Raises:
             Late: The time is over.
         """
         if process_time() > self.deadline:
-            raise Late(f"given up at {reading.time:.2f} s")
-        self._note("position", reading.position)
-        for name, profile in reading.profiles.items():
+            raise Late(f"given up at {sample.time:.2f} s")
+        self._note("position", sample.position)
+        for name, profile in sample.profiles.items():
             self._note(f"surface {name}", float(profile.temperature[0]))
-        strained = reading.mechanics
+        strained = sample.mechanics
         if strained is None:
             return
         self._note("diagonal", strained.across["corner"])
@@ -185,8 +185,8 @@ def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> 
     except CastfemError as error:
         failure = str(error)
     seconds = process_time() - start
-    assert march.reading is not None
-    summary = quantities(march, march.reading)
+    assert march.sample is not None
+    summary = quantities(march, march.sample)
     values = {n: q.shown for n, q in summary.items()}
     values |= _on_the_way(listener, scene.steel.solidus, scene.steel.liquidus)
     cells = scene.section.mesh.topology.index_map(2).size_global

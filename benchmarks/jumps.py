@@ -16,7 +16,7 @@ from benchmarks.accuracy import default_settings
 from benchmarks.billet import Array, Settings, billet_case
 from benchmarks.report import Output, table
 from castfem.case import from_document
-from castfem.results.thermal import Reading
+from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.thermal.stepper import ThermalStepper
 from castfem.time_loop.loop import March
@@ -49,11 +49,11 @@ class Listener:
         self.course: list[Array] = []
         self.mid_face: list[float] = []
 
-    def step(self, march: March, reading: Reading) -> None:
+    def step(self, march: March, sample: Sample) -> None:
         """Keep it."""
-        self.times.append(reading.time)
+        self.times.append(sample.time)
         self.course.append(march.state.thermal.point.temperature)
-        self.mid_face.append(float(reading.profiles["mid_face"].temperature[0]))
+        self.mid_face.append(float(sample.profiles["mid_face"].temperature[0]))
 
 
 def march(settings: Settings, coefficient: float) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from mpi4py import MPI
 from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
-from castfem.results.thermal import CELSIUS, Reading
+from castfem.results.thermal import CELSIUS, Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
@@ -40,15 +40,15 @@ class Corner:
     told: list[float] = field(default_factory=list)
     peak: list[float] = field(default_factory=list)
 
-    def step(self, march: March, reading: Reading) -> None:
+    def step(self, march: March, sample: Sample) -> None:
         """Note an interval."""
         mechanical = march.state.mechanical
-        assert mechanical is not None and reading.mechanics is not None
+        assert mechanical is not None and sample.mechanics is not None
         told = march.simulation.probes.sample(mechanical.temperature)["corner"].temperature[0]
-        self.time.append(reading.time)
-        self.heat.append(float(reading.profiles["corner"].temperature[0]) - CELSIUS)
+        self.time.append(sample.time)
+        self.heat.append(float(sample.profiles["corner"].temperature[0]) - CELSIUS)
         self.told.append(float(told) - CELSIUS)
-        self.peak.append(reading.mechanics.peak / 1e6)
+        self.peak.append(sample.mechanics.peak / 1e6)
 
 
 def marched(*changes: str) -> Corner:

@@ -17,7 +17,7 @@ from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.results.summary import summarise
-from castfem.results.thermal import Reading
+from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
 
@@ -36,9 +36,9 @@ class Faces:
 
     temperature: list[float] = field(default_factory=list)
 
-    def step(self, march: March, reading: Reading) -> None:
+    def step(self, march: March, sample: Sample) -> None:
         """Note an interval."""
-        self.temperature.append(float(reading.profiles["mid_face"].temperature[0]))
+        self.temperature.append(float(sample.profiles["mid_face"].temperature[0]))
 
 
 def run(mould: str, changes: tuple[str, ...], interval: float, passes: int) -> dict[str, Any]:

@@ -20,9 +20,9 @@ import numpy.typing as npt
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, touch
 from benchmarks.report import Output, table
 from castfem.case import load_case
-from castfem.results.mechanical import MechanicalReading
+from castfem.results.mechanical import MechanicalSample
 from castfem.results.summary import summarise
-from castfem.results.thermal import Reading
+from castfem.results.thermal import Sample
 from castfem.simulation import mechanics as build_mechanics
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
@@ -35,21 +35,21 @@ class Marched:
     """Sits where a recorder does, and keeps what the mechanics read at every interval.
 
     Attributes:
-        mechanics: One reading an interval. seconds: Of processor time.
+        mechanics: One sample an interval. seconds: Of processor time.
         newton: Mechanical iterations. cut: Intervals that were cut back.
         values: Of the summary's quantities at the end.
     """
 
-    mechanics: list[MechanicalReading] = field(default_factory=list)
+    mechanics: list[MechanicalSample] = field(default_factory=list)
     seconds: float = 0.0
     newton: int = 0
     cut: int = 0
     values: dict[str, float] = field(default_factory=dict)
 
-    def step(self, march: March, reading: Reading) -> None:
+    def step(self, march: March, sample: Sample) -> None:
         """Note an interval."""
-        if reading.mechanics is not None and reading.position > 0.0:
-            self.mechanics.append(reading.mechanics)
+        if sample.mechanics is not None and sample.position > 0.0:
+            self.mechanics.append(sample.mechanics)
 
     def contact(self, name: str) -> Array:
         """A number of the contact, or a pair, at every interval."""

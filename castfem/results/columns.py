@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.results.thermal import CELSIUS, Reading
+from castfem.results.thermal import CELSIUS, Sample
 
 if TYPE_CHECKING:
-    from castfem.results.mechanical import MechanicalReading
+    from castfem.results.mechanical import MechanicalSample
     from castfem.simulation.simulation import Simulation
     from castfem.time_loop.loop import March
 
@@ -61,53 +61,53 @@ def _rubs(simulation: Simulation) -> bool:
     return contact is not None and contact.friction is not None
 
 
-def row(march: March, reading: Reading) -> dict[str, float]:
+def row(march: March, sample: Sample) -> dict[str, float]:
     """One row of the history in its units."""
     speed, whole = march.simulation.case.casting.speed, march.simulation.section.multiplicity
     cells = {
-        "time": reading.time,
-        "position": reading.position,
-        "step": reading.step,
-        "newton": float(reading.newton),
+        "time": sample.time,
+        "position": sample.position,
+        "step": sample.step,
+        "newton": float(sample.newton),
     }
-    for name, profile in reading.profiles.items():
+    for name, profile in sample.profiles.items():
         cells[f"surface_temperature_{name}"] = float(profile.temperature[0]) - CELSIUS
-        cells[f"shell_{name}"] = 1e3 * reading.shell[name]
-        cells[f"solidus_cell_{name}"] = 1e3 * reading.cell[name]
-        cells[f"liquidus_depth_{name}"] = 1e3 * reading.liquidus[name]
-        cells[f"heat_flux_{name}"] = 1e-3 * reading.flux[name]
-    core = next((float(p.temperature[-1]) for p in reading.profiles.values()), np.nan)
-    low, high = reading.temperature_range
+        cells[f"shell_{name}"] = 1e3 * sample.shell[name]
+        cells[f"solidus_cell_{name}"] = 1e3 * sample.cell[name]
+        cells[f"liquidus_depth_{name}"] = 1e3 * sample.liquidus[name]
+        cells[f"heat_flux_{name}"] = 1e-3 * sample.flux[name]
+    core = next((float(p.temperature[-1]) for p in sample.profiles.values()), np.nan)
+    low, high = sample.temperature_range
     return {
         **cells,
-        "heat_removed": reading.removed,
-        "cooling_power": 1e-3 * reading.removed * speed,
+        "heat_removed": sample.removed,
+        "cooling_power": 1e-3 * sample.removed * speed,
         "temperature_core": core - CELSIUS,
         "temperature_min": low - CELSIUS,
         "temperature_max": high - CELSIUS,
-        "energy_error": reading.balance,
-        **({} if reading.mechanics is None else _mechanical_cells(reading.mechanics, whole)),
+        "energy_error": sample.balance,
+        **({} if sample.mechanics is None else _mechanical_cells(sample.mechanics, whole)),
     }
 
 
-def _mechanical_cells(reading: MechanicalReading, whole: int) -> dict[str, float]:
+def _mechanical_cells(sample: MechanicalSample, whole: int) -> dict[str, float]:
     """Those of the strained slice; `whole` parts like the modelled one make the section."""
-    balance = reading.balance
+    balance = sample.balance
     cells = {
-        "newton_mechanics": float(reading.newton),
-        "von_mises_max": 1e-6 * reading.peak,
-        "axial_strain": reading.strain,
+        "newton_mechanics": float(sample.newton),
+        "von_mises_max": 1e-6 * sample.peak,
+        "axial_strain": sample.strain,
         "axial_force": 0.0 if balance is None else 1e-3 * float(balance.axial[0]),
         "force_error": 0.0 if balance is None else max(balance.forces_error, balance.axial_error),
     }
-    for name, stress in reading.surface_stress.items():
+    for name, stress in sample.surface_stress.items():
         cells[f"von_mises_{name}"] = 1e-6 * stress
-        cells[f"displacement_{name}"] = 1e3 * reading.moved[name]
-    cells |= {f"size_{name}": 1e3 * size for name, size in reading.across.items()}
-    for name, gap in reading.gap.items():
+        cells[f"displacement_{name}"] = 1e3 * sample.moved[name]
+    cells |= {f"size_{name}": 1e3 * size for name, size in sample.across.items()}
+    for name, gap in sample.gap.items():
         cells[f"gap_{name}"] = 1e3 * gap
-        cells[f"contact_pressure_{name}"] = 1e-6 * reading.pressure[name]
-    if (contact := reading.contact) is not None:
+        cells[f"contact_pressure_{name}"] = 1e-6 * sample.pressure[name]
+    if (contact := sample.contact) is not None:
         cells |= {
             "gap_max": 1e3 * contact.gap,
             "mean_contact_pressure_max": 1e-6 * contact.mean_pressure,
@@ -116,11 +116,11 @@ def _mechanical_cells(reading: MechanicalReading, whole: int) -> dict[str, float
             # At the meniscus nothing has been pressed against anything yet.
             "contact_share": 1e2 * contact.share if balance is not None else np.nan,
             "friction_force": 1e-3 * contact.axial,
-            "friction_pull": 1e-3 * reading.pull,
+            "friction_pull": 1e-3 * sample.pull,
         }
         if contact.sticking is not None:
             sticking = 1e2 * contact.sticking
             cells["contact_sticking"] = sticking if balance is not None else np.nan
             cells["mould_friction"] = -1e-3 * contact.axial * whole
-            cells["mould_pull"] = 1e-3 * reading.pull * whole
+            cells["mould_pull"] = 1e-3 * sample.pull * whole
     return cells

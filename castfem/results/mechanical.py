@@ -29,7 +29,7 @@ LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
 
 
 @dataclass(frozen=True, slots=True)
-class MechanicalReading:
+class MechanicalSample:
     """What is known of the strained slice at one time, in SI.
 
     Attributes:
@@ -64,8 +64,8 @@ class MechanicalReading:
     pressure: dict[str, float]
 
 
-class MechanicalMeasure:
-    """Reads the slice of one simulation.
+class MechanicalSampler:
+    """Takes samples of the strained slice.
 
     Args:
         stepper: Its mechanics. probes: Lines inward from its surface.
@@ -85,7 +85,7 @@ class MechanicalMeasure:
         self._gap = None if touching is None else SurfaceGap(touching, self.problem.points)
         self._starts: sparse.csr_matrix | None = None
 
-    def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalReading:
+    def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalSample:
         """Read the committed `state` (collective)."""
         points = self.problem.points
         stress = equivalent_stress(points.recovered(state.stress))
@@ -101,7 +101,7 @@ class MechanicalMeasure:
         gap = {n: float(values[3]) for n, values in starts.items() if len(values) > 3}
         if touching is not None and state.contact is not None:
             contact = summary(touching, state.contact, state.modes)
-        return MechanicalReading(
+        return MechanicalSample(
             newton=0 if result is None else result.newton,
             flowing=0.0 if result is None else result.flowing,
             peak=peak,

@@ -9,7 +9,7 @@ from castfem.mould.mould import is_below
 from castfem.output.summary import Quantity
 
 if TYPE_CHECKING:
-    from castfem.results.thermal import Reading
+    from castfem.results.thermal import Sample
 
 
 @dataclass(slots=True)
@@ -32,13 +32,13 @@ class Passage:
     penetration: float = 0.0
     heat: float = 0.0
 
-    def note(self, reading: Reading) -> None:
+    def note(self, sample: Sample) -> None:
         """Take in one more interval."""
-        if is_below(reading.position, self.length):
+        if is_below(sample.position, self.length):
             return
-        self.heat = reading.removed
-        contact = None if reading.mechanics is None else reading.mechanics.contact
-        if contact is not None and reading.position > 0.0:
+        self.heat = sample.removed
+        contact = None if sample.mechanics is None else sample.mechanics.contact
+        if contact is not None and sample.position > 0.0:
             self.gap = max(self.gap, contact.gap)
             self.share = min(self.share, contact.share)
             self.pressure = max(self.pressure, contact.pressure)
@@ -89,11 +89,11 @@ class Strained:
     x: float = 0.0
     y: float = 0.0
 
-    def note(self, reading: Reading) -> None:
+    def note(self, sample: Sample) -> None:
         """Take in one more interval."""
-        mechanics = reading.mechanics
+        mechanics = sample.mechanics
         if mechanics is not None and mechanics.peak > self.stress:
-            self.stress, self.position = mechanics.peak, reading.position
+            self.stress, self.position = mechanics.peak, sample.position
             self.x, self.y = mechanics.peak_at
 
     def memory(self) -> dict[str, float | None]:

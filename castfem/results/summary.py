@@ -1,4 +1,4 @@
-"""The summary of a run: what was measured, in engineer's units, beside the case's references."""
+"""The summary of a run: its results, in engineer's units, beside the case's references."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from castfem.simulation import closed_form
 
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
-    from castfem.results.mechanical import MechanicalReading
+    from castfem.results.mechanical import MechanicalSample
     from castfem.results.mould_extremes import Strained
-    from castfem.results.thermal import Reading
+    from castfem.results.thermal import Sample
     from castfem.simulation.simulation import Simulation
     from castfem.time_loop.loop import March
 
@@ -57,9 +57,9 @@ def last_results(march: March) -> tuple[dict[str, Quantity], dict[str, dict[str,
     """Results and balances of forces of the last step, by name."""
     if march.told is not None:
         return march.told
-    reading = march.reading
-    found = {} if reading is None else quantities(march, reading)
-    return found, _force_balances(reading)
+    sample = march.sample
+    found = {} if sample is None else quantities(march, sample)
+    return found, _force_balances(sample)
 
 
 def _steps(march: March) -> dict[str, float]:
@@ -104,24 +104,24 @@ def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, 
     return tuple(found)
 
 
-def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
-    """The results of the slice where `reading` was taken."""
+def quantities(march: March, sample: Sample) -> dict[str, Quantity]:
+    """The results of the slice where `sample` was taken."""
     simulation = march.simulation
     speed, whole = simulation.case.casting.speed, simulation.section.multiplicity
     found = {
         "solidus": Quantity(simulation.steel.solidus, "degC", "solidus"),
         "liquidus": Quantity(simulation.steel.liquidus, "degC", "liquidus"),
-        **_told(position=reading.position, time=reading.time),
+        **_told(position=sample.position, time=sample.time),
     }
-    for name, profile in reading.profiles.items():
+    for name, profile in sample.profiles.items():
         found |= _told(
             name,
-            shell=reading.shell[name],
-            liquidus_depth=reading.liquidus[name],
+            shell=sample.shell[name],
+            liquidus_depth=sample.liquidus[name],
             surface_temperature=float(profile.temperature[0]),
-            heat_flux=reading.flux[name],
+            heat_flux=sample.flux[name],
         )
-    removed = reading.removed
+    removed = sample.removed
     found |= {
         **_told(heat_removed=removed, cooling_power=removed * speed),
         "heat_removed_slice": Quantity(
@@ -129,14 +129,14 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
             "kJ",
             "heat removed in 1 s of casting, modelled part",
         ),
-        **_told(temperature_max=reading.temperature_range[1]),
+        **_told(temperature_max=sample.temperature_range[1]),
     }
-    if reading.mechanics is not None:
-        found |= _mechanical_quantities(reading.mechanics, march.measure.strained_most)
-        found |= _friction(reading.mechanics, whole)
-    if march.measure.passage is not None:
-        found |= march.measure.passage.quantities()
-    closed = march.measure.metallurgical_length
+    if sample.mechanics is not None:
+        found |= _mechanical_quantities(sample.mechanics, march.sampler.strained_most)
+        found |= _friction(sample.mechanics, whole)
+    if march.sampler.passage is not None:
+        found |= march.sampler.passage.quantities()
+    closed = march.sampler.metallurgical_length
     if closed is not None:
         found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")
     if simulation.exact is not None:
@@ -146,7 +146,7 @@ def quantities(march: March, reading: Reading) -> dict[str, Quantity]:
 
 def _heat_balance(march: March) -> dict[str, Quantity]:
     simulation, state = march.simulation, march.state.thermal
-    gained = march.measure.heat_gained(state)
+    gained = march.sampler.heat_gained(state)
     open_ = abs(state.removed + gained - state.generated - state.fed)
     fed = {}
     if simulation.problem.shape is not None:
@@ -157,7 +157,7 @@ def _heat_balance(march: March) -> dict[str, Quantity]:
         "generated": Quantity(state.generated, "kJ/m", "viscoplastic work, modelled part"),
         **fed,
         "worst_step": Quantity(
-            march.measure.worst_balance, "-", "largest relative error of a step"
+            march.sampler.worst_balance, "-", "largest relative error of a step"
         ),
         "whole": Quantity(
             open_ / max(abs(state.removed), 1e-300) if state.removed else 0.0,
@@ -182,20 +182,20 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
     }
 
 
-def _mechanical_quantities(reading: MechanicalReading, most: Strained) -> dict[str, Quantity]:
+def _mechanical_quantities(sample: MechanicalSample, most: Strained) -> dict[str, Quantity]:
     """Stress and shape of the slice, and the largest stress on the way here."""
     way = f"{_place((most.x, most.y))}, {1e3 * most.position:.6g} mm below the meniscus"
     found = {
-        "von_mises_max": result("von_mises_max", reading.peak, _place(reading.peak_at)),
+        "von_mises_max": result("von_mises_max", sample.peak, _place(sample.peak_at)),
         "way_von_mises_max": result("way_von_mises_max", most.stress, way),
     }
-    for name, stress in reading.surface_stress.items():
-        found |= _told(name, von_mises=stress, displacement=reading.moved[name])
-    for name, size in reading.across.items():
+    for name, stress in sample.surface_stress.items():
+        found |= _told(name, von_mises=stress, displacement=sample.moved[name])
+    for name, size in sample.across.items():
         found |= _told(name, size=size)
-    found |= _told(axial_strain=reading.strain)
-    if reading.contact is not None:
-        found |= _contact_quantities(reading, reading.contact)
+    found |= _told(axial_strain=sample.strain)
+    if sample.contact is not None:
+        found |= _contact_quantities(sample, sample.contact)
     return found
 
 
@@ -211,18 +211,18 @@ def _place(at: Iterable[float]) -> str:
     return f"at x = {x:.1f}, y = {y:.1f} mm"
 
 
-def _friction(reading: MechanicalReading, whole: int) -> dict[str, Quantity]:
+def _friction(sample: MechanicalSample, whole: int) -> dict[str, Quantity]:
     """What friction does to the whole strand, of which `whole` parts like the modelled one make."""
-    contact = reading.contact
+    contact = sample.contact
     if contact is None or contact.sticking is None:
         return {}
-    return _told(mould_friction=-contact.axial * whole, mould_pull=reading.pull * whole)
+    return _told(mould_friction=-contact.axial * whole, mould_pull=sample.pull * whole)
 
 
-def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> dict[str, Quantity]:
+def _contact_quantities(sample: MechanicalSample, contact: ContactSummary) -> dict[str, Quantity]:
     """How the slice touches the mould."""
     found: dict[str, Quantity] = {}
-    for name, gap in reading.gap.items():
+    for name, gap in sample.gap.items():
         found |= _told(name, gap=gap)
     if contact.sticking is not None:
         found |= _told(contact_sticking=contact.sticking)
@@ -240,11 +240,11 @@ def _contact_quantities(reading: MechanicalReading, contact: ContactSummary) -> 
     }
 
 
-def _force_balances(reading: Reading | None) -> dict[str, dict[str, Quantity]]:
+def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
     """Forces of the slice at the end of the run."""
-    if reading is None or reading.mechanics is None or reading.mechanics.balance is None:
+    if sample is None or sample.mechanics is None or sample.mechanics.balance is None:
         return {}
-    mechanics, balance = reading.mechanics, reading.mechanics.balance
+    mechanics, balance = sample.mechanics, sample.mechanics.balance
     along, moment_x, moment_y = (float(v) for v in balance.axial)
     return {
         "axial force": {

@@ -18,7 +18,7 @@ from castfem.thermal.stepper import ThermalState
 
 if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult
-    from castfem.results.mechanical import MechanicalMeasure, MechanicalReading
+    from castfem.results.mechanical import MechanicalSample, MechanicalSampler
 
 Array = npt.NDArray[np.float64]
 
@@ -26,7 +26,7 @@ CELSIUS = 273.15
 
 
 @dataclass(slots=True)
-class Reading:
+class Sample:
     """One row of the history in SI, K.
 
     Attributes:
@@ -53,15 +53,15 @@ class Reading:
     removed: float
     temperature_range: tuple[float, float]
     balance: float
-    mechanics: MechanicalReading | None = None
+    mechanics: MechanicalSample | None = None
 
 
 @dataclass(slots=True)
-class Measure:
-    """Reads results off a simulation and keeps what the summary needs over the whole run.
+class Sampler:
+    """Takes samples of a run and keeps what the summary needs over the whole run.
 
     Attributes:
-        mechanics: What reads the strained slice; None without mechanics.
+        mechanics: What samples the strained slice; None without mechanics.
         worst_balance: Largest relative heat balance error of a step.
         metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
             left.
@@ -70,7 +70,7 @@ class Measure:
     """
 
     simulation: Simulation
-    mechanics: MechanicalMeasure | None = None
+    mechanics: MechanicalSampler | None = None
     worst_balance: float = 0.0
     metallurgical_length: float | None = None
     passage: Passage | None = None
@@ -82,9 +82,9 @@ class Measure:
     def __post_init__(self) -> None:
         """Find the surface vertex nearest to the start of each probe."""
         if self.simulation.mechanics is not None:
-            from castfem.results.mechanical import MechanicalMeasure
+            from castfem.results.mechanical import MechanicalSampler
 
-            self.mechanics = MechanicalMeasure(
+            self.mechanics = MechanicalSampler(
                 self.simulation.mechanics, self.simulation.probes, self.simulation.centred_probes
             )
         if self.simulation.case.mould is not None:
@@ -106,7 +106,7 @@ class Measure:
 
     def read(
         self, strand: StrandState, leg: Leg | None, mechanical: MechanicalResult | None = None
-    ) -> Reading:
+    ) -> Sample:
         """Read everything off the committed state (collective).
 
         Args:
@@ -123,7 +123,7 @@ class Measure:
         self._note_closing(state, state.extremes[1])
         balance = 0.0 if leg is None else leg.balance
         self.worst_balance = max(self.worst_balance, abs(balance))
-        reading = Reading(
+        sample = Sample(
             time=state.time,
             position=state.time * simulation.case.casting.speed,
             step=0.0 if leg is None else leg.step,
@@ -139,19 +139,19 @@ class Measure:
             mechanics=self._read_mechanics(strand, mechanical),
         )
         if self.passage is not None:
-            self.passage.note(reading)
-        self.strained_most.note(reading)
-        return reading
+            self.passage.note(sample)
+        self.strained_most.note(sample)
+        return sample
 
     def _read_mechanics(
         self, strand: StrandState, result: MechanicalResult | None
-    ) -> MechanicalReading | None:
+    ) -> MechanicalSample | None:
         if self.mechanics is None or strand.mechanical is None:
             return None
         return self.mechanics.read(strand.mechanical, result)
 
     def memory(self) -> dict[str, float | None]:
-        """What a checkpoint must hold of the measures over the whole run."""
+        """What a checkpoint must hold of what is kept over the whole run."""
         return {
             "worst_balance": self.worst_balance,
             "metallurgical_length": self.metallurgical_length,

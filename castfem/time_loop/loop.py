@@ -22,7 +22,7 @@ from castfem.fem.root import Together, on_root
 from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.summary import Quantity
 from castfem.results.summary import quantities, summarise
-from castfem.results.thermal import Measure, Reading
+from castfem.results.thermal import Sample, Sampler
 from castfem.simulation.simulation import Simulation, build
 from castfem.support import log
 from castfem.support.stopwatch import peak_memory, profile_table
@@ -62,7 +62,7 @@ class March:
     ) -> None:
         self.simulation, self.recorder, self.progress = simulation, recorder, progress
         self.interrupt = interrupt
-        self.measure = Measure(simulation)
+        self.sampler = Sampler(simulation)
         self.archive = restart.make_archive(simulation)
         thermal = simulation.stepper.initial(simulation.start_temperature)
         self.state: StrandState = (
@@ -71,7 +71,7 @@ class March:
             else simulation.coupler.start(thermal)
         )
         self.counts = Counts()
-        self.reading: Reading | None = None
+        self.sample: Sample | None = None
         # Results at the positions the case has references for.
         self.snapshots: dict[float, dict[str, Quantity]] = {}
         # Results and balances of forces as the checkpoint tells them, until the next step: what a
@@ -80,21 +80,21 @@ class March:
         self.zone = -1
         self._recorded: Recorded | None = None
 
-    def run(self) -> Reading:
+    def run(self) -> Sample:
         """March to the end of the simulation.
 
         Raises:
             RunFailure: If a step cannot be saved; the committed state stays as it was.
         """
         control = self.simulation.control
-        if self.reading is None:
+        if self.sample is None:
             self._enter_zone()
             self._record(None, None)
         while self.state.time < control.end:
             self._enter_zone()
             self.advance()
-        assert self.reading is not None
-        return self.reading
+        assert self.sample is not None
+        return self.sample
 
     def _enter_zone(self) -> None:
         """Change the cooling if the slice has come to the next zone."""
@@ -153,30 +153,30 @@ class March:
     def _record(self, leg: Leg | None, mechanical: MechanicalResult | None) -> None:
         with self.simulation.watch.section("results"):
             self.told = None
-            self.reading = self.measure.read(self.state, leg, mechanical)
-            self._keep_snapshot(self.reading)
+            self.sample = self.sampler.read(self.state, leg, mechanical)
+            self._keep_snapshot(self.sample)
         if self.recorder is not None:
             with self.simulation.watch.section("output"):
-                self.recorder.step(self, self.reading)
-        self.remember(self.reading)
+                self.recorder.step(self, self.sample)
+        self.remember(self.sample)
         if self.progress is not None:
-            reading = self.reading
-            newton = reading.newton + (reading.mechanics.newton if reading.mechanics else 0)
-            self.progress.update(reading.position, reading.time, newton, reading.step, self._note())
+            sample = self.sample
+            newton = sample.newton + (sample.mechanics.newton if sample.mechanics else 0)
+            self.progress.update(sample.position, sample.time, newton, sample.step, self._note())
         if self.interrupt is not None:
             self.interrupt.heed()
 
-    def remember(self, reading: Reading) -> None:
+    def remember(self, sample: Sample) -> None:
         """Keep what has been recorded: states are never written into, the rest is copied."""
         simulation = self.simulation
         self._recorded = Recorded(
             self.state,
-            reading,
+            sample,
             replace(self.counts),
             simulation.control.step,
             simulation.steps.control.step,
             self.zone,
-            self.measure.memory(),
+            self.sampler.memory(),
             dict(self.snapshots),
         )
 
@@ -185,18 +185,18 @@ class March:
         good = self._recorded
         if good is None:
             return False
-        self.state, self.reading, self.counts = good.state, good.reading, good.counts
+        self.state, self.sample, self.counts = good.state, good.sample, good.counts
         self.simulation.control.step, self.simulation.steps.control.step = good.step, good.substep
         self.zone, self.snapshots = good.zone, good.snapshots
-        self.measure.recall(good.memory)
+        self.sampler.recall(good.memory)
         return True
 
-    def _keep_snapshot(self, reading: Reading) -> None:
+    def _keep_snapshot(self, sample: Sample) -> None:
         case = self.simulation.case
         # The end too: a run that goes on from there has its number at a station.
         for position in {r.at for r in case.reference if r.at is not None}:
-            if same_instant(reading.position, position, case.casting.length):
-                self.snapshots[position] = quantities(self, reading)
+            if same_instant(sample.position, position, case.casting.length):
+                self.snapshots[position] = quantities(self, sample)
 
     def _note(self) -> str:
         return self.simulation.zones.spans[max(self.zone, 0)].name

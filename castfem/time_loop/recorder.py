@@ -16,7 +16,7 @@ from castfem.output.folder import OutputFolder
 from castfem.output.history import HISTORY_NAME, History
 from castfem.output.xdmf import FieldWriter, same_or_before
 from castfem.results.columns import columns, row
-from castfem.results.thermal import Reading
+from castfem.results.thermal import Sample
 from castfem.time_loop import restart
 from castfem.time_loop.run_state import Counts
 
@@ -86,13 +86,13 @@ class Recorder:
         if names := self.simulation.case.output_fields:
             self._fields = FieldWriter.resume(self.folder.path, time, names)
 
-    def step(self, march: March, reading: Reading) -> None:
+    def step(self, march: March, sample: Sample) -> None:
         """Write one committed step: a row always, fields at output times, a checkpoint in turn.
 
         Raises:
             RunFailure: On every rank, when a file cannot be written.
         """
-        fields = self._due_fields(march, reading)
+        fields = self._due_fields(march, sample)
         state: dict[str, Array | None] = {}
         taken = march.counts.taken
         checkpoint = self._every > 0 and taken % self._every == 0  # at the meniscus, too
@@ -101,26 +101,26 @@ class Recorder:
 
         def write() -> None:
             assert self._history is not None
-            self._history.append(row(march, reading))
+            self._history.append(row(march, sample))
             if self._fields is not None and fields:
-                self._fields.write(reading.time, reading.position, fields)
+                self._fields.write(sample.time, sample.position, fields)
             if checkpoint:
                 self._save(march, state)
 
         on_root(self.comm, write)
 
-    def _due_fields(self, march: March, reading: Reading) -> dict[str, Array] | None:
+    def _due_fields(self, march: March, sample: Sample) -> dict[str, Array] | None:
         """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
         names = self.simulation.case.output_fields
-        if not names or not self._is_due(reading.time):
+        if not names or not self._is_due(sample.time):
             return None
         state, gather = march.state, self.simulation.section.gather
         kelvin = state.thermal.point.temperature
         owned = {"temperature": kelvin}
         if "solid_fraction" in names:
             owned["solid_fraction"] = np.asarray(self.simulation.steel.solid_fraction(kelvin))
-        if march.measure.mechanics is not None and state.mechanical is not None:
-            owned |= march.measure.mechanics.fields(state.mechanical, names)
+        if march.sampler.mechanics is not None and state.mechanical is not None:
+            owned |= march.sampler.mechanics.fields(state.mechanical, names)
         gathered = {name: _by_component(gather, owned[name]) for name in names}
         return {name: values for name, values in gathered.items() if values is not None}
 

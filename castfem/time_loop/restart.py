@@ -55,7 +55,7 @@ def description(march: March) -> dict[str, Any]:
         "step": march.simulation.control.step,
         "substep": march.simulation.steps.control.step,
         "zone": march.zone,
-        "measure": march.measure.memory(),
+        "measure": march.sampler.memory(),
         "snapshots": [[position, _plain(found)] for position, found in march.snapshots.items()],
         "results": _plain(results),
         "forces": {name: _plain(terms) for name, terms in forces.items()},
@@ -93,12 +93,12 @@ def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> No
     march.zone = meta["zone"]
     if march.zone >= 0:
         march.simulation.problem.set_cooling(march.simulation.zones.cooling(march.zone))
-    march.measure.recall(meta["measure"])
+    march.sampler.recall(meta["measure"])
     march.snapshots = {position: _named(found) for position, found in meta["snapshots"]}
-    march.reading = march.measure.read(march.state, None)
+    march.sample = march.sampler.read(march.state, None)
     forces = {name: _named(terms) for name, terms in meta["forces"].items()}
     march.told = _named(meta["results"]), forces
-    march.remember(march.reading)
+    march.remember(march.sample)
 
 
 def _plain(found: Named) -> dict[str, list[Any]]:

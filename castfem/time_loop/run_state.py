@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from castfem.coupling.staggered import StrandState
     from castfem.output.summary import Quantity
-    from castfem.results.thermal import Reading
+    from castfem.results.thermal import Sample
 
 
 @dataclass(slots=True)
@@ -46,14 +46,14 @@ class Recorded:
     """All that a march goes on from, as it stood when its files were written last.
 
     Attributes:
-        state: The committed state. reading: What was read off it. counts: So far.
+        state: The committed state. sample: What was read off it. counts: So far.
         step: Of `Simulation.control`, s. substep: Of the thermal steps, s.
         zone: Index of the cooling.
-        memory: Of the measures. snapshots: Results at the references' positions.
+        memory: Of the sampler. snapshots: Results at the references' positions.
     """
 
     state: StrandState
-    reading: Reading
+    sample: Sample
     counts: Counts
     step: float
     substep: float

@@ -28,7 +28,7 @@ class Course:
     def __init__(self) -> None:
         self.found: list[Array] = []
 
-    def step(self, march: March, reading: object) -> None:
+    def step(self, march: March, sample: object) -> None:
         """Keep them."""
         self.found.append(march.state.thermal.point.temperature)
 

@@ -11,7 +11,7 @@ from castfem.case import Case, load_case
 from castfem.coupling.staggered import StrandState
 from castfem.output.summary import Summary
 from castfem.results.summary import summarise
-from castfem.results.thermal import Reading
+from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop import loop
 from castfem.time_loop.loop import March
@@ -45,14 +45,14 @@ def run(case: Case, folder: Path, **options: object) -> Summary:
 
 @dataclass
 class Kept:
-    """Every reading of a march in memory, and its state after each interval."""
+    """Every sample of a march in memory, and its state after each interval."""
 
-    readings: list[Reading] = field(default_factory=list)
+    samples: list[Sample] = field(default_factory=list)
     states: list[StrandState] = field(default_factory=list)
     summary: Summary | None = None
 
-    def step(self, march: March, reading: Reading) -> None:
-        self.readings.append(reading)
+    def step(self, march: March, sample: Sample) -> None:
+        self.samples.append(sample)
         self.states.append(march.state)
 
     def value(self, name: str) -> float:

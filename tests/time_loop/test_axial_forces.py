@@ -43,7 +43,7 @@ def test_pull_of_friction_and_external_force_are_that_of_the_stress(
 def test_a_force_on_the_strand_strains_all_its_parts_alike() -> None:
     force = ("casting.length=30 mm", 'mechanics.planes.force="1 kN"')
     quarter, half = (
-        marched(billet("coupled", *force, f"section.symmetry={s}")).readings[-1].mechanics
+        marched(billet("coupled", *force, f"section.symmetry={s}")).samples[-1].mechanics
         for s in ("quarter", "half")
     )
     assert quarter is not None and half is not None

@@ -51,18 +51,18 @@ def test_beam_blank_in_its_mould(tmp_path: Path) -> None:
     """Forces and heat balance, the wall is not entered, and it bears the liquid."""
     (tmp_path / "beam_blank.toml").write_text(BEAM_BLANK)
     kept = marched(load_case(tmp_path / "beam_blank.toml"))
-    for reading in kept.readings[1:]:
-        mechanics = reading.mechanics
+    for sample in kept.samples[1:]:
+        mechanics = sample.mechanics
         assert mechanics is not None and mechanics.balance is not None
         contact = mechanics.contact
         assert contact is not None and contact.penetration < 1e-6 and contact.share > 0.5
         assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
-        assert abs(reading.balance) < 1e-9
+        assert abs(sample.balance) < 1e-9
         # The lines of symmetry carry what the wall bears.
         left = mechanics.balance.support + contact.force
         assert np.abs(left).max() < 1e-6 * np.abs(contact.force).max()
     # At first there is next to no shell: one pressure, on half the width and half the web.
-    first = kept.readings[1].mechanics
+    first = kept.samples[1].mechanics
     assert first is not None and first.contact is not None
     assert first.contact.force[1] / first.contact.force[0] == pytest.approx(200 / 50, rel=0.01)
     assert kept.summary is not None

@@ -22,8 +22,8 @@ import castfem
 from castfem.cli import execute
 from castfem.errors import InputError
 from castfem.output.history import read_history
-from castfem.results.mechanical import MechanicalReading
-from castfem.results.thermal import Reading
+from castfem.results.mechanical import MechanicalSample
+from castfem.results.thermal import Sample
 from castfem.simulation.cooling import Zones
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import March
@@ -40,9 +40,9 @@ def six(name: str) -> Kept:
     return marched(billet(name, *(FED if name.startswith("taper") and name != LEFT else ())))
 
 
-def strained(reading: Reading) -> MechanicalReading:
-    assert reading.mechanics is not None
-    return reading.mechanics
+def strained(sample: Sample) -> MechanicalSample:
+    assert sample.mechanics is not None
+    return sample.mechanics
 
 
 def share(name: str) -> float:
@@ -68,13 +68,13 @@ def test_contact_is_lost_first_at_the_corner() -> None:
     """Without taper the corner leaves the wall and the face stays; opening walls lose both."""
     lost = {}
     for name in ("taper_0", "taper_minus_1"):
-        readings = six(name).readings[1:]
+        samples = six(name).samples[1:]
         for place in ("corner", "mid_face"):
-            open_ = [r.position for r in readings if strained(r).gap[place] > TIGHT]
+            open_ = [r.position for r in samples if strained(r).gap[place] > TIGHT]
             lost[name, place] = open_[0] if open_ else np.inf
     assert lost["taper_0", "corner"] < 0.3 and np.isinf(lost["taper_0", "mid_face"])
     assert lost["taper_minus_1", "corner"] < lost["taper_minus_1", "mid_face"]
-    ended = strained(six("taper_0").readings[-1])
+    ended = strained(six("taper_0").samples[-1])
     assert ended.gap["corner"] > 1e-4 and ended.pressure["mid_face"] > 0.0
 
 
@@ -91,12 +91,12 @@ def test_stress_rises_with_the_taper() -> None:
     assert peak["idealised"] < peak["taper_1"] < peak["taper_3"]
     assert face["idealised"] < face["taper_1"] < face["taper_3"]
     assert max(peak[name] for name in ("taper_0", "taper_minus_1")) < peak["idealised"]
-    x, y = strained(six("taper_1").readings[-1]).peak_at
+    x, y = strained(six("taper_1").samples[-1]).peak_at
     assert x > 0.05 and y > 0.05  # in the corner
 
 
 def test_idealised_corner_pulls_in_and_face_bulges() -> None:
-    shape = strained(six("idealised").readings[-1])
+    shape = strained(six("idealised").samples[-1])
     assert shape.moved["corner"] < -1e-4 < 0.0 < shape.moved["mid_face"] < 1e-3
     assert shape.contact is None and not shape.gap
 
@@ -104,9 +104,9 @@ def test_idealised_corner_pulls_in_and_face_bulges() -> None:
 @pytest.mark.parametrize("name", MOULDS)
 def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
     kept = six(name)
-    for reading in kept.readings[1:]:
-        mechanics = strained(reading)
-        assert abs(reading.balance) < 1e-9
+    for sample in kept.samples[1:]:
+        mechanics = strained(sample)
+        assert abs(sample.balance) < 1e-9
         assert mechanics.balance is not None
         assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
         if mechanics.contact is not None:
@@ -151,16 +151,16 @@ def test_triangles_agree_with_quadrilaterals() -> None:
         marched(billet("taper_3", f"mesh.cell={cell}", 'casting.length="180 mm"'))
         for cell in ("quadrilateral", "triangle")
     )
-    readings = [
-        next(r for r in kept.readings if r.position == pytest.approx(0.18)) for kept in (one, other)
+    samples = [
+        next(r for r in kept.samples if r.position == pytest.approx(0.18)) for kept in (one, other)
     ]
-    contact = [strained(reading).contact for reading in readings]
+    contact = [strained(sample).contact for sample in samples]
     assert contact[0] is not None and contact[1] is not None
     assert contact[1].penetration < 1e-6
     force = [float(np.abs(one.force).sum()) for one in contact if one is not None]
     assert force[1] == pytest.approx(force[0], rel=0.12) and min(force) > 1e4
-    assert readings[1].removed == pytest.approx(readings[0].removed, rel=5e-3)
-    corner = [strained(reading).moved["corner"] for reading in readings]
+    assert samples[1].removed == pytest.approx(samples[0].removed, rel=5e-3)
+    corner = [strained(sample).moved["corner"] for sample in samples]
     assert corner[1] == pytest.approx(corner[0], abs=2e-7)
 
 
@@ -195,7 +195,7 @@ def test_mechanics_first_expects_what_never_comes() -> None:
     for state in new.states[1:]:
         assert state.mechanical is not None
         assert np.array_equal(state.mechanical.temperature, state.thermal.point.temperature)
-    peaks = [strained(kept.readings[i]).peak for kept, i in ((old, 2), (new, 2), (short, 10))]
+    peaks = [strained(kept.samples[i]).peak for kept, i in ((old, 2), (new, 2), (short, 10))]
     assert 1e-6 * np.array(peaks) == pytest.approx([65.3, 41.8, 45.8], rel=0.02)
 
 
@@ -208,7 +208,7 @@ def test_order_decides_through_which_gap_heat_flows(
     found: list[np.ndarray] = []
 
     class Gaps:
-        def step(self, march: March, reading: Reading) -> None:
+        def step(self, march: March, sample: Sample) -> None:
             coupler, state = march.simulation.coupler, march.state.mechanical
             assert coupler is not None and state is not None
             gap = coupler.gap_of(state)
@@ -308,8 +308,8 @@ def test_another_mould_is_another_case(tmp_path: Path, capsys: pytest.CaptureFix
 def test_ranks_do_not_show(name: str) -> None:
     case = billet(name, 'casting.length="150 mm"')
     alone, together = marched(case), marched(case, MPI.COMM_WORLD)
-    assert len(alone.readings) == len(together.readings)
-    for one, many in zip(alone.readings, together.readings, strict=True):
+    assert len(alone.samples) == len(together.samples)
+    for one, many in zip(alone.samples, together.samples, strict=True):
         assert many.removed == pytest.approx(one.removed, rel=1e-8)
         assert strained(many).peak == pytest.approx(strained(one).peak, rel=1e-6)
         for place in ("mid_face", "corner"):

@@ -23,22 +23,22 @@ def wall(*rows: tuple[float, float]) -> str:
 
 def sound(kept: Kept) -> Kept:
     """Check what must hold in any mould, at every interval; return `kept`."""
-    for reading in kept.readings[1:]:
-        mechanics = reading.mechanics
+    for sample in kept.samples[1:]:
+        mechanics = sample.mechanics
         assert mechanics is not None and mechanics.balance is not None
-        assert abs(reading.balance) < 1e-9
+        assert abs(sample.balance) < 1e-9
         assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
         assert mechanics.contact is not None
         assert mechanics.contact.penetration < 1e-6
         assert np.isfinite([mechanics.peak, mechanics.contact.pressure, mechanics.strain]).all()
-        low, high = reading.temperature_range
+        low, high = sample.temperature_range
         assert 293.0 < low <= high < 1543.0 + 273.0
     return kept
 
 
 def contact(kept: Kept, name: str) -> np.ndarray:
     """A number of the contact summary over the intervals."""
-    found = [r.mechanics.contact for r in kept.readings[1:] if r.mechanics is not None]
+    found = [r.mechanics.contact for r in kept.samples[1:] if r.mechanics is not None]
     return np.array([getattr(c, name) for c in found])
 
 
@@ -57,7 +57,7 @@ def test_a_surface_that_stays_liquid_does_not_sink_into_the_wall() -> None:
     slow = "cooling.mould.surface.0.coefficient=250 W/(m^2 K)"
     liquid = "mechanics.liquid_stiffness=1e-5"
     kept = sound(marched(billet("taper_1", slow, liquid, "casting.length=90 mm")))
-    assert kept.readings[-1].shell["mid_face"] == 0.0
+    assert kept.samples[-1].shell["mid_face"] == 0.0
     assert contact(kept, "penetration").max() < 1e-9
     head = 7000.0 * 9.81 * 0.09
     assert kept.value("contact_pressure_max") == pytest.approx(head, rel=0.1)
@@ -130,7 +130,7 @@ def test_strong_cooling_settles() -> None:
     face, unsettled = {}, {}
     for name, changes in (("plain", ("coupling.passes=1",)), ("repeated", ())):
         kept = sound(marched(billet("taper_1", *strong, *changes)))
-        surface = [r.profiles["mid_face"].temperature[0] for r in kept.readings[-5:]]
+        surface = [r.profiles["mid_face"].temperature[0] for r in kept.samples[-5:]]
         face[name] = np.abs(np.diff(surface, 2)).max()
         assert kept.summary is not None
         unsettled[name] = kept.summary.steps["intervals not settled"]
@@ -143,7 +143,7 @@ def test_intervals_that_do_not_settle_are_cut_back() -> None:
     strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="75 mm"')
     kept = sound(marched(billet("taper_1", *strong, "coupling.passes=2")))
     assert kept.summary is not None
-    assert kept.summary.steps["intervals"] > kept.readings[-1].time / 0.25 + 2
+    assert kept.summary.steps["intervals"] > kept.samples[-1].time / 0.25 + 2
     assert kept.summary.steps["intervals cut back"] > 1
 
 

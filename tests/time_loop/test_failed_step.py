@@ -17,7 +17,7 @@ from castfem.contact.state import OPEN, SLIP
 from castfem.coupling.staggered import Coupler, Interval, StrandState
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.results.thermal import Reading
+from castfem.results.thermal import Sample
 from castfem.simulation.simulation import Simulation, build
 from castfem.time_loop import restart
 from castfem.time_loop.loop import March
@@ -149,9 +149,9 @@ class Undisturbed(Kept):
         self.scene = scene
         self.checkpoint: tuple[Any, Any] = (None, None)
 
-    def step(self, march: March, reading: Reading) -> None:
-        super().step(march, reading)
-        if reading.time == BEFORE:
+    def step(self, march: March, sample: Sample) -> None:
+        super().step(march, sample)
+        if sample.time == BEFORE:
             self.checkpoint = restart.description(march), restart.arrays(march)
 
 

@@ -23,18 +23,18 @@ def test_intervals_end_where_the_mould_does() -> None:
             "cooling.mould.surface.0.gap=0 mm",
         )
     )
-    positions = [reading.position for reading in kept.readings]
+    positions = [sample.position for sample in kept.samples]
     for knot in (0.02, 0.05):
         assert min(abs(p - knot) for p in positions) < 1e-12
-    for reading in kept.readings[1:]:
-        contact = reading.mechanics and reading.mechanics.contact
+    for sample in kept.samples[1:]:
+        contact = sample.mechanics and sample.mechanics.contact
         assert contact is not None
-        assert (contact.pressure > 1e3) == (reading.position < 0.05 + 1e-12)
+        assert (contact.pressure > 1e3) == (sample.position < 0.05 + 1e-12)
 
 
 def test_heat_goes_on_below_the_mould() -> None:
     kept = marched(billet("taper_1", *SHORT, "cooling.mould.to=50 mm"))
-    below = [r for r in kept.readings if r.position > 0.05 + 1e-12]
+    below = [r for r in kept.samples if r.position > 0.05 + 1e-12]
     assert len(below) >= 2 and min(r.flux["mid_face"] for r in below) > 1e5
 
 
@@ -61,7 +61,7 @@ def test_the_mould_is_remembered_below_it(tmp_path: Path) -> None:
     """Its heat, the worst of its contact: also where a run goes on from a checkpoint below it."""
     longer = ("casting.length=140 mm", "mould.length=100 mm", "cooling.mould.to=100 mm")
     kept = marched(billet("taper_0", *longer))
-    inside = [r for r in kept.readings if 0.0 < r.position < 0.1 + 1e-12]
+    inside = [r for r in kept.samples if 0.0 < r.position < 0.1 + 1e-12]
     contact = [r.mechanics.contact for r in inside if r.mechanics and r.mechanics.contact]
     assert kept.value("mould_heat_removed") == inside[-1].removed < kept.value("heat_removed")
     assert kept.value("mould_gap_max") == max(c.gap for c in contact) > 5e-6

@@ -35,20 +35,20 @@ def ends(*changes: str) -> dict[str, float]:
     """What the run comes to: heat, stress, movement, contact."""
     scene = build(load_case(CASE, (*COARSE, *changes)), MPI.COMM_SELF)
     try:
-        reading = March(scene).run()
+        sample = March(scene).run()
     finally:
         scene.destroy()
-    strained = reading.mechanics
+    strained = sample.mechanics
     assert strained is not None and strained.contact is not None
     return {
-        "heat": reading.removed,
+        "heat": sample.removed,
         "peak": strained.peak,
         "strain": strained.strain,
         "corner": strained.moved["corner"],
         "gap": strained.contact.gap,
         "pressure": strained.contact.pressure,
         "share": strained.contact.share,
-        "surface": float(reading.profiles["corner"].temperature[0]),
+        "surface": float(sample.profiles["corner"].temperature[0]),
         "friction": strained.contact.axial,
     }
 

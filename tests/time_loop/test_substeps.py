@@ -43,7 +43,7 @@ def test_work_and_iterations_are_those_of_all_steps() -> None:
     heating = [sum(s.heating.sum() for s in kept.states) for kept in (short, several)]
     assert heating[1] == pytest.approx(heating[0], rel=0.05)
     newton = [
-        sum(r.mechanics.newton for r in kept.readings if r.mechanics) for kept in (short, several)
+        sum(r.mechanics.newton for r in kept.samples if r.mechanics) for kept in (short, several)
     ]
     assert newton[1] == pytest.approx(newton[0], rel=0.2)
     assert several.value("heat_removed") == pytest.approx(short.value("heat_removed"), rel=5e-3)

@@ -67,8 +67,8 @@ def in_a_wall_that(monkeypatch: pytest.MonkeyPatch, **does: Any) -> None:
 def forces(kept: Kept) -> tuple[Array, Array, Array]:
     """Of the wall, of the springs (intervals, 2), and of a side of the wall (intervals,), N/m."""
     wall, springs, side = [], [], []
-    for reading, state in zip(kept.readings[1:], kept.states[1:], strict=True):
-        mechanics, contact = reading.mechanics, state.mechanical.contact  # type: ignore[union-attr]
+    for sample, state in zip(kept.samples[1:], kept.states[1:], strict=True):
+        mechanics, contact = sample.mechanics, state.mechanical.contact  # type: ignore[union-attr]
         assert mechanics is not None and mechanics.balance is not None and contact is not None
         assert mechanics.contact is not None
         assert mechanics.balance.forces_error < 1e-6
@@ -81,8 +81,8 @@ def forces(kept: Kept) -> tuple[Array, Array, Array]:
 
 def moved(kept: Kept) -> dict[str, float]:
     """Outward movement of the surface where the march ended, m."""
-    assert kept.readings[-1].mechanics is not None
-    return kept.readings[-1].mechanics.moved
+    assert kept.samples[-1].mechanics is not None
+    return kept.samples[-1].mechanics.moved
 
 
 @pytest.mark.parametrize(
@@ -168,6 +168,6 @@ def test_a_section_held_on_one_side_alone() -> None:
     assert abs(found["narrow_face"]) > 1e-5
     assert found["mid_face_extrados"] == pytest.approx(found["mid_face"], rel=1e-6)
     assert found["corner_extrados"] == pytest.approx(found["corner"], rel=1e-6)
-    mechanics = kept.readings[-1].mechanics
+    mechanics = kept.samples[-1].mechanics
     assert mechanics is not None and mechanics.balance is not None
     assert abs(mechanics.balance.support[1]) < 1e-6

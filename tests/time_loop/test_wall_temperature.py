@@ -19,11 +19,11 @@ def test_heat_meets_the_wall_where_it_is() -> None:
         "cooling.mould.surface.0.wall=mould",
         f"mould.wall_temperature={TABLE}",
     )
-    readings = [r for r in marched(case).readings if r.position > 0.0]
-    depth = np.array([r.position for r in readings])
+    samples = [r for r in marched(case).samples if r.position > 0.0]
+    depth = np.array([r.position for r in samples])
     wall = 273.15 + np.interp(depth, [0.0, 0.03, 0.06], [100.0, 400.0, 200.0])
-    surface = np.array([r.profiles["mid_face"].temperature[0] for r in readings])
-    flux = np.array([r.flux["mid_face"] for r in readings])
+    surface = np.array([r.profiles["mid_face"].temperature[0] for r in samples])
+    flux = np.array([r.flux["mid_face"] for r in samples])
     assert np.ptp(wall) > 150.0
     assert np.allclose(flux, 1600.0 * (surface - wall), rtol=1e-3)
 
