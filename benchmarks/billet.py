@@ -20,7 +20,7 @@ from castfem.case import Case, from_document, load_case
 from castfem.coupling.step_control import same_instant
 from castfem.results.thermal import CELSIUS, Sample
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 if TYPE_CHECKING:
     from castfem.time_loop.recorder import Recorder
@@ -125,7 +125,7 @@ class Listener:
     def __init__(self) -> None:
         self.kept: list[Sample] = []
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         """Keep `sample` if it falls on an instant."""
         nearest = round(sample.time / EVERY) * EVERY
         if nearest > 0.0 and same_instant(sample.time, nearest, END):
@@ -205,7 +205,7 @@ def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
     listener = Listener()
     try:
         before = dict(scene.watch.seconds)
-        march = March(scene, _as_recorder(listener))
+        march = TimeLoop(scene, _as_recorder(listener))
         comm.Barrier()
         start = perf_counter()
         with scene.watch.section("march"):
@@ -239,7 +239,7 @@ def _surface(sample: Sample, name: str) -> float:
 
 
 def _as_recorder(listener: Listener) -> Recorder:
-    """March asks of its recorder no more than `step`."""
+    """A time loop asks of its recorder no more than `step`."""
     return listener  # type: ignore[return-value]
 
 

@@ -20,7 +20,7 @@ from castfem.case import load_case
 from castfem.mechanics.state import MechanicalResult
 from castfem.simulation.simulation import build
 from castfem.support.stopwatch import LIBRARIES, Stopwatch
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
 SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -68,7 +68,7 @@ def march(mould: str, changes: Sequence[str]) -> dict[str, Any]:
             watch.side = ""
 
     scene.mechanics.step = watched  # type: ignore[method-assign]
-    one = March(scene)
+    one = TimeLoop(scene)
     before, start = sum(watch.seconds.values()), process_time()
     with watch.section("march"):
         one.run()

@@ -18,7 +18,7 @@ from castfem.report.remarks import OPEN, spells
 from castfem.results.summary import quantities
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 CASES = ROOT / "cases" / "billet125"
 MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
@@ -97,7 +97,7 @@ class Listener:
     pressure: float = np.nan
     tracks: dict[str, list[float]] = field(default_factory=dict)
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         """Look at a committed interval.
 
         Raises:
@@ -178,7 +178,7 @@ def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> 
     case = load_case(CASES / f"{mould}.toml", (*QUIET, *changes))
     scene = build(case, MPI.COMM_SELF)
     listener = Listener(process_time() + patience)
-    march = March(scene, listener)  # type: ignore[arg-type]
+    march = TimeLoop(scene, listener)  # type: ignore[arg-type]
     start, failure = process_time(), ""
     try:
         march.run()

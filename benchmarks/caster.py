@@ -18,7 +18,7 @@ from benchmarks.billet import CASE, LENGTHS, Settings, time_table
 from benchmarks.report import Output, table
 from castfem.case import from_document, load_case
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 LENGTH = 20.0  # m
 PLACES = (3.0, 6.0, 10.0, 15.0)  # m below the meniscus
@@ -48,7 +48,7 @@ def march(settings: Settings) -> dict[str, Any]:
     ]
     scene = build(from_document(document, "caster"), MPI.COMM_SELF)
     try:
-        run = March(scene)
+        run = TimeLoop(scene)
         start = perf_counter()
         run.run()
         wall = perf_counter() - start

@@ -19,7 +19,7 @@ from castfem.case import from_document
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.thermal.stepper import ThermalStepper
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 COEFFICIENTS = (1.6, 8.0, 30.0)  # kW/m2K, to 25 degC, from the meniscus on
 STEPS = (0.5, 0.25)  # s
@@ -49,7 +49,7 @@ class Listener:
         self.course: list[Array] = []
         self.mid_face: list[float] = []
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         """Keep it."""
         self.times.append(sample.time)
         self.course.append(march.state.thermal.point.temperature)
@@ -65,7 +65,7 @@ def march(settings: Settings, coefficient: float) -> dict[str, Any]:
     scene = build(from_document(document, "jump"), MPI.COMM_SELF)
     heard = Listener()
     try:
-        run = March(scene, heard)  # type: ignore[arg-type]
+        run = TimeLoop(scene, heard)  # type: ignore[arg-type]
         start = perf_counter()
         run.run()
         wall = perf_counter() - start

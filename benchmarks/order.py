@@ -16,7 +16,7 @@ from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.results.thermal import CELSIUS, Sample
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 FINE = "coupling.interval=0.05 s"
 ORDERS = {
@@ -40,7 +40,7 @@ class Corner:
     told: list[float] = field(default_factory=list)
     peak: list[float] = field(default_factory=list)
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         """Note an interval."""
         mechanical = march.state.mechanical
         assert mechanical is not None and sample.mechanics is not None
@@ -55,7 +55,7 @@ def marched(*changes: str) -> Corner:
     """March the shipped case on coarse cells."""
     case = load_case(CASES / "mechanics_first.toml", (*QUIET, *COARSE[:4], *changes))
     scene, corner = build(case, MPI.COMM_SELF), Corner()
-    March(scene, corner).run()  # type: ignore[arg-type]
+    TimeLoop(scene, corner).run()  # type: ignore[arg-type]
     scene.destroy()
     return corner
 

@@ -19,7 +19,7 @@ from castfem.case import load_case
 from castfem.results.summary import summarise
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 STRONG = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="300 mm"')
 TURNS = (
@@ -36,7 +36,7 @@ class Faces:
 
     temperature: list[float] = field(default_factory=list)
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         """Note an interval."""
         self.temperature.append(float(sample.profiles["mid_face"].temperature[0]))
 
@@ -46,7 +46,7 @@ def run(mould: str, changes: tuple[str, ...], interval: float, passes: int) -> d
     keys = (*QUIET, *COARSE, f"coupling.interval={interval} s", f"coupling.passes={passes}")
     scene = build(load_case(CASES / f"{mould}.toml", (*keys, *changes)), MPI.COMM_SELF)
     faces = Faces()
-    march = March(scene, faces)  # type: ignore[arg-type]
+    march = TimeLoop(scene, faces)  # type: ignore[arg-type]
     start = process_time()
     march.run()
     seconds = process_time() - start

@@ -25,7 +25,7 @@ from castfem.results.summary import summarise
 from castfem.results.thermal import Sample
 from castfem.simulation import mechanics as build_mechanics
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 Array = npt.NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Marched:
     cut: int = 0
     values: dict[str, float] = field(default_factory=dict)
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         """Note an interval."""
         if sample.mechanics is not None and sample.position > 0.0:
             self.mechanics.append(sample.mechanics)
@@ -60,7 +60,7 @@ def march(mould: str, changes: Iterable[str]) -> Marched:
     """March one billet with some keys changed."""
     scene = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF)
     found = Marched()
-    one = March(scene, found)  # type: ignore[arg-type]
+    one = TimeLoop(scene, found)  # type: ignore[arg-type]
     start = process_time()
     one.run()
     found.seconds = process_time() - start

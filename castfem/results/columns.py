@@ -11,7 +11,7 @@ from castfem.results.thermal import CELSIUS, Sample
 if TYPE_CHECKING:
     from castfem.results.mechanical import MechanicalSample
     from castfem.simulation.simulation import Simulation
-    from castfem.time_loop.loop import March
+    from castfem.time_loop.loop import TimeLoop
 
 
 def columns(simulation: Simulation) -> list[tuple[str, str]]:
@@ -61,7 +61,7 @@ def _rubs(simulation: Simulation) -> bool:
     return contact is not None and contact.friction is not None
 
 
-def row(march: March, sample: Sample) -> dict[str, float]:
+def row(march: TimeLoop, sample: Sample) -> dict[str, float]:
     """One row of the history in its units."""
     speed, whole = march.simulation.case.casting.speed, march.simulation.section.multiplicity
     cells = {

@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from castfem.results.mould_extremes import Strained
     from castfem.results.thermal import Sample
     from castfem.simulation.simulation import Simulation
-    from castfem.time_loop.loop import March
+    from castfem.time_loop.loop import TimeLoop
 
 
-def summarise(march: March, status: str) -> Summary:
+def summarise(march: TimeLoop, status: str) -> Summary:
     """The summary of `march` as it stands."""
     simulation = march.simulation
     found, forces = last_results(march)
@@ -53,7 +53,7 @@ def _unchecked(simulation: Simulation) -> tuple[str, ...]:
     return tuple(f"{', '.join(keys)}: {source}" for source, keys in sources.items())
 
 
-def last_results(march: March) -> tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]]:
+def last_results(march: TimeLoop) -> tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]]:
     """Results and balances of forces of the last step, by name."""
     if march.told is not None:
         return march.told
@@ -62,7 +62,7 @@ def last_results(march: March) -> tuple[dict[str, Quantity], dict[str, dict[str,
     return found, _force_balances(sample)
 
 
-def _steps(march: March) -> dict[str, float]:
+def _steps(march: TimeLoop) -> dict[str, float]:
     """Counts of the march."""
     simulation, counts = march.simulation, march.counts
     found = {
@@ -85,7 +85,7 @@ def _steps(march: March) -> dict[str, float]:
     return {name: float(count) for name, count in found.items()}
 
 
-def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
+def _comparisons(march: TimeLoop, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
     """Each reference beside our value where it holds, if the run has come there."""
     found: list[Comparison] = []
     length, end = march.simulation.case.casting.length, march.simulation.control.end
@@ -104,7 +104,7 @@ def _comparisons(march: March, final: dict[str, Quantity]) -> tuple[Comparison, 
     return tuple(found)
 
 
-def quantities(march: March, sample: Sample) -> dict[str, Quantity]:
+def quantities(march: TimeLoop, sample: Sample) -> dict[str, Quantity]:
     """The results of the slice where `sample` was taken."""
     simulation = march.simulation
     speed, whole = simulation.case.casting.speed, simulation.section.multiplicity
@@ -144,7 +144,7 @@ def quantities(march: March, sample: Sample) -> dict[str, Quantity]:
     return found
 
 
-def _heat_balance(march: March) -> dict[str, Quantity]:
+def _heat_balance(march: TimeLoop) -> dict[str, Quantity]:
     simulation, state = march.simulation, march.state.thermal
     gained = march.sampler.heat_gained(state)
     open_ = abs(state.removed + gained - state.generated - state.fed)

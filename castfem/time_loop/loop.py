@@ -43,7 +43,7 @@ Named = dict[str, Quantity]
 LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/benchmarks.md)
 
 
-class March:
+class TimeLoop:
     """Steps a simulation through time; holds the committed state and nothing that is not committed.
 
     Args:
@@ -81,7 +81,7 @@ class March:
         self._recorded: Recorded | None = None
 
     def run(self) -> Sample:
-        """March to the end of the simulation.
+        """TimeLoop to the end of the simulation.
 
         Raises:
             RunFailure: If a step cannot be saved; the committed state stays as it was.
@@ -271,10 +271,10 @@ def _march(
     profile: bool,
     progress: Progress | None,
 ) -> Summary:
-    """March a built simulation with its files open."""
+    """TimeLoop a built simulation with its files open."""
     comm, watch = simulation.section.comm, simulation.watch
     interrupt = Interrupt(comm)
-    march = March(simulation, recorder, progress, interrupt)
+    march = TimeLoop(simulation, recorder, progress, interrupt)
     if recorder.checkpoint is not None:
         restart.restore(march, *recorder.checkpoint)
     if progress is not None:
@@ -298,7 +298,7 @@ def _march(
     return _finish(march, output, "finished")
 
 
-def _leave(march: March, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:
+def _leave(march: TimeLoop, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:
     """Leave the last good state on disk after `error`, which nothing here may hide (collective)."""
     try:
         if march.fall_back():
@@ -316,7 +316,7 @@ def _reason(error: BaseException) -> str:
     return f"unexpected {type(error).__name__}: {error}"
 
 
-def _finish(march: March, output: OutputFolder, status: str, reason: str = "") -> Summary:
+def _finish(march: TimeLoop, output: OutputFolder, status: str, reason: str = "") -> Summary:
     """Write summary and run record; the summary is the same on every rank."""
     comm = march.simulation.section.comm
     summary = summarise(march, status)

@@ -22,7 +22,7 @@ from castfem.time_loop.run_state import Counts
 
 if TYPE_CHECKING:
     from castfem.simulation.simulation import Simulation
-    from castfem.time_loop.loop import March
+    from castfem.time_loop.loop import TimeLoop
 
 Array = npt.NDArray[np.float64]
 
@@ -86,7 +86,7 @@ class Recorder:
         if names := self.simulation.case.output_fields:
             self._fields = FieldWriter.resume(self.folder.path, time, names)
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         """Write one committed step: a row always, fields at output times, a checkpoint in turn.
 
         Raises:
@@ -109,7 +109,7 @@ class Recorder:
 
         on_root(self.comm, write)
 
-    def _due_fields(self, march: March, sample: Sample) -> dict[str, Array] | None:
+    def _due_fields(self, march: TimeLoop, sample: Sample) -> dict[str, Array] | None:
         """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
         names = self.simulation.case.output_fields
         if not names or not self._is_due(sample.time):
@@ -130,7 +130,7 @@ class Recorder:
         nearest = round(time / every) * every
         return time == 0.0 or same_instant(time, nearest, end) or same_instant(time, end, end)
 
-    def _save(self, march: March, state: dict[str, Array | None]) -> None:
+    def _save(self, march: TimeLoop, state: dict[str, Array | None]) -> None:
         """Save a checkpoint and note how far the run has come (rank 0)."""
         arrays = {name: values for name, values in state.items() if values is not None}
         if self._history is not None:
@@ -151,7 +151,7 @@ class Recorder:
             }
         )
 
-    def save(self, march: March) -> None:
+    def save(self, march: TimeLoop) -> None:
         """Save a checkpoint of the committed state now (collective)."""
         state = restart.arrays(march)
         on_root(self.comm, lambda: self._save(march, state))

@@ -16,7 +16,7 @@ from castfem.time_loop.run_state import Counts
 if TYPE_CHECKING:
     from castfem.mechanics.checkpoint import Archive
     from castfem.simulation.simulation import Simulation
-    from castfem.time_loop.loop import March
+    from castfem.time_loop.loop import TimeLoop
 
 Array = npt.NDArray[np.float64]
 Named = dict[str, Quantity]
@@ -25,7 +25,7 @@ Named = dict[str, Quantity]
 STATE = ("enthalpy", "rate", "course")
 
 
-def arrays(march: March) -> dict[str, Array | None]:
+def arrays(march: TimeLoop) -> dict[str, Array | None]:
     """The arrays of the committed state, whole on rank 0 (collective)."""
     gather, state = march.simulation.section.gather, march.state
     found = {name: gather(getattr(state.thermal, name)) for name in STATE}
@@ -40,7 +40,7 @@ def arrays(march: March) -> dict[str, Array | None]:
     return found
 
 
-def description(march: March) -> dict[str, Any]:
+def description(march: TimeLoop) -> dict[str, Any]:
     """All of the committed state that is not an array; what a checkpoint holds beside them."""
     thermal, mechanical = march.state.thermal, march.state.mechanical
     results, forces = last_results(march)
@@ -65,7 +65,7 @@ def description(march: March) -> dict[str, Any]:
     return found
 
 
-def restore(march: March, meta: dict[str, Any], by_node: dict[str, Array]) -> None:
+def restore(march: TimeLoop, meta: dict[str, Any], by_node: dict[str, Array]) -> None:
     """Go on from a checkpoint: `description` and arrays by node (on every rank)."""
     nodes = march.simulation.section.node_of_owned
     enthalpy, rate, course = (np.asarray(by_node[name])[nodes] for name in STATE)

@@ -11,7 +11,7 @@ from castfem.case import load_case
 from castfem.simulation.simulation import build
 from castfem.thermal import flux_laws
 from castfem.thermal.stepper import REBOUND, ThermalStepper
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 from thermal.scenes import Array, ThermalScene, constant_steel, strip
 from thermal.test_extremes import CAST, SLACK, billet
 
@@ -28,7 +28,7 @@ class Course:
     def __init__(self) -> None:
         self.found: list[Array] = []
 
-    def step(self, march: March, sample: object) -> None:
+    def step(self, march: TimeLoop, sample: object) -> None:
         """Keep them."""
         self.found.append(march.state.thermal.point.temperature)
 
@@ -38,11 +38,11 @@ class Course:
         return float(np.diff(self.found, axis=0).max())
 
 
-def marched(*changes: str) -> tuple[Course, March]:
+def marched(*changes: str) -> tuple[Course, TimeLoop]:
     """The shipped billet, changed, after its march."""
     scene = build(load_case("cases/billet125/thermal.toml", changes), MPI.COMM_SELF)
     course = Course()
-    march = March(scene, course)  # type: ignore[arg-type]
+    march = TimeLoop(scene, course)  # type: ignore[arg-type]
     try:
         march.run()
     finally:

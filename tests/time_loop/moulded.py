@@ -14,7 +14,7 @@ from castfem.results.summary import summarise
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop import loop
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
 # Scenes of contact, friction and steps keep the liquid where it is: that which is fed runs after
@@ -51,7 +51,7 @@ class Kept:
     states: list[StrandState] = field(default_factory=list)
     summary: Summary | None = None
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         self.samples.append(sample)
         self.states.append(march.state)
 
@@ -65,7 +65,7 @@ def marched(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
     """March in memory to the end."""
     scene, kept = build(case, comm), Kept()
     try:
-        last = March(scene, kept)  # type: ignore[arg-type]
+        last = TimeLoop(scene, kept)  # type: ignore[arg-type]
         last.run()
         kept.summary = summarise(last, "finished")
     finally:

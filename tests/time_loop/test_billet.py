@@ -26,7 +26,7 @@ from castfem.results.mechanical import MechanicalSample
 from castfem.results.thermal import Sample
 from castfem.simulation.cooling import Zones
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
 REAL = MOULDS[1:]
@@ -208,7 +208,7 @@ def test_order_decides_through_which_gap_heat_flows(
     found: list[np.ndarray] = []
 
     class Gaps:
-        def step(self, march: March, sample: Sample) -> None:
+        def step(self, march: TimeLoop, sample: Sample) -> None:
             coupler, state = march.simulation.coupler, march.state.mechanical
             assert coupler is not None and state is not None
             gap = coupler.gap_of(state)
@@ -222,7 +222,7 @@ def test_order_decides_through_which_gap_heat_flows(
     single = (f"coupling.order={order}", "coupling.passes=1", "casting.length=105 mm")
     scene = build(billet("taper_0", *single), MPI.COMM_SELF)
     try:
-        March(scene, Gaps()).run()  # type: ignore[arg-type]
+        TimeLoop(scene, Gaps()).run()  # type: ignore[arg-type]
     finally:
         scene.destroy()
     assert len(taken) == 7 and 1e-6 < found[-1].max() < 1e-4

@@ -20,7 +20,7 @@ from castfem.mechanics.stepper import MechanicalStepper
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import Simulation, build
 from castfem.time_loop import restart
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 RUBBING = (
     "mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "mould.contact=nitsche",
@@ -149,7 +149,7 @@ class Undisturbed(Kept):
         self.scene = scene
         self.checkpoint: tuple[Any, Any] = (None, None)
 
-    def step(self, march: March, sample: Sample) -> None:
+    def step(self, march: TimeLoop, sample: Sample) -> None:
         super().step(march, sample)
         if sample.time == BEFORE:
             self.checkpoint = restart.description(march), restart.arrays(march)
@@ -162,7 +162,7 @@ def undisturbed() -> Iterator[Undisturbed]:
     with pytest.MonkeyPatch.context() as patch:
         Attempts(patch, None)
         kept = Undisturbed(scene)
-        March(scene, kept).run()  # type: ignore[arg-type]
+        TimeLoop(scene, kept).run()  # type: ignore[arg-type]
     yield kept
     scene.destroy()
 
@@ -172,7 +172,7 @@ def test_a_failed_attempt_leaves_no_trace(
     undisturbed: Undisturbed, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Any], None]
 ) -> None:
     attempts, kept = Attempts(monkeypatch, spoil), Kept()
-    march = March(undisturbed.scene, kept)  # type: ignore[arg-type]
+    march = TimeLoop(undisturbed.scene, kept)  # type: ignore[arg-type]
     restart.restore(march, *undisturbed.checkpoint)
     march.run()
     (old,) = attempts.given

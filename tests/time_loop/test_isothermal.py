@@ -11,7 +11,7 @@ from castfem.case import load_case
 from castfem.constitutive.elasticity import Solidity
 from castfem.materials import load_steel
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 MELTING = 1775.65  # K
 
@@ -34,7 +34,7 @@ def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
     )
     scene = build(case, MPI.COMM_SELF)
     try:
-        march = March(scene)
+        march = TimeLoop(scene)
         march.run()
         source = scene.section.source
         assert source is not None

@@ -11,7 +11,7 @@ import pytest
 
 from castfem.case import load_case
 from castfem.simulation.simulation import build
-from castfem.time_loop.loop import March
+from castfem.time_loop.loop import TimeLoop
 
 CASE = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
 COARSE = (
@@ -35,7 +35,7 @@ def ends(*changes: str) -> dict[str, float]:
     """What the run comes to: heat, stress, movement, contact."""
     scene = build(load_case(CASE, (*COARSE, *changes)), MPI.COMM_SELF)
     try:
-        sample = March(scene).run()
+        sample = TimeLoop(scene).run()
     finally:
         scene.destroy()
     strained = sample.mechanics

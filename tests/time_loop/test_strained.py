@@ -99,9 +99,9 @@ def test_a_thermal_scene_knows_no_mechanics() -> None:
     code = (
         "import sys; from mpi4py import MPI; from castfem.case import load_case; "
         "from castfem.simulation.simulation import build; "
-        "from castfem.time_loop.loop import March; "
+        "from castfem.time_loop.loop import TimeLoop; "
         "scene = build(load_case(sys.argv[1], sys.argv[2:]), MPI.COMM_SELF); "
-        "march = March(scene); march._enter_zone(); march.advance(); "
+        "march = TimeLoop(scene); march._enter_zone(); march.advance(); "
         "assert not any(name.startswith('mechanics') for name in scene.section.compiled); "
         "bad = [m for m in sys.modules if m.startswith(('castfem.mechanics', 'castfem.contact', "
         "'castfem.constitutive'))]; assert not bad, bad"
