@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Passage:
+class MouldExtremes:
     """What a run that goes on below its mould would otherwise have forgotten.
 
     Attributes:
@@ -77,7 +77,7 @@ class Passage:
 
 
 @dataclass(slots=True)
-class Strained:
+class LargestStress:
     """The largest von Mises stress on the way, and where it was.
 
     Attributes:

@@ -13,7 +13,7 @@ from castfem.simulation import closed_form
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
     from castfem.results.mechanical import MechanicalSample
-    from castfem.results.mould_extremes import Strained
+    from castfem.results.mould_extremes import LargestStress
     from castfem.results.thermal import Sample
     from castfem.simulation.simulation import Simulation
     from castfem.time_loop.loop import TimeLoop
@@ -132,10 +132,10 @@ def quantities(march: TimeLoop, sample: Sample) -> dict[str, Quantity]:
         **_told(temperature_max=sample.temperature_range[1]),
     }
     if sample.mechanics is not None:
-        found |= _mechanical_quantities(sample.mechanics, march.sampler.strained_most)
+        found |= _mechanical_quantities(sample.mechanics, march.sampler.largest_stress)
         found |= _friction(sample.mechanics, whole)
-    if march.sampler.passage is not None:
-        found |= march.sampler.passage.quantities()
+    if march.sampler.extremes is not None:
+        found |= march.sampler.extremes.quantities()
     closed = march.sampler.metallurgical_length
     if closed is not None:
         found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")
@@ -182,7 +182,7 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
     }
 
 
-def _mechanical_quantities(sample: MechanicalSample, most: Strained) -> dict[str, Quantity]:
+def _mechanical_quantities(sample: MechanicalSample, most: LargestStress) -> dict[str, Quantity]:
     """Stress and shape of the slice, and the largest stress on the way here."""
     way = f"{_place((most.x, most.y))}, {1e3 * most.position:.6g} mm below the meniscus"
     found = {

@@ -12,7 +12,7 @@ from castfem.coupling.staggered import StrandState
 from castfem.coupling.subcycling import Leg
 from castfem.fem import reductions
 from castfem.fem.line_probes import Profile
-from castfem.results.mould_extremes import Passage, Strained
+from castfem.results.mould_extremes import LargestStress, MouldExtremes
 from castfem.simulation.simulation import Simulation
 from castfem.thermal.stepper import ThermalState
 
@@ -65,16 +65,16 @@ class Sampler:
         worst_balance: Largest relative heat balance error of a step.
         metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
             left.
-        passage: What the slice has met in its mould; None without one.
-        strained_most: Where its stress was largest.
+        extremes: What the slice has met in its mould; None without one.
+        largest_stress: Where its stress was largest.
     """
 
     simulation: Simulation
     mechanics: MechanicalSampler | None = None
     worst_balance: float = 0.0
     metallurgical_length: float | None = None
-    passage: Passage | None = None
-    strained_most: Strained = field(default_factory=Strained)
+    extremes: MouldExtremes | None = None
+    largest_stress: LargestStress = field(default_factory=LargestStress)
     _hottest: float = np.inf
     _time: float = 0.0
     _surface: dict[str, int] = field(default_factory=dict)
@@ -88,7 +88,7 @@ class Sampler:
                 self.simulation.mechanics, self.simulation.probes, self.simulation.centred_probes
             )
         if self.simulation.case.mould is not None:
-            self.passage = Passage(self.simulation.case.mould.length)
+            self.extremes = MouldExtremes(self.simulation.case.mould.length)
         section = self.simulation.section
         space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
         on_surface = self.simulation.zones.surface_vertices()
@@ -138,9 +138,9 @@ class Sampler:
             balance=balance,
             mechanics=self._read_mechanics(strand, mechanical),
         )
-        if self.passage is not None:
-            self.passage.note(sample)
-        self.strained_most.note(sample)
+        if self.extremes is not None:
+            self.extremes.note(sample)
+        self.largest_stress.note(sample)
         return sample
 
     def _read_mechanics(
@@ -157,8 +157,8 @@ class Sampler:
             "metallurgical_length": self.metallurgical_length,
             "hottest": self._hottest,
             "time": self._time,
-            **({} if self.passage is None else self.passage.memory()),
-            **({} if self.mechanics is None else self.strained_most.memory()),
+            **({} if self.extremes is None else self.extremes.memory()),
+            **({} if self.mechanics is None else self.largest_stress.memory()),
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
@@ -167,9 +167,9 @@ class Sampler:
         self.metallurgical_length = memory["metallurgical_length"]
         self._hottest = memory["hottest"] or np.inf
         self._time = memory["time"] or 0.0
-        if self.passage is not None:
-            self.passage.recall(memory)
-        self.strained_most.recall(memory)
+        if self.extremes is not None:
+            self.extremes.recall(memory)
+        self.largest_stress.recall(memory)
 
     def heat_gained(self, state: ThermalState) -> float:
         """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""
