@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from castfem.case import Case, from_document, load_case
 from castfem.coupling.step_control import same_instant
+from castfem.results.run_state import RunState
 from castfem.results.thermal import CELSIUS, Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
@@ -125,7 +126,7 @@ class Listener:
     def __init__(self) -> None:
         self.kept: list[Sample] = []
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
+    def step(self, run: RunState, sample: Sample) -> None:
         """Keep `sample` if it falls on an instant."""
         nearest = round(sample.time / EVERY) * EVERY
         if nearest > 0.0 and same_instant(sample.time, nearest, END):
@@ -224,8 +225,8 @@ def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
         *(np.array([1e3 * r.shell.get(n, np.nan) for r in kept]) for n in ("mid_face", "corner")),
         vertices,
         cells,
-        march.counts.steps,
-        march.counts.rejected,
+        march.run_state.counts.steps,
+        march.run_state.counts.rejected,
         scene.problem.iterations,
         wall,
         {n: t for n, t in sections.items() if t > 0.0 and not n.startswith("setup")},

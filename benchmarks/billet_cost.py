@@ -74,10 +74,10 @@ def march(mould: str, changes: Sequence[str]) -> dict[str, Any]:
         one.run()
     found: dict[str, Any] = {
         "cells": scene.section.mesh.topology.index_map(2).size_global,
-        "intervals": one.counts.intervals,
-        "passes": one.counts.passes or one.counts.intervals,
-        "cut": one.counts.cut_back,
-        "newton": one.counts.newton_mechanics,
+        "intervals": one.run_state.counts.intervals,
+        "passes": one.run_state.counts.passes or one.run_state.counts.intervals,
+        "cut": one.run_state.counts.cut_back,
+        "newton": one.run_state.counts.newton_mechanics,
         "seconds": process_time() - start,
         "watched": sum(watch.seconds.values()) - before,
         "libraries": sum(s for k, s in watch.seconds.items() if k.endswith(LIBRARIES)),

@@ -15,6 +15,7 @@ from benchmarks.report import ROOT
 from castfem.case import load_case
 from castfem.errors import CastfemError
 from castfem.report.remarks import OPEN, spells
+from castfem.results.run_state import RunState
 from castfem.results.summary import quantities
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
@@ -97,7 +98,7 @@ class Listener:
     pressure: float = np.nan
     tracks: dict[str, list[float]] = field(default_factory=dict)
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
+    def step(self, run: RunState, sample: Sample) -> None:
         """Look at a committed interval.
 
         Raises:
@@ -185,15 +186,15 @@ def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> 
     except CastfemError as error:
         failure = str(error)
     seconds = process_time() - start
-    assert march.sample is not None
-    summary = quantities(march, march.sample)
+    assert march.run_state.sample is not None
+    summary = quantities(march.run_state, march.run_state.sample)
     values = {n: q.shown for n, q in summary.items()}
     values |= _on_the_way(listener, scene.steel.solidus, scene.steel.liquidus)
     cells = scene.section.mesh.topology.index_map(2).size_global
     iterations = 0 if scene.mechanics is None else scene.mechanics.problem.iterations
     scene.destroy()
     found = Found(
-        values, seconds, cells, failure, march.counts.cut_back, iterations,
+        values, seconds, cells, failure, march.run_state.counts.cut_back, iterations,
         {n: q.label for n, q in summary.items()}, {n: q.shown_unit for n, q in summary.items()},
     )  # fmt: skip
     print(f"  {mould} {' '.join(changes)}: {seconds:.1f} s {failure}", flush=True)

@@ -52,14 +52,14 @@ def march(settings: Settings) -> dict[str, Any]:
         start = perf_counter()
         run.run()
         wall = perf_counter() - start
-        closed = run.measure.metallurgical_length
-        there = [run.snapshots[p] for p in PLACES]
+        closed = run.run_state.sampler.metallurgical_length
+        there = [run.run_state.snapshots[p] for p in PLACES]
         vertices = scene.section.owned
     finally:
         scene.destroy()
     return {
         "vertices": vertices,
-        "steps": run.counts.steps,
+        "steps": run.run_state.counts.steps,
         "closed_m": closed if closed is not None else float("nan"),
         **{
             name: np.array([s[f"{name}"].value for s in there])

@@ -16,6 +16,7 @@ from benchmarks.accuracy import default_settings
 from benchmarks.billet import Array, Settings, billet_case
 from benchmarks.report import Output, table
 from castfem.case import from_document
+from castfem.results.run_state import RunState
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.thermal.stepper import ThermalStepper
@@ -49,10 +50,10 @@ class Listener:
         self.course: list[Array] = []
         self.mid_face: list[float] = []
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
+    def step(self, run: RunState, sample: Sample) -> None:
         """Keep it."""
         self.times.append(sample.time)
-        self.course.append(march.state.thermal.point.temperature)
+        self.course.append(run.state.thermal.point.temperature)
         self.mid_face.append(float(sample.profiles["mid_face"].temperature[0]))
 
 
@@ -71,15 +72,15 @@ def march(settings: Settings, coefficient: float) -> dict[str, Any]:
         wall = perf_counter() - start
     finally:
         scene.destroy()
-    instants = np.arange(FROM, run.state.time + 1e-9, EVERY)
+    instants = np.arange(FROM, run.run_state.state.time + 1e-9, EVERY)
     at = np.searchsorted(heard.times, instants - 1e-6)
     return {
         "rise": max(float(np.diff(heard.course, axis=0).max()), 0.0),
         "mid_face": np.array(heard.mid_face)[at],
-        "heat": run.state.thermal.removed,
-        "steps": run.counts.steps,
-        "limited": run.counts.limited,
-        "newton": run.counts.newton,
+        "heat": run.run_state.state.thermal.removed,
+        "steps": run.run_state.counts.steps,
+        "limited": run.run_state.counts.limited,
+        "newton": run.run_state.counts.newton,
         "seconds": wall,
     }
 

@@ -14,6 +14,7 @@ from mpi4py import MPI
 from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
+from castfem.results.run_state import RunState
 from castfem.results.thermal import CELSIUS, Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
@@ -40,11 +41,11 @@ class Corner:
     told: list[float] = field(default_factory=list)
     peak: list[float] = field(default_factory=list)
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
+    def step(self, run: RunState, sample: Sample) -> None:
         """Note an interval."""
-        mechanical = march.state.mechanical
+        mechanical = run.state.mechanical
         assert mechanical is not None and sample.mechanics is not None
-        told = march.simulation.probes.sample(mechanical.temperature)["corner"].temperature[0]
+        told = run.simulation.probes.sample(mechanical.temperature)["corner"].temperature[0]
         self.time.append(sample.time)
         self.heat.append(float(sample.profiles["corner"].temperature[0]) - CELSIUS)
         self.told.append(float(told) - CELSIUS)

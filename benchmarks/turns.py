@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
+from castfem.results.run_state import RunState
 from castfem.results.summary import summarise
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
@@ -36,7 +37,7 @@ class Faces:
 
     temperature: list[float] = field(default_factory=list)
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
+    def step(self, run: RunState, sample: Sample) -> None:
         """Note an interval."""
         self.temperature.append(float(sample.profiles["mid_face"].temperature[0]))
 
@@ -50,17 +51,17 @@ def run(mould: str, changes: tuple[str, ...], interval: float, passes: int) -> d
     start = process_time()
     march.run()
     seconds = process_time() - start
-    found = summarise(march, "finished")
+    found = summarise(march.run_state, "finished")
     scene.destroy()
     late = faces.temperature[len(faces.temperature) // 4 :]
     return {
         "scene": NAMES[mould] + (", 20 kW/(m² K), to 300 mm" if changes else ""),
         "interval": interval,
         "allowed": passes,
-        "intervals": march.counts.intervals,
-        "passes": march.counts.passes,
-        "cut": march.counts.cut_back,
-        "unsettled": march.counts.unsettled,
+        "intervals": march.run_state.counts.intervals,
+        "passes": march.run_state.counts.passes,
+        "cut": march.run_state.counts.cut_back,
+        "unsettled": march.run_state.counts.unsettled,
         "swing": float(np.abs(np.diff(late, 2)).mean()),
         "heat": found.quantities["heat_removed_slice"].value / 1e3,
         "peak": found.quantities["von_mises_max"].value / 1e6,

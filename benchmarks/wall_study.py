@@ -21,6 +21,7 @@ from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, touch
 from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.results.mechanical import MechanicalSample
+from castfem.results.run_state import RunState
 from castfem.results.summary import summarise
 from castfem.results.thermal import Sample
 from castfem.simulation import mechanics as build_mechanics
@@ -46,7 +47,7 @@ class Marched:
     cut: int = 0
     values: dict[str, float] = field(default_factory=dict)
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
+    def step(self, run: RunState, sample: Sample) -> None:
         """Note an interval."""
         if sample.mechanics is not None and sample.position > 0.0:
             self.mechanics.append(sample.mechanics)
@@ -64,8 +65,8 @@ def march(mould: str, changes: Iterable[str]) -> Marched:
     start = process_time()
     one.run()
     found.seconds = process_time() - start
-    found.newton, found.cut = one.counts.newton_mechanics, one.counts.cut_back
-    found.values = {n: q.value for n, q in summarise(one, "finished").quantities.items()}
+    found.newton, found.cut = one.run_state.counts.newton_mechanics, one.run_state.counts.cut_back
+    found.values = {n: q.value for n, q in summarise(one.run_state, "finished").quantities.items()}
     scene.destroy()
     keys = textwrap.shorten(" ".join(changes), 120, placeholder=" ...")
     print(f"  {mould} {keys}: {found.seconds:.1f} s", flush=True)

@@ -10,8 +10,8 @@ from castfem.results.thermal import CELSIUS, Sample
 
 if TYPE_CHECKING:
     from castfem.results.mechanical import MechanicalSample
+    from castfem.results.run_state import RunState
     from castfem.simulation.simulation import Simulation
-    from castfem.time_loop.loop import TimeLoop
 
 
 def columns(simulation: Simulation) -> list[tuple[str, str]]:
@@ -61,9 +61,9 @@ def _rubs(simulation: Simulation) -> bool:
     return contact is not None and contact.friction is not None
 
 
-def row(march: TimeLoop, sample: Sample) -> dict[str, float]:
+def row(run: RunState, sample: Sample) -> dict[str, float]:
     """One row of the history in its units."""
-    speed, whole = march.simulation.case.casting.speed, march.simulation.section.multiplicity
+    speed, whole = run.simulation.case.casting.speed, run.simulation.section.multiplicity
     cells = {
         "time": sample.time,
         "position": sample.position,

@@ -14,22 +14,22 @@ if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
     from castfem.results.mechanical import MechanicalSample
     from castfem.results.mould_extremes import LargestStress
+    from castfem.results.run_state import RunState
     from castfem.results.thermal import Sample
     from castfem.simulation.simulation import Simulation
-    from castfem.time_loop.loop import TimeLoop
 
 
-def summarise(march: TimeLoop, status: str) -> Summary:
-    """The summary of `march` as it stands."""
-    simulation = march.simulation
-    found, forces = last_results(march)
+def summarise(run: RunState, status: str) -> Summary:
+    """The summary of the run as it stands."""
+    simulation = run.simulation
+    found, forces = last_results(run)
     return Summary(
         title=simulation.case.title,
         status=status,
         quantities=found,
-        references=_comparisons(march, found),
-        balances={"heat": _heat_balance(march), **forces},
-        steps=_steps(march),
+        references=_comparisons(run, found),
+        balances={"heat": _heat_balance(run), **forces},
+        steps=_steps(run),
         wall_time=dict(simulation.watch.seconds),
         zones=tuple(Zone(s.name, s.start, s.end, s.whole) for s in simulation.zones.spans),
         mould_exit=simulation.case.mould_exit(),
@@ -53,18 +53,18 @@ def _unchecked(simulation: Simulation) -> tuple[str, ...]:
     return tuple(f"{', '.join(keys)}: {source}" for source, keys in sources.items())
 
 
-def last_results(march: TimeLoop) -> tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]]:
+def last_results(run: RunState) -> tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]]:
     """Results and balances of forces of the last step, by name."""
-    if march.told is not None:
-        return march.told
-    sample = march.sample
-    found = {} if sample is None else quantities(march, sample)
+    if run.restored is not None:
+        return run.restored
+    sample = run.sample
+    found = {} if sample is None else quantities(run, sample)
     return found, _force_balances(sample)
 
 
-def _steps(march: TimeLoop) -> dict[str, float]:
-    """Counts of the march."""
-    simulation, counts = march.simulation, march.counts
+def _steps(run: RunState) -> dict[str, float]:
+    """Counts of the run."""
+    simulation, counts = run.simulation, run.counts
     found = {
         "accepted": counts.steps,
         "rejected": counts.rejected,
@@ -85,28 +85,28 @@ def _steps(march: TimeLoop) -> dict[str, float]:
     return {name: float(count) for name, count in found.items()}
 
 
-def _comparisons(march: TimeLoop, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
+def _comparisons(run: RunState, final: dict[str, Quantity]) -> tuple[Comparison, ...]:
     """Each reference beside our value where it holds, if the run has come there."""
     found: list[Comparison] = []
-    length, end = march.simulation.case.casting.length, march.simulation.control.end
-    for r in march.simulation.case.reference:
-        here = march.snapshots.get(r.at) if r.at is not None else final
-        come = r.at is not None or same_instant(march.state.time, end, end)
+    length, end = run.simulation.case.casting.length, run.simulation.control.end
+    for r in run.simulation.case.reference:
+        here = run.snapshots.get(r.at) if r.at is not None else final
+        come = r.at is not None or same_instant(run.state.time, end, end)
         if here is not None and come:
             inner = None if r.at is None or same_instant(r.at, length, length) else r.at
             reference = Reference(
                 r.quantity, r.si, r.unit or "-", r.source, inner, r.kind, r.note, r.changed or ()
             )
             found += compare([reference], here)
-    exact, time = march.simulation.exact, march.state.thermal.time
+    exact, time = run.simulation.exact, run.state.thermal.time
     if exact is not None and time > 0.0:
         found += compare(closed_form.references(exact, time), final)
     return tuple(found)
 
 
-def quantities(march: TimeLoop, sample: Sample) -> dict[str, Quantity]:
+def quantities(run: RunState, sample: Sample) -> dict[str, Quantity]:
     """The results of the slice where `sample` was taken."""
-    simulation = march.simulation
+    simulation = run.simulation
     speed, whole = simulation.case.casting.speed, simulation.section.multiplicity
     found = {
         "solidus": Quantity(simulation.steel.solidus, "degC", "solidus"),
@@ -132,21 +132,21 @@ def quantities(march: TimeLoop, sample: Sample) -> dict[str, Quantity]:
         **_told(temperature_max=sample.temperature_range[1]),
     }
     if sample.mechanics is not None:
-        found |= _mechanical_quantities(sample.mechanics, march.sampler.largest_stress)
+        found |= _mechanical_quantities(sample.mechanics, run.sampler.largest_stress)
         found |= _friction(sample.mechanics, whole)
-    if march.sampler.extremes is not None:
-        found |= march.sampler.extremes.quantities()
-    closed = march.sampler.metallurgical_length
+    if run.sampler.extremes is not None:
+        found |= run.sampler.extremes.quantities()
+    closed = run.sampler.metallurgical_length
     if closed is not None:
         found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")
     if simulation.exact is not None:
-        found |= closed_form.errors(simulation.exact, simulation, march.state)
+        found |= closed_form.errors(simulation.exact, simulation, run.state)
     return found
 
 
-def _heat_balance(march: TimeLoop) -> dict[str, Quantity]:
-    simulation, state = march.simulation, march.state.thermal
-    gained = march.sampler.heat_gained(state)
+def _heat_balance(run: RunState) -> dict[str, Quantity]:
+    simulation, state = run.simulation, run.state.thermal
+    gained = run.sampler.heat_gained(state)
     open_ = abs(state.removed + gained - state.generated - state.fed)
     fed = {}
     if simulation.problem.shape is not None:
@@ -156,9 +156,7 @@ def _heat_balance(march: TimeLoop) -> dict[str, Quantity]:
         "lost": Quantity(-gained, "kJ/m", "decrease of enthalpy, modelled part"),
         "generated": Quantity(state.generated, "kJ/m", "viscoplastic work, modelled part"),
         **fed,
-        "worst_step": Quantity(
-            march.sampler.worst_balance, "-", "largest relative error of a step"
-        ),
+        "worst_step": Quantity(run.sampler.worst_balance, "-", "largest relative error of a step"),
         "whole": Quantity(
             open_ / max(abs(state.removed), 1e-300) if state.removed else 0.0,
             "-",

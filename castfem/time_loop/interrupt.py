@@ -1,4 +1,4 @@
-"""A wish to stop a march: heeded between two steps, for within PETSc an exception would be lost.
+"""A wish to stop a run: heeded between two steps, for within PETSc an exception would be lost.
 
 Ctrl-C is one (SIGINT); the other is SIGTERM, which mpirun and batch systems send before they kill.
 """
@@ -22,7 +22,7 @@ _DEFAULTS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.S
 
 
 class Stopped(KeyboardInterrupt):
-    """A march was stopped after a step, the same one on all ranks."""
+    """A run was stopped after a step, the same one on all ranks."""
 
 
 class Interrupt(Closing):
@@ -32,7 +32,7 @@ class Interrupt(Closing):
     delivers none.
 
     Args:
-        comm: Ranks that march together: a signal to any of them stops all.
+        comm: Ranks that run together: a signal to any of them stops all.
 
     Attributes:
         wanted: Whether this rank was asked to stop.

@@ -1,4 +1,4 @@
-"""The march of the slice from the meniscus to the end of the followed length."""
+"""The time loop: from the meniscus to the end of the followed length, and the run around it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.case.portable import portable
-from castfem.coupling.staggered import Interval, StrandState, take_interval
+from castfem.coupling.staggered import Interval, take_interval
 from castfem.coupling.step_control import same_instant
 from castfem.coupling.subcycling import Leg
 from castfem.errors import CastfemError, RunFailure
@@ -21,15 +21,15 @@ from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.summary import Quantity
+from castfem.results.run_state import RunState
 from castfem.results.summary import quantities, summarise
-from castfem.results.thermal import Sample, Sampler
+from castfem.results.thermal import Sample
 from castfem.simulation.simulation import Simulation, build
 from castfem.support import log
 from castfem.support.stopwatch import peak_memory, profile_table
 from castfem.time_loop import restart
 from castfem.time_loop.interrupt import Interrupt, Stopped
 from castfem.time_loop.recorder import Recorder
-from castfem.time_loop.run_state import Counts, Recorded
 
 if TYPE_CHECKING:
     from castfem.case import Case
@@ -44,13 +44,16 @@ LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/
 
 
 class TimeLoop:
-    """Steps a simulation through time; holds the committed state and nothing that is not committed.
+    """Takes a simulation from the meniscus to the end of the followed length, step by step.
 
     Args:
-        simulation: What to march.
-        recorder: Where committed steps are written; None for a march in memory.
+        simulation: What to run.
+        recorder: Where committed steps are written; None for a run in memory.
         progress: What is told after each step; None for silence.
         interrupt: Asked after each step whether to stop there.
+
+    Attributes:
+        run_state: Where the run stands.
     """
 
     def __init__(
@@ -62,48 +65,33 @@ class TimeLoop:
     ) -> None:
         self.simulation, self.recorder, self.progress = simulation, recorder, progress
         self.interrupt = interrupt
-        self.sampler = Sampler(simulation)
-        self.archive = restart.make_archive(simulation)
-        thermal = simulation.stepper.initial(simulation.start_temperature)
-        self.state: StrandState = (
-            StrandState(thermal, None, np.zeros(0))
-            if simulation.coupler is None
-            else simulation.coupler.start(thermal)
-        )
-        self.counts = Counts()
-        self.sample: Sample | None = None
-        # Results at the positions the case has references for.
-        self.snapshots: dict[float, dict[str, Quantity]] = {}
-        # Results and balances of forces as the checkpoint tells them, until the next step: what a
-        # step finds out, and the heat flux through its gap, are no part of the state.
-        self.told: tuple[Named, dict[str, Named]] | None = None
-        self.zone = -1
-        self._recorded: Recorded | None = None
+        self.run_state = RunState.at_meniscus(simulation)
 
     def run(self) -> Sample:
-        """TimeLoop to the end of the simulation.
+        """Go to the end of the followed length.
 
         Raises:
             RunFailure: If a step cannot be saved; the committed state stays as it was.
         """
-        control = self.simulation.control
-        if self.sample is None:
+        run, control = self.run_state, self.simulation.control
+        if run.sample is None:
             self._enter_zone()
             self._record(None, None)
-        while self.state.time < control.end:
+        while run.state.time < control.end:
             self._enter_zone()
             self.advance()
-        assert self.sample is not None
-        return self.sample
+        assert run.sample is not None
+        return run.sample
 
     def _enter_zone(self) -> None:
         """Change the cooling if the slice has come to the next zone."""
-        zone = self.simulation.zones.index(self.state.time)
-        if zone != self.zone:
-            self.simulation.problem.set_cooling(self.simulation.zones.cooling(zone))
-            if self.zone >= 0:
-                self.simulation.steps.control.restart()
-            self.zone = zone
+        run, simulation = self.run_state, self.simulation
+        zone = simulation.zones.index(run.state.time)
+        if zone != run.zone:
+            simulation.problem.set_cooling(simulation.zones.cooling(zone))
+            if run.zone >= 0:
+                simulation.steps.control.restart()
+            run.zone = zone
 
     def advance(self) -> None:
         """Take one step, or with mechanics one interval: try, cut back if need be, commit.
@@ -111,7 +99,8 @@ class TimeLoop:
         Raises:
             RunFailure: At the smallest step.
         """
-        counts, before = self.counts, self._iterations()
+        run, before = self.run_state, self._iterations()
+        counts = run.counts
         try:
             found, failed = self._attempt()
         except RunFailure as error:
@@ -120,14 +109,14 @@ class TimeLoop:
         counts.newton += after[0] - before[0]
         counts.newton_mechanics += after[1] - before[1]
         if isinstance(found, Interval):
-            leg, result, self.state = found.leg, found.mechanical, found.state
+            leg, result, run.state = found.leg, found.mechanical, found.state
             counts.intervals += 1
             counts.cut_back += failed
             counts.passes += found.passes
             counts.unsettled += not found.settled
         else:
             leg, result = found, None
-            self.state = replace(self.state, thermal=leg.state)
+            run.state = replace(run.state, thermal=leg.state)
         counts.steps += leg.steps
         counts.rejected += leg.rejected
         counts.limited += leg.limited
@@ -137,8 +126,8 @@ class TimeLoop:
         """A thermal step or an interval that can be kept, and how many intervals could not."""
         simulation = self.simulation
         if simulation.coupler is None:
-            return simulation.steps.one(self.state.thermal), 0
-        return take_interval(simulation.coupler, self.state, simulation.control)
+            return simulation.steps.one(self.run_state.state.thermal), 0
+        return take_interval(simulation.coupler, self.run_state.state, simulation.control)
 
     def _iterations(self) -> tuple[int, int]:
         """Newton iterations in this process, of temperature and mechanics."""
@@ -147,59 +136,33 @@ class TimeLoop:
 
     def _whereabouts(self) -> str:
         """Where the slice is, for messages."""
-        time, speed = self.state.time, self.simulation.case.casting.speed
-        return f"{1e3 * time * speed:.4g} mm below the meniscus ({time:.4g} s)"
+        run = self.run_state
+        return f"{1e3 * run.position:.4g} mm below the meniscus ({run.state.time:.4g} s)"
 
     def _record(self, leg: Leg | None, mechanical: MechanicalResult | None) -> None:
+        run = self.run_state
         with self.simulation.watch.section("results"):
-            self.told = None
-            self.sample = self.sampler.read(self.state, leg, mechanical)
-            self._keep_snapshot(self.sample)
+            sample = run.take_sample(leg, mechanical)
+            self._keep_snapshot(sample)
         if self.recorder is not None:
             with self.simulation.watch.section("output"):
-                self.recorder.step(self, self.sample)
-        self.remember(self.sample)
+                self.recorder.step(run, sample)
+        run.remember()
         if self.progress is not None:
-            sample = self.sample
             newton = sample.newton + (sample.mechanics.newton if sample.mechanics else 0)
             self.progress.update(sample.position, sample.time, newton, sample.step, self._note())
         if self.interrupt is not None:
             self.interrupt.heed()
-
-    def remember(self, sample: Sample) -> None:
-        """Keep what has been recorded: states are never written into, the rest is copied."""
-        simulation = self.simulation
-        self._recorded = Recorded(
-            self.state,
-            sample,
-            replace(self.counts),
-            simulation.control.step,
-            simulation.steps.control.step,
-            self.zone,
-            self.sampler.memory(),
-            dict(self.snapshots),
-        )
-
-    def fall_back(self) -> bool:
-        """Take back what is not recorded, after an error at whatever place; False if nothing is."""
-        good = self._recorded
-        if good is None:
-            return False
-        self.state, self.sample, self.counts = good.state, good.sample, good.counts
-        self.simulation.control.step, self.simulation.steps.control.step = good.step, good.substep
-        self.zone, self.snapshots = good.zone, good.snapshots
-        self.sampler.recall(good.memory)
-        return True
 
     def _keep_snapshot(self, sample: Sample) -> None:
         case = self.simulation.case
         # The end too: a run that goes on from there has its number at a station.
         for position in {r.at for r in case.reference if r.at is not None}:
             if same_instant(sample.position, position, case.casting.length):
-                self.snapshots[position] = quantities(self, sample)
+                self.run_state.snapshots[position] = quantities(self.run_state, sample)
 
     def _note(self) -> str:
-        return self.simulation.zones.spans[max(self.zone, 0)].name
+        return self.simulation.zones.spans[max(self.run_state.zone, 0)].name
 
 
 def run(
@@ -249,7 +212,7 @@ def run(
         _tell_of_idle_ranks(simulation)
         recorder = Recorder(simulation, output, resume)
         freed.callback(recorder.close)
-        return _march(simulation, output, recorder, together, profile, progress)
+        return _run(simulation, output, recorder, together, profile, progress)
 
 
 def _tell_of_idle_ranks(simulation: Simulation) -> None:
@@ -263,7 +226,7 @@ def _tell_of_idle_ranks(simulation: Simulation) -> None:
         )  # fmt: skip
 
 
-def _march(
+def _run(
     simulation: Simulation,
     output: OutputFolder,
     recorder: Recorder,
@@ -271,40 +234,39 @@ def _march(
     profile: bool,
     progress: Progress | None,
 ) -> Summary:
-    """TimeLoop a built simulation with its files open."""
+    """Run a built simulation with its files open."""
     comm, watch = simulation.section.comm, simulation.watch
     interrupt = Interrupt(comm)
-    march = TimeLoop(simulation, recorder, progress, interrupt)
+    loop = TimeLoop(simulation, recorder, progress, interrupt)
+    run_state = loop.run_state
     if recorder.checkpoint is not None:
-        restart.restore(march, *recorder.checkpoint)
+        restart.restore(run_state, *recorder.checkpoint)
     if progress is not None:
-        progress.start(
-            simulation.case.casting.length, march.state.time * simulation.case.casting.speed
-        )
+        progress.start(simulation.case.casting.length, run_state.position)
     try:
         with interrupt, watch.section("march"):
-            march.run()
+            loop.run()
     except BaseException as error:
         # Saving takes all ranks.  Failures and stops they raise together; after anything else they
         # may stand at different places: then the checkpoint before must do.
         if together.meet(error):
-            _leave(march, recorder, output, error)
+            _leave(run_state, recorder, output, error)
         raise
     recorder.close()
     if simulation.case.output.checkpoint_every:
-        recorder.save(march)
+        recorder.save(run_state)
     if profile and comm.rank == 0:
         log.logger.info("%s", profile_table(watch))
-    return _finish(march, output, "finished")
+    return _finish(run_state, output, "finished")
 
 
-def _leave(march: TimeLoop, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:
+def _leave(run: RunState, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:
     """Leave the last good state on disk after `error`, which nothing here may hide (collective)."""
     try:
-        if march.fall_back():
-            recorder.save(march)
+        if run.fall_back():
+            recorder.save(run)
         stopped = isinstance(error, KeyboardInterrupt)
-        _finish(march, output, "interrupted" if stopped else "failed", _reason(error))
+        _finish(run, output, "interrupted" if stopped else "failed", _reason(error))
     except Exception as other:
         log.logger.warning("the state could not be saved: %s", other)
 
@@ -316,23 +278,19 @@ def _reason(error: BaseException) -> str:
     return f"unexpected {type(error).__name__}: {error}"
 
 
-def _finish(march: TimeLoop, output: OutputFolder, status: str, reason: str = "") -> Summary:
+def _finish(run: RunState, output: OutputFolder, status: str, reason: str = "") -> Summary:
     """Write summary and run record; the summary is the same on every rank."""
-    comm = march.simulation.section.comm
-    summary = summarise(march, status)
+    comm = run.simulation.section.comm
+    summary = summarise(run, status)
     memory = reductions.total(comm, peak_memory())
 
     def write() -> None:
         output.write_summary(summary)
         facts = {
-            "wall_time": dict(march.simulation.watch.seconds),
-            "compiled_forms": tuple(march.simulation.section.compiled),
+            "wall_time": dict(run.simulation.watch.seconds),
+            "compiled_forms": tuple(run.simulation.section.compiled),
             "memory_mb": round(memory / 1e6, 1),
-            "reached": {
-                "time": march.state.time,
-                "position": march.state.time * march.simulation.case.casting.speed,
-                "step": march.counts.steps,
-            },
+            "reached": run.reached,
         }
         if status == "finished":
             output.finish(**facts)

@@ -1,4 +1,4 @@
-"""Writes what a march yields: history, fields, checkpoints.  Files are rank 0's business."""
+"""Writes what a run yields: history, fields, checkpoints.  Files are rank 0's business."""
 
 from __future__ import annotations
 
@@ -16,13 +16,12 @@ from castfem.output.folder import OutputFolder
 from castfem.output.history import HISTORY_NAME, History
 from castfem.output.xdmf import FieldWriter, same_or_before
 from castfem.results.columns import columns, row
+from castfem.results.run_state import Counts, RunState
 from castfem.results.thermal import Sample
 from castfem.time_loop import restart
-from castfem.time_loop.run_state import Counts
 
 if TYPE_CHECKING:
     from castfem.simulation.simulation import Simulation
-    from castfem.time_loop.loop import TimeLoop
 
 Array = npt.NDArray[np.float64]
 
@@ -31,7 +30,7 @@ class Recorder:
     """Files of one run.
 
     Args:
-        simulation: What is marched.
+        simulation: What is run.
         folder: The run's folder, begun; used on rank 0.
         resume: Go on with the files that are there.
     """
@@ -86,41 +85,41 @@ class Recorder:
         if names := self.simulation.case.output_fields:
             self._fields = FieldWriter.resume(self.folder.path, time, names)
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
+    def step(self, run: RunState, sample: Sample) -> None:
         """Write one committed step: a row always, fields at output times, a checkpoint in turn.
 
         Raises:
             RunFailure: On every rank, when a file cannot be written.
         """
-        fields = self._due_fields(march, sample)
+        fields = self._due_fields(run, sample)
         state: dict[str, Array | None] = {}
-        taken = march.counts.taken
+        taken = run.counts.taken
         checkpoint = self._every > 0 and taken % self._every == 0  # at the meniscus, too
         if checkpoint:
-            state = restart.arrays(march)
+            state = restart.arrays(run)
 
         def write() -> None:
             assert self._history is not None
-            self._history.append(row(march, sample))
+            self._history.append(row(run, sample))
             if self._fields is not None and fields:
                 self._fields.write(sample.time, sample.position, fields)
             if checkpoint:
-                self._save(march, state)
+                self._save(run, state)
 
         on_root(self.comm, write)
 
-    def _due_fields(self, march: TimeLoop, sample: Sample) -> dict[str, Array] | None:
+    def _due_fields(self, run: RunState, sample: Sample) -> dict[str, Array] | None:
         """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
         names = self.simulation.case.output_fields
         if not names or not self._is_due(sample.time):
             return None
-        state, gather = march.state, self.simulation.section.gather
+        state, gather = run.state, self.simulation.section.gather
         kelvin = state.thermal.point.temperature
         owned = {"temperature": kelvin}
         if "solid_fraction" in names:
             owned["solid_fraction"] = np.asarray(self.simulation.steel.solid_fraction(kelvin))
-        if march.sampler.mechanics is not None and state.mechanical is not None:
-            owned |= march.sampler.mechanics.fields(state.mechanical, names)
+        if run.sampler.mechanics is not None and state.mechanical is not None:
+            owned |= run.sampler.mechanics.fields(state.mechanical, names)
         gathered = {name: _by_component(gather, owned[name]) for name in names}
         return {name: values for name, values in gathered.items() if values is not None}
 
@@ -130,7 +129,7 @@ class Recorder:
         nearest = round(time / every) * every
         return time == 0.0 or same_instant(time, nearest, end) or same_instant(time, end, end)
 
-    def _save(self, march: TimeLoop, state: dict[str, Array | None]) -> None:
+    def _save(self, run: RunState, state: dict[str, Array | None]) -> None:
         """Save a checkpoint and note how far the run has come (rank 0)."""
         arrays = {name: values for name, values in state.items() if values is not None}
         if self._history is not None:
@@ -138,23 +137,17 @@ class Recorder:
         case = self.simulation.case
         save_checkpoint(
             self.folder / CHECKPOINT_NAME,
-            restart.description(march),
+            restart.description(run),
             arrays,
             physics=case.physics_hash(),
             case=case.physics(),
         )
-        self.folder.update(
-            reached={
-                "time": march.state.time,
-                "position": march.state.time * self.simulation.case.casting.speed,
-                "step": march.counts.steps,
-            }
-        )
+        self.folder.update(reached=run.reached)
 
-    def save(self, march: TimeLoop) -> None:
+    def save(self, run: RunState) -> None:
         """Save a checkpoint of the committed state now (collective)."""
-        state = restart.arrays(march)
-        on_root(self.comm, lambda: self._save(march, state))
+        state = restart.arrays(run)
+        on_root(self.comm, lambda: self._save(run, state))
 
     def close(self) -> None:
         """Close the files; what was written is complete without it."""

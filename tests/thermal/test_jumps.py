@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from castfem.case import load_case
+from castfem.results.run_state import Counts, RunState
 from castfem.simulation.simulation import build
 from castfem.thermal import flux_laws
 from castfem.thermal.stepper import REBOUND, ThermalStepper
@@ -28,9 +29,9 @@ class Course:
     def __init__(self) -> None:
         self.found: list[Array] = []
 
-    def step(self, march: TimeLoop, sample: object) -> None:
+    def step(self, run: RunState, sample: object) -> None:
         """Keep them."""
-        self.found.append(march.state.thermal.point.temperature)
+        self.found.append(run.state.thermal.point.temperature)
 
     @property
     def rise(self) -> float:
@@ -38,7 +39,7 @@ class Course:
         return float(np.diff(self.found, axis=0).max())
 
 
-def marched(*changes: str) -> tuple[Course, TimeLoop]:
+def marched(*changes: str) -> tuple[Course, Counts]:
     """The shipped billet, changed, after its march."""
     scene = build(load_case("cases/billet125/thermal.toml", changes), MPI.COMM_SELF)
     course = Course()
@@ -47,7 +48,7 @@ def marched(*changes: str) -> tuple[Course, TimeLoop]:
         march.run()
     finally:
         scene.destroy()
-    return course, march
+    return course, march.run_state.counts
 
 
 def convection(coefficient: str) -> str:
@@ -71,22 +72,22 @@ def convection(coefficient: str) -> str:
 )
 def test_steel_that_is_quenched_never_warms(coefficient: str, stepping: str, jumps: bool) -> None:
     """From the meniscus on, freezing, all round: 1542, 292, 438 degC it went at 30 kW/m2K."""
-    course, march = marched(convection(coefficient), stepping, *COARSE)
+    course, counts = marched(convection(coefficient), stepping, *COARSE)
     assert course.rise < SLACK
-    assert march.counts.limited >= jumps
-    assert march.counts.limited < 0.25 * march.counts.steps
+    assert counts.limited >= jumps
+    assert counts.limited < 0.25 * counts.steps
 
 
 def test_without_a_look_ahead_it_would_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ThermalStepper, "_look_ahead", lambda *_: (False, None))
-    course, march = marched(convection("30 kW/(m^2 K)"), FIXED.format("0.5 s"), *COARSE)
-    assert course.rise > 100.0 and march.counts.limited == 0
+    course, counts = marched(convection("30 kW/(m^2 K)"), FIXED.format("0.5 s"), *COARSE)
+    assert course.rise > 100.0 and counts.limited == 0
 
 
 def test_a_billet_as_shipped_is_not_damped() -> None:
     """Its first step wakes fast modes too, but no vertex is carried past its rest."""
-    course, march = marched("output.fields=[]", "casting.length='150 mm'")
-    assert course.rise < SLACK and march.counts.limited == 0
+    course, counts = marched("output.fields=[]", "casting.length='150 mm'")
+    assert course.rise < SLACK and counts.limited == 0
 
 
 @pytest.mark.parametrize(("coefficient", "way"), [(3e4, 1.0), (50.0, -1.0)])

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from castfem.case import Case, load_case
 from castfem.coupling.staggered import StrandState
 from castfem.output.summary import Summary
+from castfem.results.run_state import RunState
 from castfem.results.summary import summarise
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
@@ -51,9 +52,9 @@ class Kept:
     states: list[StrandState] = field(default_factory=list)
     summary: Summary | None = None
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
+    def step(self, run: RunState, sample: Sample) -> None:
         self.samples.append(sample)
-        self.states.append(march.state)
+        self.states.append(run.state)
 
     def value(self, name: str) -> float:
         """A result where the march ended, SI."""
@@ -67,7 +68,7 @@ def marched(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
     try:
         last = TimeLoop(scene, kept)  # type: ignore[arg-type]
         last.run()
-        kept.summary = summarise(last, "finished")
+        kept.summary = summarise(last.run_state, "finished")
     finally:
         scene.destroy()
     return kept

@@ -23,6 +23,7 @@ from castfem.cli import execute
 from castfem.errors import InputError
 from castfem.output.history import read_history
 from castfem.results.mechanical import MechanicalSample
+from castfem.results.run_state import RunState
 from castfem.results.thermal import Sample
 from castfem.simulation.cooling import Zones
 from castfem.simulation.simulation import build
@@ -208,8 +209,8 @@ def test_order_decides_through_which_gap_heat_flows(
     found: list[np.ndarray] = []
 
     class Gaps:
-        def step(self, march: TimeLoop, sample: Sample) -> None:
-            coupler, state = march.simulation.coupler, march.state.mechanical
+        def step(self, run: RunState, sample: Sample) -> None:
+            coupler, state = run.simulation.coupler, run.state.mechanical
             assert coupler is not None and state is not None
             gap = coupler.gap_of(state)
             assert gap is not None

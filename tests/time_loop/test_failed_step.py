@@ -17,6 +17,7 @@ from castfem.contact.state import OPEN, SLIP
 from castfem.coupling.staggered import Coupler, Interval, StrandState
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
+from castfem.results.run_state import RunState
 from castfem.results.thermal import Sample
 from castfem.simulation.simulation import Simulation, build
 from castfem.time_loop import restart
@@ -149,10 +150,10 @@ class Undisturbed(Kept):
         self.scene = scene
         self.checkpoint: tuple[Any, Any] = (None, None)
 
-    def step(self, march: TimeLoop, sample: Sample) -> None:
-        super().step(march, sample)
+    def step(self, run: RunState, sample: Sample) -> None:
+        super().step(run, sample)
         if sample.time == BEFORE:
-            self.checkpoint = restart.description(march), restart.arrays(march)
+            self.checkpoint = restart.description(run), restart.arrays(run)
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +174,7 @@ def test_a_failed_attempt_leaves_no_trace(
 ) -> None:
     attempts, kept = Attempts(monkeypatch, spoil), Kept()
     march = TimeLoop(undisturbed.scene, kept)  # type: ignore[arg-type]
-    restart.restore(march, *undisturbed.checkpoint)
+    restart.restore(march.run_state, *undisturbed.checkpoint)
     march.run()
     (old,) = attempts.given
     assert attempts.before == attempts.after == [bits(old)]
@@ -189,7 +190,7 @@ def test_a_failed_attempt_leaves_no_trace(
     assert old.time == old.thermal.time == old.mechanical.time == BEFORE
     assert np.array_equal(old.mechanical.temperature, old.thermal.point.temperature)
     # The run goes on as if the attempt had never been.
-    assert march.counts.cut_back == 1
+    assert march.run_state.counts.cut_back == 1
     same = undisturbed.states[-len(kept.states) :]
     assert same[0].time > BEFORE and len(same) == 3 and same[-1].time == WHEN
     for ours, theirs in zip(kept.states, same, strict=True):

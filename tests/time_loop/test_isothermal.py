@@ -39,13 +39,13 @@ def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
         source = scene.section.source
         assert source is not None
         places = source.points[scene.section.node_of_owned]
-        temperature = march.state.thermal.point.temperature
+        temperature = march.run_state.state.thermal.point.temperature
         half = 0.0625
         found = [
             float(temperature[np.linalg.norm(places - place, axis=1).argmin()])
             for place in ((half, 0.0), (0.0, half))
         ]
-        return found, march.state.thermal.removed * scene.section.multiplicity
+        return found, march.run_state.state.thermal.removed * scene.section.multiplicity
     finally:
         scene.destroy()
 

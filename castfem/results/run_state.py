@@ -1,0 +1,156 @@
+"""Where a run stands: what goes round between time loop, recorder, checkpoint and summary."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.coupling.staggered import StrandState
+from castfem.results.thermal import Sample, Sampler
+
+if TYPE_CHECKING:
+    from castfem.coupling.subcycling import Leg
+    from castfem.mechanics.checkpoint import Archive
+    from castfem.mechanics.state import MechanicalResult
+    from castfem.output.summary import Quantity
+    from castfem.simulation.simulation import Simulation
+
+
+@dataclass(slots=True)
+class Counts:
+    """Counts of a run, those before it was resumed included.
+
+    Attributes:
+        steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
+            the second-order scheme left the physical bounds, or would have come back.
+        intervals: Of temperature and mechanics. cut_back: Tried and not kept.
+        passes: Through intervals that were kept, repeated ones included. unsettled: Repeated as
+            often as allowed, as short as sensible, and the gap still changed.
+        newton: Newton iterations of the temperature, those of what was not kept included.
+        newton_mechanics: Likewise of the mechanics.
+    """
+
+    steps: int = 0
+    rejected: int = 0
+    limited: int = 0
+    intervals: int = 0
+    cut_back: int = 0
+    passes: int = 0
+    unsettled: int = 0
+    newton: int = 0
+    newton_mechanics: int = 0
+
+    @property
+    def taken(self) -> int:
+        """Commits so far: intervals, or thermal steps in a simulation without mechanics."""
+        return self.intervals or self.steps
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """All that a run goes on from, as it stood when its files were written last.
+
+    Attributes:
+        state: The committed state. sample: Taken of it. counts: So far.
+        step: Of `Simulation.control`, s. substep: Of the thermal steps, s.
+        zone: Index of the cooling.
+        memory: Of the sampler. snapshots: Results at the references' positions.
+    """
+
+    state: StrandState
+    sample: Sample
+    counts: Counts
+    step: float
+    substep: float
+    zone: int
+    memory: dict[str, float | None]
+    snapshots: dict[float, dict[str, Quantity]]
+
+
+@dataclass(slots=True)
+class RunState:
+    """A run between two steps. It holds nothing that is not committed.
+
+    Attributes:
+        simulation: The objects of the run.
+        state: The committed state.
+        sampler: Takes samples of the state, and knows the extremes of the whole run.
+        archive: Takes the mechanical state apart for checkpoints; None without mechanics.
+        counts: Of steps and iterations.
+        sample: The last one; None before the first.
+        zone: Index of the cooling; -1 before the first.
+        snapshots: Results at the positions (m) for which the case has references.
+        restored: Results and balances of forces as a checkpoint has them, until the next step: what
+            a step finds out, and the heat flux through its gap, are no part of the state.
+    """
+
+    simulation: Simulation
+    state: StrandState
+    sampler: Sampler
+    archive: Archive | None = None
+    counts: Counts = field(default_factory=Counts)
+    sample: Sample | None = None
+    zone: int = -1
+    snapshots: dict[float, dict[str, Quantity]] = field(default_factory=dict)
+    restored: tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]] | None = None
+    _recorded: Recorded | None = None
+
+    @classmethod
+    def at_meniscus(cls, simulation: Simulation) -> RunState:
+        """A run that has not begun."""
+        thermal = simulation.stepper.initial(simulation.start_temperature)
+        state = (
+            StrandState(thermal, None, np.zeros(0))
+            if simulation.coupler is None
+            else simulation.coupler.start(thermal)
+        )
+        archive = None
+        if simulation.mechanics is not None:
+            from castfem.mechanics.checkpoint import Archive
+
+            archive = Archive(simulation.mechanics.problem)
+        return cls(simulation, state, Sampler(simulation), archive)
+
+    @property
+    def position(self) -> float:
+        """Of the slice below the meniscus, m."""
+        return self.state.time * self.simulation.case.casting.speed
+
+    @property
+    def reached(self) -> dict[str, float]:
+        """How far the run has come, for run.json: time in s, position in m, thermal steps."""
+        return {"time": self.state.time, "position": self.position, "step": self.counts.steps}
+
+    def take_sample(self, leg: Leg | None, mechanical: MechanicalResult | None) -> Sample:
+        """Take a sample of the committed state, and of the step that led to it (collective)."""
+        self.restored = None
+        self.sample = self.sampler.read(self.state, leg, mechanical)
+        return self.sample
+
+    def remember(self) -> None:
+        """Keep what has been recorded: states are never written into, the rest is copied."""
+        simulation, sample = self.simulation, self.sample
+        assert sample is not None, "a sample has been taken"
+        self._recorded = Recorded(
+            self.state,
+            sample,
+            replace(self.counts),
+            simulation.control.step,
+            simulation.steps.control.step,
+            self.zone,
+            self.sampler.memory(),
+            dict(self.snapshots),
+        )
+
+    def fall_back(self) -> bool:
+        """Take back what is not recorded, after an error at whatever place; False if nothing is."""
+        good, simulation = self._recorded, self.simulation
+        if good is None:
+            return False
+        self.state, self.sample, self.counts = good.state, good.sample, good.counts
+        simulation.control.step, simulation.steps.control.step = good.step, good.substep
+        self.zone, self.snapshots = good.zone, good.snapshots
+        self.sampler.recall(good.memory)
+        return True
