@@ -13,6 +13,8 @@ own stress, and the gap, weighted with K_p = gamma E / h, is zero, not p / K_p. 
 the same virtual work (274); they differ in p alone.
 
 The pressure laws take numbers, arrays and UFL expressions alike.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

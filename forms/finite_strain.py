@@ -14,6 +14,8 @@ G = (F - F_old) F_mid^-1 the strain increment is sym G and the spin w = (G_21 - 
 stress is turned by the angle 2 atan(w/2), the strain increment, which belongs to the middle of the
 step, by half of it (without that the update is of first order where strain turns), and with both
 the law is integrated.  A rotation of any angle gives no strain, and its own angle exactly.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

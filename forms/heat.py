@@ -13,6 +13,8 @@ and the principle holds there but for what they let through.
 
 On curved cells (second-order geometry) the vertex rule would make areas and arcs too large, by 5 %
 with two cells round a corner: there a vertex gets the integral of its test function.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

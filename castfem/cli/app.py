@@ -1,4 +1,7 @@
-"""The commands of castfem. Heavy modules are imported inside the commands that need them."""
+"""The commands of castfem. Heavy modules are imported inside the commands that need them.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`castfem mould`: the taper of a mould as (300) defines it, and a picture of the mould."""
+"""`castfem mould`: the taper of a mould as (300) defines it, and a picture of the mould.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Analytical answers of a bar that is pulled, pressed and released at constant rates."""
+"""Analytical answers of a bar that is pulled, pressed and released at constant rates.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 Symmetric tensors in generalized plane strain are Mandel vectors [xx, yy, zz, sqrt(2) xy]: the norm
 of the tensor is that of the vector, and a tangent is an ordinary 4 x 4 matrix.  SI units: Pa, K, s.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

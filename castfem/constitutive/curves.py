@@ -2,6 +2,8 @@
 
 Stresses in Pa, rates in 1/s, temperatures in K.  Status of the numbers (F read in the source, M
 from memory of the reference and not yet checked against the page, C computed here) stands beside.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -17,6 +17,8 @@ V.1.6; no thermal strain there is the caller's part).  Two things follow from it
 * A point that freezes within a step takes up strain only from then on.  Its strain increment and
   its time are multiplied by the part of the step that lies below the solidus (temperature linear
   over the step), so that the stress of new shell does not depend on where the steps end.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

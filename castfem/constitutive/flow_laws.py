@@ -2,6 +2,8 @@
 
 All flow is isotropic, incompressible and along the stress deviator (von Mises).  p is the
 equivalent viscoplastic strain, q the equivalent stress; each class states its flow stress.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

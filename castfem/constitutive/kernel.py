@@ -12,6 +12,8 @@ Scalar problem of a point: the trial deviator keeps its direction, its equivalen
 whose left side is increasing and, for sums of power laws, convex with slopes between the smallest
 exponent of the law and 1: Newton from the right end ln(trial / 3G) falls onto the root without
 leaving the bracket, whatever the exponents.  Where a law is not convex the bracket guards.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

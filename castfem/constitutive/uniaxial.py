@@ -2,6 +2,8 @@
 
 The axis is z, the casting direction.  Many specimens run side by side, one a row; each may have its
 own temperature history.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -10,6 +10,8 @@ pressure: it is at most `steepest` times that.  Without this, friction jumps whe
 point that its own friction lifts off the wall, and that comes back without it, has no solution.
 Surfaces that are pressed lightly touch on a few spots alone, in proportion to the pressure, so that
 such laws hold at pressures near the yield stress only (Wanheim and Bay, CIRP Annals 27 (1978) 189).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What touches the slice, and how contact is to be computed."""
+"""What touches the slice, and how contact is to be computed.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 Nothing here keeps a state of its own: each step goes from a committed state to a new one, or leaves
 the old one as it was.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations
@@ -96,7 +98,7 @@ def difference(one: Array, other: Array) -> Array:
 class Relaxation:
     """Aitken's dynamic relaxation of a field that is looked for by repetition.
 
-    Kuettler and Wall, Comput. Mech. 43 (2008) 61, (44).
+    [Kuettler2008] (44).
 
     Args:
         comm: Ranks that have the field.

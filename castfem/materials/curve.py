@@ -5,6 +5,8 @@ even where H(T) jumps (isothermal freezing), so one code serves every freezing r
  The conductivity enters as its integral theta(T) = int k dT, which turns div(k grad T) into
  div(grad theta)
 (Kirchhoff's transformation): the flux between two points is then exact for any k(T).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

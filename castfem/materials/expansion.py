@@ -6,6 +6,8 @@ e(T)/(T - T_sol).
 
 The thesis' (19) prints the ratio of densities upside down and without the division by T - T_sol.
 From L^3 ~ 1/rho:  e(T) = (rho(T_sol)/rho(T))^(1/3) - 1  and  alpha_m = e(T)/(T - T_sol).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -11,6 +11,8 @@ The thesis prints 1493 twice in its tables where 1495 is meant, and 0.723 for th
 
 Below the region where austenite is stable (A3, Acm) the steel is still reported as austenite:
 ferrite, pearlite and cementite are not modelled, since the diagram serves solidification.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 Each law is a `Property` (see `castfem.materials.properties`) that also knows its solidus and
 liquidus.  Below the solidus it is 1, above the liquidus 0.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -2,6 +2,8 @@
 
 A property that the set does not give (no emissivity, say) raises InputError when it is asked for,
 so that a set needs only what the simulations made with it need.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Ferrostatic pressure of the liquid core (thesis III.3)."""
+"""Ferrostatic pressure of the liquid core (thesis III.3).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

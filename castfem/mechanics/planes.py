@@ -7,6 +7,8 @@ What is carried here are the generalized strains [a0 - 1, a1, a2, across], see
     generalized strains = offset(t) + directions(t) z
 
 with free scalars z, each closed by one balance out of (38).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The committed mechanical state, and the result of a step."""
+"""The committed mechanical state, and the result of a step.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -5,6 +5,8 @@ negative thickness, a shell that has turned over, a bulge as large as the strand
 any other.  So each state is judged before it is accepted.  What is coherent solid is judged
 strictly; the liquid has a stand-in without stiffness that may distort, and is judged only for what
 would make the rest meaningless.  docs/mechanics.md has the limits and their reasons.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The cavity of a mould: its section from the sizes that the taper leaves of it."""
+"""The cavity of a mould: its section from the sizes that the taper leaves of it.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The mould: a cavity whose section goes with the position below the meniscus."""
+"""The mould: a cavity whose section goes with the position below the meniscus.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

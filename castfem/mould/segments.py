@@ -6,6 +6,8 @@ may meet a segment twice; only where it leaves the cavity (outward normal . m > 
 front of it. Of a straight line, a circle or a parabola there is at most one such crossing, and its
 root is written down in the form without cancellation, so that no case needs a search. The distance
 d is negative where the point has penetrated the wall; it is infinite where the segment is not met.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -8,6 +8,8 @@ outlet (300):
 A taper over several zones applies (300) to each zone with the zone's own inlet, outlet and height,
 as (303) does. Within a zone the dimension is linear in the position, or a parabola whose local
 taper -w' / w_out goes linearly from one value to another; their mean is then the t of (300).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""What a strand's surface knows of a wall: how far it is and which way it faces."""
+"""What a strand's surface knows of a wall: how far it is and which way it faces.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

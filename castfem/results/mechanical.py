@@ -1,4 +1,7 @@
-"""What is read off the strained slice: stress, movement of its surface, forces."""
+"""What is read off the strained slice: stress, movement of its surface, forces.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""From the cooling zones of a case to what cools the surface at a time."""
+"""From the cooling zones of a case to what cools the surface at a time.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

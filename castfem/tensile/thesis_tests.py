@@ -2,6 +2,8 @@
 
 The thesis prints no numbers for them; the material here is of the size of austenite at 1100 degC.
 The analytical answer of each test is the elastic line to where it meets the curve (163), then that.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

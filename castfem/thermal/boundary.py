@@ -1,4 +1,7 @@
-"""The strand's surface: which vertices cool by which laws, with which share of the perimeter."""
+"""The strand's surface: which vertices cool by which laws, with which share of the perimeter.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,8 @@
 
 Every law gives q (W/m2, positive when heat leaves the strand) and dq/dT at the surface temperatures
 handed in, and the range of ambient temperatures it can drive the surface to.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Closed forms of one-dimensional solidification, solved to rounding."""
+"""Closed forms of one-dimensional solidification, solved to rounding.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

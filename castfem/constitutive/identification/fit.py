@@ -9,6 +9,8 @@ so errors are relative, one best fit exists, and what the data cannot tell shows
 The parameters are found for each temperature by itself or as polynomials over temperature.  Bounded
 least squares; the confidence intervals come from the Jacobian and are widened for residuals that
 hang together along a curve (the points of one curve are not so many independent measurements).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations
