@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import Field
 
 from castfem.case.base import TableModel, written
+from castfem.case.variants import Variants
+from castfem.errors import InputError
+from castfem.thermal import flux_laws
+from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import (
     Conductivity,
     Distance,
@@ -14,12 +20,16 @@ from castfem.values.quantities import (
     InverseLength,
     Kind,
     Length,
+    NameOf,
     PositiveNumber,
     Temperature,
     WaterFlow,
     WaterTemperature,
 )
 from castfem.values.tables import Curve, CurveOr, Table
+
+if TYPE_CHECKING:
+    from castfem.materials import Steel
 
 CoefficientOfTemperature = Annotated[
     float | Table, Curve(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), over="temperature")
@@ -40,8 +50,29 @@ WallTemperature = Annotated[str | float | Table, CurveOr(Kind("K", "degC"), "tim
 _GAP = "distance between strand and wall"
 
 
-class Law(TableModel):
-    """What every heat law has."""
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a heat law may leave to the rest of the case.
+
+    Attributes:
+        steel: Of the strand.
+        wall: Temperature of the mould's wall as the slice passes it, K, over time in s; None if
+            the case gives none.
+    """
+
+    steel: Steel
+    wall: float | Table | None = None
+
+
+class HeatLaw(Variants):
+    """What every heat law has; a new one is a subclass with its own `law` and `build`."""
+
+    tag_key = "law"
+    kinds: ClassVar[dict[str, Any]] = {}
+    crosses_gap: ClassVar[bool] = False
+    """Whether it crosses the gap of contact beside it, (35)-(36), rather than add to it."""
+    called: ClassVar[str] = ""
+    """What a sentence calls it; by default as the case file does."""
 
     on: tuple[str, ...] | None = Field(
         None,
@@ -50,9 +81,29 @@ class Law(TableModel):
         "with it; by default the whole outer surface",
     )
 
+    def build(self, around: Surroundings) -> flux_laws.SurfaceLaw | flux_laws.PrescribedTemperature:
+        """Return the law as arrays in, flux out.
 
-class Contact(Law):
+        Raises:
+            InputError: The rest of the case lacks what the law leaves to it.
+        """
+        raise NotImplementedError(f'heat law "{self.tag}" does not say how it is built')
+
+    def milestones(self) -> tuple[float, ...]:
+        """Return the instants at which what it is given changes its slope in time, s."""
+        given = (getattr(self, key) for key in type(self).model_fields)
+        return tuple(
+            kink
+            for value in given
+            if isinstance(value, Table) and value.over == "time"
+            for kink in value.kinks
+        )
+
+
+class Contact(HeatLaw):
     """Contact with a wall, through a gap where there is one (thesis, eq. 301)."""
+
+    called: ClassVar[str] = "contact with a gap of its own"
 
     law: Literal["contact"]
     coefficient: HeatTransferCoefficient = Field(description="coefficient without a gap")
@@ -72,9 +123,24 @@ class Contact(Law):
         examples=["0.15 W/(m K)"],
     )
 
+    def build(self, around: Surroundings) -> flux_laws.Contact:
+        """See `HeatLaw.build`."""
+        wall = around.wall if self.wall in (None, MOULD) else self.wall
+        assert wall is not None and not isinstance(wall, str), "the case has been checked"
+        return flux_laws.Contact(
+            coefficient=self.coefficient,
+            wall=wall,
+            # Without a gap its conductivity is of no account.
+            gap_conductivity=1.0 if self.gap_conductivity is None else self.gap_conductivity,
+            gap=self.gap or 0.0,
+            follows=self.gap is None,
+        )
 
-class Convection(Law):
+
+class Convection(HeatLaw):
     """Convection to the ambient (eq. 30); beside contact, across its gap alone."""
+
+    crosses_gap: ClassVar[bool] = True
 
     law: Literal["convection"]
     coefficient: CoefficientOfTemperature = Field(description="heat transfer coefficient")
@@ -82,9 +148,15 @@ class Convection(Law):
         description="temperature of the surroundings", examples=["25 degC"]
     )
 
+    def build(self, around: Surroundings) -> flux_laws.Convection:
+        """See `HeatLaw.build`."""
+        return flux_laws.Convection(coefficient=self.coefficient, ambient=self.ambient)
 
-class Radiation(Law):
+
+class Radiation(HeatLaw):
     """Radiation to the ambient (eq. 32, 33); beside contact, across its gap alone."""
+
+    crosses_gap: ClassVar[bool] = True
 
     law: Literal["radiation"]
     emissivity: EmissivityOfTemperature | None = Field(
@@ -107,30 +179,60 @@ class Radiation(Law):
         examples=["0.2 mm"],
     )
 
+    def build(self, around: Surroundings) -> flux_laws.Radiation:
+        """See `HeatLaw.build`."""
+        steel = around.steel
+        if self.emissivity is None and not steel.has("emissivity"):
+            raise InputError(
+                f"radiation: steel {steel.name} has no emissivity; give one, emissivity = 0.8"
+            )
+        return flux_laws.Radiation(
+            emissivity=steel.emissivity if self.emissivity is None else self.emissivity,
+            ambient=self.ambient,
+            wall_emissivity=self.wall_emissivity,
+            refractive_index=self.refractive_index,
+            absorption=self.absorption,
+            gap=self.gap,
+        )
 
-class Flux(Law):
+
+class Flux(HeatLaw):
     """A given heat flux; positive when heat leaves the strand."""
+
+    called: ClassVar[str] = "a given flux"
 
     law: Literal["flux"]
     value: FluxOfTime = Field(description="heat flux; a table is over time since the meniscus")
 
+    def build(self, around: Surroundings) -> flux_laws.PrescribedFlux:
+        """See `HeatLaw.build`."""
+        return flux_laws.PrescribedFlux(self.value)
 
-class PrescribedTemperature(Law):
+
+class PrescribedTemperature(HeatLaw):
     """A given surface temperature."""
+
+    called: ClassVar[str] = "a given temperature"
 
     law: Literal["temperature"]
     value: Temperature = Field(description="surface temperature", examples=["1000 degC"])
 
+    def build(self, around: Surroundings) -> flux_laws.PrescribedTemperature:
+        """See `HeatLaw.build`."""
+        return flux_laws.PrescribedTemperature(self.value)
 
-class Spray(Law):
+
+class Spray(HeatLaw):
     """Water spray: convection with the coefficient of a published correlation."""
+
+    called: ClassVar[str] = "a spray"
 
     law: Literal["spray"]
     water: WaterFlow = Field(description="water flow per surface area")
     water_temperature: WaterTemperature = Field(
         description="temperature of the water", examples=["25 degC"]
     )
-    correlation: Literal["nozaki", "ishiguro", "bolle", "mizikar", "sasaki", "wendelstorf"] = Field(
+    correlation: Annotated[str, NameOf(CORRELATIONS)] = Field(
         description="formula of the coefficient"
     )
     machine_factor: PositiveNumber = Field(
@@ -139,22 +241,15 @@ class Spray(Law):
         examples=[4],
     )
 
-
-def _law(table: Any) -> str | None:
-    if isinstance(table, dict):
-        return table.get("law")
-    return getattr(table, "law", None)
-
-
-HeatLaw = Annotated[
-    Annotated[Contact, Tag("contact")]
-    | Annotated[Convection, Tag("convection")]
-    | Annotated[Radiation, Tag("radiation")]
-    | Annotated[Flux, Tag("flux")]
-    | Annotated[PrescribedTemperature, Tag("temperature")]
-    | Annotated[Spray, Tag("spray")],
-    Discriminator(_law),
-]
+    def build(self, around: Surroundings) -> flux_laws.Convection:
+        """See `HeatLaw.build`."""
+        coefficient = partial(
+            CORRELATIONS[self.correlation].coefficient,
+            self.water,
+            self.water_temperature,
+            self.machine_factor,
+        )
+        return flux_laws.Convection(coefficient=coefficient, ambient=self.water_temperature)
 
 
 class Zone(TableModel):

@@ -6,18 +6,21 @@ computed.
 
 from __future__ import annotations
 
+import typing
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from castfem.case import effort
-from castfem.case.cooling import Contact, Convection, HeatLaw, Radiation, Spray, Zone
+from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
 from castfem.case.model import Case
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
 from castfem.case.validation import law_groups
 from castfem.mould.taper import Course
 from castfem.support.messages import Path
-from castfem.thermal.sprays import HELD, RANGES
+from castfem.thermal.sprays import CORRELATIONS
+from castfem.values.quantities import Kind
+from castfem.values.tables import Curve
 from castfem.values.units import convert, format
 
 if TYPE_CHECKING:
@@ -96,11 +99,10 @@ def _cold(case: Case) -> Iterator[Problem]:
         given.append((("mould", "wall_temperature"), case.mould.wall_temperature))
     for i, zone in enumerate(case.cooling):
         for j, law in enumerate(zone.surface):
-            keys = ("ambient", "wall", *(("value",) if law.law == "temperature" else ()))
             given += [
                 (("cooling", i, "surface", j, key), getattr(law, key))
-                for key in keys
-                if hasattr(law, key)
+                for key, field in type(law).model_fields.items()
+                if any(_temperature(part) for part in (field.annotation, *field.metadata))
             ]
     for path, value in given:
         if isinstance(value, float) and value < _COLDEST:
@@ -112,17 +114,26 @@ def _cold(case: Case) -> Iterator[Problem]:
             )
 
 
+def _temperature(annotation: object) -> bool:
+    """Return whether a key of this type takes a temperature."""
+    if isinstance(annotation, Curve):
+        return _temperature(annotation.kind)
+    if isinstance(annotation, Kind):
+        return annotation.unit == "K" and not annotation.difference
+    return any(_temperature(inner) for inner in typing.get_args(annotation))
+
+
 def _sprays(case: Case) -> Iterator[Problem]:
     """Yield sprays outside of what their correlation was measured for, and without radiation."""
     for i, zone in enumerate(case.cooling):
         sprays = [(j, law) for j, law in enumerate(zone.surface) if isinstance(law, Spray)]
         for j, law in sprays:
-            low, high = RANGES[law.correlation].water
+            low, high = CORRELATIONS[law.correlation].water
             if low <= law.water <= high or law.water == 0.0:
                 continue
             reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"
-            held = HELD.get(law.correlation)
-            how = "extrapolated" if held is None or law.water < low else held
+            held = CORRELATIONS[law.correlation].held
+            how = "extrapolated" if not held or law.water < low else held
             yield Problem(
                 ("cooling", i, "surface", j, "water"),
                 f"({law.water:.4g} L/(m^2 s)) is outside of what {law.correlation} was measured "
@@ -187,10 +198,10 @@ def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Pro
         if isinstance(law, Contact) and (law.gap == 0.0 or (law.gap is None and not case.mould)):
             touching |= law_groups(case.section, law)
     for index, law in enumerate(zone.surface):
-        if isinstance(law, Radiation | Convection) and touching & law_groups(case.section, law):
+        if law.crosses_gap and touching & law_groups(case.section, law):
             yield Problem(
                 (*path, "surface", index),
-                f"{law.law} has no effect beside contact without a gap: where the strand touches "
+                f"{law.tag} has no effect beside contact without a gap: where the strand touches "
                 "there is contact alone (eq. 35); what is meant as a mean of both is convection "
                 "with a mean coefficient",
             )
@@ -203,17 +214,13 @@ def _fixed(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Prob
     for index, law in enumerate(zone.surface):
         if law in following or _crosses(law, law_groups(case.section, law), met):
             continue
-        own = "contact with a gap of its own" if isinstance(law, Contact) else f"a given {law.law}"
         yield Problem(
             (*path, "surface", index),
-            f"{_OF_LAW.get(law.law, own)} is not changed by the gap that opens in the mould; heat "
+            f"{law.called or law.tag} is not changed by the gap that opens in the mould; heat "
             'that is to follow it is law = "contact" without the key gap',
         )
 
 
-_OF_LAW = {"spray": "a spray", "radiation": "radiation", "convection": "convection"}
-
-
 def _crosses(law: HeatLaw, groups: set[str], met: set[str]) -> bool:
     """Return whether a law crosses the gap of contact wherever it holds."""
-    return isinstance(law, Radiation | Convection) and groups <= met
+    return law.crosses_gap and groups <= met

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from castfem.case.base import TableModel
+from castfem.case.variants import Variants
 from castfem.support.messages import Path, choices, dotted, shown
 from castfem.values.quantities import Kind
 from castfem.values.units import nearest
@@ -147,7 +148,8 @@ def _literals(expected: str) -> list[str]:
 def submodels(annotation: Any) -> list[type[TableModel]]:
     """Return the table models an annotation can stand for, in order."""
     if isinstance(annotation, type) and issubclass(annotation, TableModel):
-        return [annotation]
+        kinds = annotation.variants() if issubclass(annotation, Variants) else []
+        return kinds or [annotation]
     origin = typing.get_origin(annotation)
     if origin is typing.Annotated:
         return submodels(typing.get_args(annotation)[0])

@@ -12,15 +12,7 @@ from pydantic_core import PydanticUndefined
 
 from castfem.case.base import TableModel
 from castfem.case.casting import Casting, Output, Reference, Steel
-from castfem.case.cooling import (
-    Contact,
-    Convection,
-    Flux,
-    PrescribedTemperature,
-    Radiation,
-    Spray,
-    Zone,
-)
+from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.mechanics import Coupling, Held, Mechanics, Motions
 from castfem.case.mould import (
     Copper,
@@ -37,8 +29,9 @@ from castfem.case.section import BeamBlank, Mesh, Rectangle, Round, Strip, outer
 from castfem.case.taper import TaperMark
 from castfem.case.tensile import Segment, Tensile, TensileOutput
 from castfem.case.thermal import Adaptive, Stepping, Thermal
+from castfem.case.variants import Variants
 from castfem.case.verification import Verification
-from castfem.values.quantities import Kind
+from castfem.values.quantities import Kind, NameOf
 from castfem.values.tables import Curve, CurveOr
 
 _HEAD = """\
@@ -106,12 +99,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ('[section], shape = "strip"', Strip),
     ("[mesh]", Mesh),
     ("[[cooling]]", Zone),
-    ('[[cooling.surface]], law = "contact"', Contact),
-    ('[[cooling.surface]], law = "convection"', Convection),
-    ('[[cooling.surface]], law = "radiation"', Radiation),
-    ('[[cooling.surface]], law = "flux"', Flux),
-    ('[[cooling.surface]], law = "temperature"', PrescribedTemperature),
-    ('[[cooling.surface]], law = "spray"', Spray),
+    ("[[cooling.surface]]", HeatLaw),
     ("[thermal]", Thermal),
     ("[thermal.time]", Stepping),
     ("[thermal.time.adaptive]", Adaptive),
@@ -148,8 +136,18 @@ _TOP = """
 def markdown_page() -> str:
     """Return the whole reference page."""
     parts = [_HEAD, _TOP]
-    parts += ["".join(_table(name, model)) for name, model in _TABLES]
+    parts += ["".join(_table(name, model)) for name, model in _tables()]
     return "".join(parts) + "".join(_groups())
+
+
+def _tables() -> Iterator[tuple[str, type[TableModel]]]:
+    """Yield heading and model of each table; of one that has kinds, those of every kind."""
+    for name, model in _TABLES:
+        if not issubclass(model, Variants):
+            yield name, model
+            continue
+        for tag, kind in model.kinds.items():
+            yield f'{name}, {model.tag_key} = "{tag}"', kind
 
 
 def _table(name: str, model: type[TableModel]) -> Iterator[str]:
@@ -180,6 +178,8 @@ def _takes(field: FieldInfo) -> str:
             return _mark(mark, example)
         if isinstance(mark, TaperMark):
             return mark.takes
+        if isinstance(mark, NameOf):
+            return ", ".join(f'`"{name}"`' for name in mark.register)
     return _type(field.annotation, example)
 
 

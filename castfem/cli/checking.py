@@ -142,6 +142,6 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
         of = "" if carbon is None else f" (numbers of a steel of {carbon:g} %C)"
         lines.append(f"  mechanics: {Path(case.mechanics.law).stem}{of}, {walls}")
     for span in case.zones():
-        laws = ", ".join(law.law for _, law in span.laws) or "insulated"
+        laws = ", ".join(law.tag for _, law in span.laws) or "insulated"
         lines.append(f"  {span.start:7.3f} - {span.end:7.3f} m  {span.name}: {laws}")
     return "\n".join(lines)

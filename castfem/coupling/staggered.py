@@ -9,7 +9,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from mpi4py import MPI
 
@@ -26,7 +26,6 @@ from castfem.thermal.stepper import ThermalState
 if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.mechanics.surface_gap import SurfaceGap
-    from castfem.simulation.cooling import Zones
 
 Array = npt.NDArray[np.float64]
 
@@ -89,6 +88,22 @@ class Interval:
         return self.mechanical.newton
 
 
+class CooledSurface(Protocol):
+    """The surface and what cools it, as far as the coupling has to do with them."""
+
+    def perimeter_share(self) -> Array:
+        """Length of the surface that belongs to each owned vertex (owned,), m."""
+
+    def set_gap(self, gap: Array) -> None:
+        """From now on heat crosses this gap at the owned vertices (owned,), m."""
+
+    def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
+        """Flux at the owned vertices (owned,), W/m2, through this gap at these temperatures, K."""
+
+    def follow_shape(self) -> None:
+        """Cool the surface where it is now."""
+
+
 def difference(one: Array, other: Array) -> Array:
     """One gap less another; 0 where both are without a wall."""
     with np.errstate(invalid="ignore"):
@@ -136,7 +151,7 @@ class Coupler:
     Args:
         thermal: Thermal steps. mechanics: Mechanical steps.
         dissipation: Share of the viscoplastic work that heats the next interval.
-        zones: Told the gaps. gap: Finds them; None without a mould.
+        surface: Told the gaps. gap: Finds them; None without a mould.
         interval: Length of an interval that is not cut back, s.
         passes: Largest number of passes through an interval. settled: The gap has settled when the
             one that was found would change the temperature of the surface by less, K.
@@ -149,7 +164,7 @@ class Coupler:
         thermal: ThermalSteps,
         mechanics: MechanicalSteps,
         dissipation: float,
-        zones: Zones,
+        surface: CooledSurface,
         gap: SurfaceGap | None,
         interval: float,
         passes: int = 1,
@@ -157,7 +172,7 @@ class Coupler:
         order: str = "thermal_first",
     ) -> None:
         self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
-        self.zones, self.gap, self.interval = zones, gap, interval
+        self.surface, self.gap, self.interval = surface, gap, interval
         self.passes, self.settled, self.order = passes, settled, order
 
     def take(self, old: StrandState, end: float) -> Interval:
@@ -174,7 +189,7 @@ class Coupler:
         given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
         repeats = begun is not None and self.order == "thermal_first"
         learnt = self.thermal.control.step
-        relaxed = Relaxation(self.mechanics.comm, self.zones.perimeter_share())
+        relaxed = Relaxation(self.mechanics.comm, self.surface.perimeter_share())
         taken = self._pass(old, end, gap)
         while taken.converged and repeats:
             assert begun is not None and gap is not None and taken.state.mechanical is not None
@@ -203,7 +218,7 @@ class Coupler:
             if first.converged and gap is not None:
                 gap = self.gap_of(first.state)
         if gap is not None:
-            self.zones.set_gap(gap)
+            self.surface.set_gap(gap)
         leg, course = self.thermal.through(old.thermal, instants)
         result = first or self.mechanics.through(old.mechanical, course)
         if not result.converged:
@@ -221,7 +236,7 @@ class Coupler:
         problem = self.thermal.stepper.problem
         if problem.shape is not None:
             problem.shape.take(state.displacement, state.modes)
-            self.zones.follow_shape()
+            self.surface.follow_shape()
             problem.follow_shape()
 
     def _expected(self, old: StrandState, end: float) -> Array:
@@ -246,8 +261,8 @@ class Coupler:
         The difference of the fluxes cools a thick body of the steel that is there for the length of
         the interval (Carslaw and Jaeger, Conduction of Heat in Solids, 2.9). (Collective.)
         """
-        point, zones = state.thermal.point, self.zones
-        fluxes = [zones.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
+        point, surface = state.thermal.point, self.surface
+        fluxes = [surface.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
         slope = point.temperature_slope  # 1 / (rho c); that of conduction is k / (rho c)
         effusivity = np.sqrt(np.maximum(point.conduction_slope, TINY)) / np.maximum(slope, TINY)
         duration = state.time - begun

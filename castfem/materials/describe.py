@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from castfem.materials.formulas import ZERO_CELSIUS
 from castfem.materials.steel import Steel
+from castfem.values.constants import ZERO_CELSIUS
 
 _LABELS = (
     ("density", "density", "{:.0f}", 1.0, " kg/m³"),

@@ -18,9 +18,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from castfem.materials.formulas import ZERO_CELSIUS
 from castfem.materials.iron_carbon import Array, IronCarbon, Phases, Side
 from castfem.materials.properties import Property, Table
+from castfem.values.constants import ZERO_CELSIUS
 
 IRON_MASS, CARBON_MASS = 55.845, 12.011  # g/mol
 AVOGADRO = 6.02214076e23

@@ -15,8 +15,7 @@ from types import MappingProxyType
 import numpy as np
 
 from castfem.materials.iron_carbon import Array, Phases
-
-ZERO_CELSIUS = 273.15
+from castfem.values.constants import ZERO_CELSIUS
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.materials.describe import celsius
-from castfem.materials.formulas import ZERO_CELSIUS
 from castfem.materials.iron_carbon import Array, IronCarbon, Side
 from castfem.materials.solid_fraction import LeverFraction
 from castfem.materials.steel import Steel
+from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

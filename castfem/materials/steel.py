@@ -22,6 +22,7 @@ from castfem.materials.expansion import Expansion
 from castfem.materials.iron_carbon import Array, IronCarbon, Side
 from castfem.materials.properties import Constant, Property
 from castfem.materials.solid_fraction import SolidFraction
+from castfem.values.constants import ZERO_CELSIUS
 
 NEAR_SOLIDUS = 1e-3  # K: the mean coefficient is taken this far below the solidus at least
 ISOTHERMAL = 1e-8  # K below a melting point down to which steel is still at it
@@ -249,7 +250,22 @@ class Steel:
         constant = (at_right - at_left) / np.diff(t) - 0.5 * (left + right)
         from_above = np.concatenate([at_left, [rho[-1, -1] * above[-1]]])
         from_below = np.concatenate([[rho[0, 0] * below[0]], at_right])
-        return t, left, right, constant, np.maximum(from_above - from_below, 0.0)
+        absorbed = from_above - from_below
+        self._refuse_falling(t, at_right - at_left, absorbed, np.abs(from_above).max())
+        return t, left, right, constant, np.maximum(absorbed, 0.0)
+
+    def _refuse_falling(self, t: Array, on_pieces: Array, at_knots: Array, scale: float) -> None:
+        """Refuse heat (J/m3) that warmer steel would not hold, but for rounding."""
+        least = -1e-9 * scale
+        if on_pieces.min() >= least and at_knots.min() >= least:
+            return
+        piece, knot = int(np.argmin(on_pieces)), int(np.argmin(at_knots))
+        first, last = (knot, knot) if at_knots[knot] < on_pieces[piece] else (piece, piece + 1)
+        raise InputError(
+            f"{self.name}: density: it rises so much from {t[first] - ZERO_CELSIUS:.6g} to "
+            f"{t[last] - ZERO_CELSIUS:.6g} degC that what is warmer would hold less heat; "
+            "mend the density, or set coupling.follow_shape = false"
+        )
 
     def _isothermal(self, t: Array) -> Array:
         """Heat absorbed at each of the knots `t`, J/m3, by the mean of the two densities there."""
@@ -296,9 +312,9 @@ class Steel:
             first, last = self.properties[key].span if key in self.properties else (0.0, np.inf)
             if lower < first or upper > last:
                 problems.append(
-                    f"{self.name}: {key}: the table covers {first - 273.15:g} to "
-                    f"{last - 273.15:g} degC and refuses more; "
-                    f"{lower - 273.15:g} to {upper - 273.15:g} degC is needed"
+                    f"{self.name}: {key}: the table covers {first - ZERO_CELSIUS:g} to "
+                    f"{last - ZERO_CELSIUS:g} degC and refuses more; "
+                    f"{lower - ZERO_CELSIUS:g} to {upper - ZERO_CELSIUS:g} degC is needed"
                 )
         if problems:
             raise InputError(problems)

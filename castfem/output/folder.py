@@ -61,9 +61,6 @@ STOPPED = "stopped by the user"  # or by a batch system whose time is up
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
 TENSILE_FIGURES = ("tensile",)
-# What filelock raises on a file system that has no locks (flock fails with ENOSYS), as some network
-# mounts; the name is Python's own for what has not been written yet, which is not meant here.
-_NO_LOCKS = NotImplementedError
 _LOCK_NAME = ".castfem.lock"
 # Of a property file; whatever run.json says, nothing else is removed on its word.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
@@ -74,6 +71,18 @@ ARTEFACTS = (
     SUMMARY_NAME,
     *(f"{FIGURES_NAME}/{name}.png" for name in FIGURES + MECHANICS_FIGURES + TENSILE_FIGURES),
 )
+
+
+def _locked(lock: FileLock) -> bool:
+    """Whether the lock was taken; False where the file system has none, as on some network mounts.
+
+    There two runs cannot be kept apart; run.json alone has to do.
+    """
+    try:
+        lock.acquire()
+    except NotImplementedError:  # filelock's error where flock() is unknown to the file system
+        return False
+    return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,12 +311,13 @@ class OutputFolder(Closing):
             return False
         probe = FileLock(lock, timeout=0)
         try:
-            probe.acquire()
+            locked = _locked(probe)
         except Timeout:
             return True
-        except (OSError, _NO_LOCKS):  # no right to the file, or no locks: nobody can be told of
+        except OSError:  # no right to the file: nobody can be told of
             return False
-        probe.release()
+        if locked:
+            probe.release()
         return False
 
     def _acquire(self) -> None:
@@ -316,14 +326,13 @@ class OutputFolder(Closing):
 
         lock = FileLock(self / _LOCK_NAME, timeout=0)
         try:
-            lock.acquire()
+            locked = _locked(lock)
         except Timeout as error:
             raise InputError(
                 f"{self.path}: another run is writing here; wait for it, or choose another folder"
             ) from error
-        except _NO_LOCKS:  # two runs can then not be kept apart; run.json alone has to do
-            return
-        self._lock = lock
+        if locked:
+            self._lock = lock
 
     def _take_over(self, inputs: Mapping[str, bytes], ranks: int, resume: bool) -> bool:
         """Makes the folder ready under the lock; returns whether there is something to resume."""

@@ -6,19 +6,16 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from castfem.case import cooling as given
+from castfem.case.cooling import Surroundings
 from castfem.errors import InputError
 from castfem.thermal import flux_laws
 from castfem.thermal.boundary import Cooling, Surface
-from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.tables import Table
 
 if TYPE_CHECKING:
@@ -27,8 +24,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 Row = tuple[list[int], flux_laws.SurfaceLaw]
-
-CROSSING = (given.Radiation, given.Convection)  # a gap; a spray is on the strand itself
 
 
 class Zones:
@@ -48,8 +43,8 @@ class Zones:
         self._speed = speed = case.casting.speed
         self.spans = case.zones()
         self.starts = [span.start / speed for span in self.spans]
-        self._steel, self._surface = steel, surface
-        self._wall = wall_over_time(case)
+        self._surface = surface
+        self._around = Surroundings(steel, wall_over_time(case))
         self._coolings = [self._make(i) for i in range(len(self.spans))]
         tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
         self._cooled = surface.patch(tags) if tags else None
@@ -60,11 +55,9 @@ class Zones:
         times = list(self.starts[1:])
         for span in self.spans:
             for _, law in span.laws:
-                for table in (getattr(law, "value", None), getattr(law, "wall", None)):
-                    if isinstance(table, Table) and table.over == "time":
-                        times += [t for t in table.arguments]
-        wall = self._wall
-        return times + (list(wall.arguments) if isinstance(wall, Table) else [])
+                times += law.milestones()
+        wall = self._around.wall
+        return times + (list(wall.kinks) if isinstance(wall, Table) else [])
 
     def set_gap(self, gap: Array) -> None:
         """Let heat cross these gaps from now on, at the owned vertices (owned,), m."""
@@ -137,11 +130,11 @@ class Zones:
                     f"cooling zone '{span.name}': no boundary group is named {', '.join(names)}; "
                     f"this section has {', '.join(section.outer_groups)}"
                 )
-            made = surface_law(law, self._steel, self._wall)
+            made = law.build(self._around)
             if isinstance(made, flux_laws.PrescribedTemperature):
                 cooling.prescribed.append((self._surface.patch(tags), made))
             else:
-                crossing |= {len(rows)} if isinstance(law, CROSSING) else set()
+                crossing |= {len(rows)} if law.crosses_gap else set()
                 rows.append((tags, made))
         for tags, made in across_gaps(rows, crossing):
             cooling.laws.append((self._surface.patch(tags), made))
@@ -180,17 +173,6 @@ def _crosses(law: flux_laws.SurfaceLaw) -> flux_laws.Convection | flux_laws.Radi
     return law
 
 
-def _of_temperature(value: float | Table) -> float | Callable[[Array], Array]:
-    """A number, or a vectorised function of the temperatures (n,)."""
-    if isinstance(value, Table):
-        return partial(_interpolate, np.array(value.arguments), np.array(value.values))
-    return value
-
-
-def _interpolate(arguments: Array, values: Array, at: Array) -> Array:
-    return np.interp(at, arguments, values)
-
-
 def wall_over_time(case: Case) -> float | Table | None:
     """Temperature of the mould's wall as the slice passes it, K, over time; None if not given."""
     given_ = None if case.mould is None else case.mould.wall_temperature
@@ -198,50 +180,3 @@ def wall_over_time(case: Case) -> float | Table | None:
         times = tuple(position / case.casting.speed for position in given_.arguments)
         return Table("time", times, given_.values)
     return given_
-
-
-def surface_law(
-    law: given.HeatLaw, steel: Steel, wall: float | Table | None = None
-) -> flux_laws.SurfaceLaw | flux_laws.PrescribedTemperature:
-    """The law of the case as arrays in, flux out.
-
-    Args:
-        law: As given.
-        steel: For what the law leaves to it.
-        wall: Likewise, temperature of the mould, K.
-    """
-    if isinstance(law, given.Contact):
-        # Without a gap its conductivity is of no account.
-        conductivity = law.gap_conductivity if law.gap_conductivity is not None else 1.0
-        facing = wall if law.wall in (None, given.MOULD) else law.wall
-        assert facing is not None and not isinstance(facing, str)
-        follows = law.gap is None
-        return flux_laws.Contact(law.coefficient, facing, conductivity, law.gap or 0.0, follows)
-    if isinstance(law, given.Convection):
-        return flux_laws.Convection(_of_temperature(law.coefficient), law.ambient)
-    if isinstance(law, given.Radiation):
-        if law.emissivity is None and not steel.has("emissivity"):
-            raise InputError(
-                f"radiation: steel {steel.name} has no emissivity; give one, emissivity = 0.8"
-            )
-        strand = steel.emissivity if law.emissivity is None else _of_temperature(law.emissivity)
-        return flux_laws.Radiation(
-            strand,
-            law.ambient,
-            _of_temperature(law.wall_emissivity),
-            law.refractive_index,
-            law.absorption,
-            law.gap,
-        )
-    if isinstance(law, given.Flux):
-        return flux_laws.PrescribedFlux(law.value)
-    if isinstance(law, given.Spray):
-        formula = partial(CORRELATIONS[law.correlation], law.water, law.water_temperature)
-        return flux_laws.Convection(
-            partial(_divided, formula, law.machine_factor), law.water_temperature
-        )
-    return flux_laws.PrescribedTemperature(law.value)
-
-
-def _divided(formula: Callable[[Array], Array], factor: float, at: Array) -> Array:
-    return np.asarray(formula(at) / factor)

@@ -7,8 +7,8 @@ temperature, and so has one root, where
 
     tau w (-dq/dT) < M dH/dT,
 
-w its share of the perimeter, M its area.  A step keeps to the branch it is on if this holds at all
-temperatures that the vertex has passed on the way; conduction only helps.
+w its share of the perimeter, M the volume its steel fills.  A step keeps to the branch it is on if
+this holds at all temperatures that the vertex has passed on the way; conduction only helps.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Branch:
         if self._steepest is None:
             return np.inf
         # Of the two ends the state that takes up less heat per degree.
-        warming = np.maximum(old.temperature_slope, new.temperature_slope) / self._problem.area
+        warming = np.maximum(old.temperature_slope, new.temperature_slope) / self._problem.volume
         longest = self._bound(warming, self._steepest)
         if longest >= asked:
             return longest

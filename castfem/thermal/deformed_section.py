@@ -10,7 +10,7 @@ from dolfinx import fem
 from castfem.fem.dolfinx_compat import assemble_owned
 from castfem.fem.section import Section
 from castfem.forms.finite_strain import deformation
-from castfem.forms.heat import slice_measure, storage
+from castfem.forms.heat import storage, storage_measure
 
 Array = npt.NDArray[np.float64]
 
@@ -28,7 +28,9 @@ class Shape:
         solidus: Below it steel is solid, K.
 
     Attributes:
-        gradient: In-plane deformation gradient F (2, 2). thickness: e, over the undeformed one.
+        gradient: In-plane deformation gradient F (2, 2).
+        thickness: e, over the undeformed one.
+        area: Of each owned vertex (owned,), undeformed, m2.
     """
 
     def __init__(self, section: Section, space: fem.FunctionSpace, solidus: float) -> None:
@@ -46,14 +48,14 @@ class Shape:
             ]
         )
         self.thickness = moved.thickness
-        v, dx = ufl.TestFunction(section.vertex_space), slice_measure(mesh)
+        v = ufl.TestFunction(section.vertex_space)
+        dx = storage_measure(mesh, section.order == 2)
         now = self.thickness * ufl.det(self.gradient)
         self._owned = section.owned
         self._volume = section.compile("heat.volume.moved", storage(now, v, dx))
         one = fem.Constant(mesh, np.float64(1.0))
-        self._undeformed = assemble_owned(
-            section.compile("heat.storage", storage(one, v, dx)), section.owned
-        )
+        area = section.compile("heat.storage", storage(one, v, dx))
+        self.area = assemble_owned(area, section.owned)
 
     def filled(self, before: Array, temperature: Array) -> Array:
         """Volume that the steel of each vertex fills, over the undeformed one (owned,).
@@ -65,7 +67,7 @@ class Shape:
             before: The same before (owned,).
             temperature: At the vertices (owned,), K.
         """
-        now = assemble_owned(self._volume, self._owned) / self._undeformed
+        now = assemble_owned(self._volume, self._owned) / self.area
         return np.where(temperature < self.solidus, before, now)
 
     def take(self, displacement: Array, modes: Array) -> None:

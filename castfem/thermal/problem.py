@@ -180,6 +180,9 @@ class ThermalProblem:
             self._conduction = section.compile("heat.conduction.moved", moved)
             self._laplacian = assemble_matrix(self._conduction)
         self._scale_operators()
+        if self.shape is not None:
+            self.area = self.shape.area
+            return
         one = fem.Constant(mesh, np.float64(1.0))
         form = storage(one, v, storage_measure(mesh, section.order == 2))
         self.area = assemble_owned(section.compile("heat.storage", form), section.owned)

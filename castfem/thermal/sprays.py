@@ -15,7 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-Correlation = Callable[[float, float, Array], Array]
+Formula = Callable[[float, float, Array], Array]
+"""h, W/m2K (n,), of a water flow, L/(m2 s), the water's temperature, K, and surfaces (n,), K."""
 
 ZERO_CELSIUS = 273.15
 WENDELSTORF_MOST = 30.0  # L/(m2 s)
@@ -23,41 +24,78 @@ WENDELSTORF_EXCESS = (180.0, 1100.0)  # K
 
 
 @dataclass(frozen=True, slots=True)
-class Range:
-    """What a correlation was measured for.
+class Correlation:
+    """A published correlation.
 
     Attributes:
-        water: Least and largest flow, L/(m2 s). surface: Coldest and hottest surface, K; of
-            `wendelstorf`, of its excess over the water. excess: Whether it is the excess.
+        formula: The coefficient.
+        water: Least and largest flow that it was measured for, L/(m2 s).
+        surface: Coldest and hottest surface of the measurements, K; of `wendelstorf`, of its
+            excess over the water.
+        excess: Whether it is the excess.
+        held: What is taken beyond the largest flow; empty: the formula is extrapolated.
     """
 
+    formula: Formula
     water: tuple[float, float] = (0.0, math.inf)
     surface: tuple[float, float] = (0.0, math.inf)
     excess: bool = False
+    held: str = ""
+
+    def coefficient(
+        self, water: float, water_temperature: float, machine_factor: float, surface: Array
+    ) -> Array:
+        """Coefficient at surface temperatures (n,), K, divided by the factor of the machine."""
+        return np.asarray(self.formula(water, water_temperature, surface) / machine_factor)
 
 
+CORRELATIONS: dict[str, Correlation] = {}
+"""The correlations by the name that a case file gives them."""
+
+
+def correlation(
+    water: tuple[float, float] = (0.0, math.inf),
+    surface: tuple[float, float] = (0.0, math.inf),
+    *,
+    excess: bool = False,
+    held: str = "",
+) -> Callable[[Formula], Formula]:
+    """Enter a formula into `CORRELATIONS` under its own name; ranges as in `Correlation`."""
+
+    def enter(formula: Formula) -> Formula:
+        CORRELATIONS[formula.__name__] = Correlation(formula, water, surface, excess, held)
+        return formula
+
+    return enter
+
+
+@correlation()
 def nozaki(water: float, water_temperature: float, surface: Array) -> Array:
     """Nozaki and Shimada: 1570 W^0.55 (1 - 0.0075 Tw); divide by a machine factor of about 4."""
     cold = 1.0 - 0.0075 * (water_temperature - ZERO_CELSIUS)
     return np.full_like(surface, 1570.0 * water**0.55 * cold)
 
 
+@correlation()
 def ishiguro(water: float, water_temperature: float, surface: Array) -> Array:
     """Ishiguro: 581 W^0.451 (1 - 0.0075 Tw)."""
     cold = 1.0 - 0.0075 * (water_temperature - ZERO_CELSIUS)
     return np.full_like(surface, 581.0 * water**0.451 * cold)
 
 
+@correlation((1.0, 7.0), (627.0 + ZERO_CELSIUS, 927.0 + ZERO_CELSIUS))
 def bolle(water: float, water_temperature: float, surface: Array) -> Array:
     """Bolle and Moureau: 423 W^0.556, for 1 < W < 7 and 627-927 degC."""
     return np.full_like(surface, 423.0 * water**0.556)
 
 
+@correlation((0.0, 20.3))
 def mizikar(water: float, water_temperature: float, surface: Array) -> Array:
     """Mizikar at 0.276 MPa: 77.6 W, for W < 20.3."""
     return np.full_like(surface, 77.6 * water)
 
 
+@correlation((1.67, 41.7), (700.0 + ZERO_CELSIUS, 1200.0 + ZERO_CELSIUS))
 def sasaki(water: float, water_temperature: float, surface: Array) -> Array:
     """Sasaki: 708 W^0.75 Ts^-1.2 + 0.116 kW/m2K, Ts in degC, 1.67 < W < 41.7 and 700-1200 degC.
 
@@ -67,6 +105,12 @@ def sasaki(water: float, water_temperature: float, surface: Array) -> Array:
     return 1e3 * (708.0 * water**0.75 * celsius**-1.2 + 0.116)
 
 
+@correlation(
+    (3.0, WENDELSTORF_MOST),
+    WENDELSTORF_EXCESS,
+    excess=True,
+    held=f"the coefficient is that of {WENDELSTORF_MOST:g}",
+)
 def wendelstorf(water: float, water_temperature: float, surface: Array) -> Array:
     """Wendelstorf, Spitzer and Wendelstorf (2008), with the rise below the Leidenfrost point.
 
@@ -79,25 +123,3 @@ def wendelstorf(water: float, water_temperature: float, surface: Array) -> Array
     film = 140.0 * water * (1.0 - water * dt / 72000.0)
     boiling = 3.26 * dt**2 * (1.0 - np.tanh(dt / 128.0))
     return np.asarray(190.0 + np.tanh(water / 8.0) * (film + boiling))
-
-
-RANGES: dict[str, Range] = {
-    "nozaki": Range(),
-    "ishiguro": Range(),
-    "bolle": Range((1.0, 7.0), (627.0 + ZERO_CELSIUS, 927.0 + ZERO_CELSIUS)),
-    "mizikar": Range((0.0, 20.3)),
-    "sasaki": Range((1.67, 41.7), (700.0 + ZERO_CELSIUS, 1200.0 + ZERO_CELSIUS)),
-    "wendelstorf": Range((3.0, WENDELSTORF_MOST), WENDELSTORF_EXCESS, excess=True),
-}
-"""Published ranges by name; without bounds where none is published."""
-HELD: dict[str, str] = {"wendelstorf": f"the coefficient is that of {WENDELSTORF_MOST:g}"}
-"""What is taken beyond the largest flow, where the formula is not extrapolated."""
-
-CORRELATIONS: dict[str, Correlation] = {
-    "nozaki": nozaki,
-    "ishiguro": ishiguro,
-    "bolle": bolle,
-    "mizikar": mizikar,
-    "sasaki": sasaki,
-    "wendelstorf": wendelstorf,
-}

@@ -7,6 +7,7 @@ and bounds, and written back with its unit by `model_dump(mode="json")`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -44,6 +45,36 @@ class Notation(ABC):
                 self.write, when_used="json"
             ),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class NameOf(Notation):
+    """Annotation of a field that takes a name out of a register, which may grow.
+
+    Attributes:
+        register: Names and what they stand for.
+    """
+
+    register: Mapping[str, Any]
+
+    def read(self, given: object) -> str:
+        """Return the name, or raise the error of a literal that is none of its values."""
+        if isinstance(given, str) and given in self.register:
+            return given
+        from pydantic_core import PydanticKnownError
+
+        *others, last = (f"'{name}'" for name in self.register)
+        expected = f"{', '.join(others)} or {last}" if others else last
+        raise PydanticKnownError("literal_error", {"expected": expected})
+
+    def write(self, value: str) -> str:
+        """Return the name."""
+        return value
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"enum": list(self.register), "type": "string"}
 
 
 @dataclass(frozen=True, slots=True)

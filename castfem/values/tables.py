@@ -16,11 +16,13 @@ from __future__ import annotations
 
 import csv
 import math
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, overload
+
+import numpy as np
+import numpy.typing as npt
 
 from castfem.values import units
 from castfem.values.quantities import Kind, Notation
@@ -28,6 +30,8 @@ from castfem.values.quantities import Kind, Notation
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler
     from pydantic_core import CoreSchema
+
+Array = npt.NDArray[np.float64]
 
 _ARGUMENTS = {
     "temperature": Kind("K", "degC"),
@@ -42,23 +46,29 @@ class Table:
 
     Attributes:
         over: What it depends on, "temperature", "time" or "position".
-        arguments: Increasing, K or s.
-        values: SI, as many as arguments, at least two.
+        arguments: Increasing, K, s or m.
+        values: SI, as many as arguments.
     """
 
     over: str
     arguments: tuple[float, ...]
     values: tuple[float, ...]
 
-    def __call__(self, argument: float) -> float:
-        """Return the value at one argument (K or s)."""
-        x, y = self.arguments, self.values
-        if argument <= x[0]:
-            return y[0]
-        if argument >= x[-1]:
-            return y[-1]
-        i = bisect_right(x, argument)
-        return y[i - 1] + (argument - x[i - 1]) / (x[i] - x[i - 1]) * (y[i] - y[i - 1])
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Arguments at which its slope changes: the rows."""
+        return self.arguments
+
+    @overload
+    def __call__(self, argument: float) -> float: ...
+
+    @overload
+    def __call__(self, argument: Array) -> Array: ...
+
+    def __call__(self, argument: float | Array) -> float | Array:
+        """Return the value at one argument (K, s or m), or at each of an array."""
+        found = np.interp(argument, self.arguments, self.values)
+        return found if isinstance(argument, np.ndarray) else float(found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -263,3 +263,12 @@ def test_named_fills_in_defaults():
     law = named("harste_conductivity", IronCarbon(0.2), liquid_factor=3.0)
     assert dict(law.parameters) == {"liquid_factor": 3.0, "liquid_conductivity": 39.0}
     assert float(law(1900.0)) == pytest.approx(117.0)
+
+
+def test_a_density_that_would_store_less_heat_in_warmer_steel_is_refused():
+    """Of steel that moves, H = rho (h - h of the poured) falls where rho rises steeply with T."""
+    steep = Table((1600.0, 1750.0, 1752.0, 1900.0), (6000.0, 6000.0, 7400.0, 7400.0))
+    steel = simple(LinearFraction(1723.15, 1773.15), density=steep)
+    with pytest.raises(InputError, match="test: density: it rises so much from 1476"):
+        steel.enthalpy_knots(LOWER, UPPER, poured=1800.0)
+    steel.enthalpy_knots(LOWER, UPPER)

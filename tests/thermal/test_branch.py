@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 import castfem
+from castfem import meshes
 from castfem.errors import RunFailure
-from castfem.thermal.flux_laws import Radiation
+from castfem.thermal.branch import Branch
+from castfem.thermal.flux_laws import Convection, Radiation
 from castfem.thermal.sprays import wendelstorf
+
+from .scenes import ThermalScene, constant_steel
 
 STRIP = """
 title = "boiling strip"
@@ -90,7 +94,8 @@ def test_a_law_that_heats_beyond_its_surroundings_is_refused(
 ) -> None:
     from castfem.thermal import sprays
 
-    monkeypatch.setitem(sprays.CORRELATIONS, "nozaki", lambda w, tw, t: np.full_like(t, -500.0))
+    heating = sprays.Correlation(lambda water, cold, surface: np.full_like(surface, -500.0))
+    monkeypatch.setitem(sprays.CORRELATIONS, "nozaki", heating)
     spray = {"law": "spray", "water": "5 L/(m^2 s)", "water_temperature": "25 degC"}
     case = strip.with_({"cooling.water.surface": [{**spray, "correlation": "nozaki"}]})
     with pytest.raises(RunFailure, match="though there is nothing hotter than 1000 degC"):
@@ -123,3 +128,22 @@ def test_more_water_never_heats() -> None:
     for water in (35.0, 72.0, 80.0, 500.0):
         np.testing.assert_array_equal(wendelstorf(water, 298.15, surface), most)
     assert most.min() > 0.0
+
+
+def test_a_stage_of_steel_that_fills_less_is_shorter() -> None:
+    """Tau w (-dq/dT) < M dH/dT, with M the volume that the vertex' steel fills."""
+    law = Convection(lambda t: np.interp(t, [823.15, 873.15], [9000.0, 600.0]), 298.15)
+    mesh = meshes.build(
+        shape="strip", length=0.01, width=0.002, surface_size=1e-3, core_size=2e-3,
+        cell="quadrilateral", order=1,
+    )  # fmt: skip
+    scene = ThermalScene(mesh, constant_steel(1723.15, 1773.15), 1273.15).cool(("surface", law))
+    problem = scene.problem
+    hot, cold = (
+        problem.curve.at(problem.curve.enthalpy(np.full_like(problem.area, t)))
+        for t in (870.0, 830.0)
+    )
+    branch = Branch(problem)
+    whole = branch.longest_stage(hot, cold, 0.0, np.inf)
+    problem.fill(np.full_like(problem.area, 0.5))
+    assert branch.longest_stage(hot, cold, 0.0, np.inf) == pytest.approx(0.5 * whole, rel=1e-12)

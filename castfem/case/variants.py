@@ -1,0 +1,99 @@
+"""Tables of which there are several kinds, told apart by one key: surface laws, section shapes.
+
+A kind is a subclass of the table's base that gives that key one value, `law: Literal["spray"]`.
+By this it is known wherever the base stands in a case: it is read, checked, written, and described
+in the JSON schema and on the reference page.
+"""
+
+from __future__ import annotations
+
+import typing
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+
+from pydantic_core import PydanticKnownError, core_schema
+
+from castfem.case.base import TableModel
+
+if TYPE_CHECKING:
+    from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler, ValidationInfo
+    from pydantic_core import CoreSchema
+
+
+def tag_of(model: type[TableModel], key: str) -> str | None:
+    """Return the one value that a key of a model may have; None if it may have others."""
+    field = model.model_fields.get(key)
+    if field is not None and typing.get_origin(field.annotation) is Literal:
+        values = typing.get_args(field.annotation)
+        return str(values[0]) if len(values) == 1 else None
+    return None
+
+
+class Variants(TableModel):
+    """Base of a table that is of one of several kinds.
+
+    A base names its key and has an empty dict for its kinds; its subclasses enter it by themselves.
+    """
+
+    tag_key: ClassVar[str]
+    kinds: ClassVar[dict[str, Any]]
+    """Models of the kinds by the value of the key, in the order of their definition."""
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """Enter a kind under its value of the key."""
+        super().__pydantic_init_subclass__(**kwargs)
+        tag = tag_of(cls, cls.tag_key)
+        if tag is not None:
+            cls.kinds[tag] = cls
+
+    @property
+    def tag(self) -> str:
+        """Which kind this is, as a case file names it."""
+        return str(getattr(self, self.tag_key))
+
+    @classmethod
+    def variants(cls) -> list[type[TableModel]]:
+        """Return the kinds of a base; a kind has none."""
+        return list(cls.kinds.values()) if cls._is_base() else []
+
+    @classmethod
+    def _is_base(cls) -> bool:
+        return "kinds" in vars(cls)
+
+    @classmethod
+    def _chosen(cls, given: Any, info: ValidationInfo) -> Self:
+        """Return the kind that is asked for, validated."""
+        if isinstance(given, cls):
+            return given
+        tag = given.get(cls.tag_key) if isinstance(given, Mapping) else None
+        if tag is None:
+            raise PydanticKnownError("union_tag_not_found", {"discriminator": cls.tag_key})
+        model = cls.kinds.get(tag) if isinstance(tag, str) else None
+        if model is None:
+            known = ", ".join(f"'{name}'" for name in cls.kinds)
+            raise PydanticKnownError(
+                "union_tag_invalid",
+                {"discriminator": cls.tag_key, "tag": str(tag), "expected_tags": known},
+            )
+        found: Self = model.model_validate(given, context=info.context)
+        return found
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Return the schema of a kind; that of a base looks for the kind when it is given one."""
+        if cls._is_base():
+            return core_schema.with_info_plain_validator_function(cls._chosen)
+        return handler(source)
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """Return the JSON schema: of a base, that of any of its kinds."""
+        if not cls._is_base():
+            return handler(schema)
+        choices = {tag: model.__pydantic_core_schema__ for tag, model in cls.kinds.items()}
+        found = handler(core_schema.tagged_union_schema(choices, discriminator=cls.tag_key))
+        found.pop("discriminator", None)  # no word of JSON schema
+        return found

@@ -1,0 +1,138 @@
+"""What a new surface law and a new spray correlation cost: what stands here, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import pytest
+from pydantic import Field
+from small_case import write_small
+
+import castfem
+from castfem.case.cooling import FluxOfTime, HeatLaw, Surroundings
+from castfem.case.json_schema import case_schema
+from castfem.case.reference_page import markdown_page
+from castfem.errors import InputError
+from castfem.thermal import sprays
+from castfem.thermal.flux_laws import Array
+from castfem.values.quantities import Kind, Temperature
+
+HEAT = "cooling.mould.surface"
+RATED = {"law": "rated", "flux": "4 MW/m^2", "at": "1200 degC", "ambient": "25 degC"}
+
+
+@dataclass(frozen=True)
+class RatedFlux:
+    """A flux q at a temperature, in proportion to the excess over the ambient, K."""
+
+    per_kelvin: float
+    ambient: float
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        return self.per_kelvin * (temperature - self.ambient), np.full_like(
+            temperature, self.per_kelvin
+        )
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        return self.ambient, self.ambient
+
+
+@pytest.fixture
+def rated(monkeypatch: pytest.MonkeyPatch) -> type[HeatLaw]:
+    """A law that only the test with this fixture has."""
+    monkeypatch.setattr(HeatLaw, "kinds", dict(HeatLaw.kinds))
+
+    class Rated(HeatLaw):
+        """A flux that is known at one surface temperature."""
+
+        law: Literal["rated"]
+        flux: Annotated[float, Kind("W/m^2", "MW/m^2")] = Field(description="heat flux there")
+        at: Temperature = Field(description="surface temperature it is known at")
+        ambient: Temperature = Field(description="temperature of the surroundings")
+        until: FluxOfTime | None = Field(None, description="nothing; a table for its milestones")
+
+        def build(self, around: Surroundings) -> RatedFlux:
+            return RatedFlux(self.flux / (self.at - self.ambient), self.ambient)
+
+    return Rated
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> castfem.Case:
+    return castfem.load(write_small(tmp_path))
+
+
+def final(case: castfem.Case) -> float:
+    return float(castfem.run(case).history["surface_temperature_mid_face"].iloc[-1])
+
+
+def test_a_new_law_runs(case: castfem.Case, rated: type[HeatLaw]) -> None:
+    """As convection with the same coefficient does, which the engine has."""
+    convection = {
+        "law": "convection",
+        "coefficient": f"{4e6 / (1200 - 25)!r} W/(m^2 K)",
+        "ambient": "25 degC",
+    }
+    new, known = (final(case.with_({HEAT: [law]})) for law in (RATED, convection))
+    assert new == pytest.approx(known, abs=1e-6)
+    assert new < final(case) - 20.0
+
+
+def test_a_new_law_is_checked_written_and_described(
+    case: castfem.Case, rated: type[HeatLaw], tmp_path: Path
+) -> None:
+    table = {"time": [0, 0.4, 0.7], "time_unit": "s", "value": [1, 2, 3], "unit": "MW/m^2"}
+    changed = case.with_({HEAT: [{**RATED, "until": table}]})
+    (law,) = changed.cooling[0].surface
+    assert isinstance(law, rated) and law.milestones() == (0.0, 0.4, 0.7)
+    path = tmp_path / "again.toml"
+    path.write_text(changed.resolved_toml())
+    assert castfem.load(path).cooling == changed.cooling
+    with pytest.raises(InputError, match=r"flux .*is missing; heat flux there, such as"):
+        case.with_({HEAT: [{"law": "rated", "at": "1200 degC", "ambient": "25 degC"}]})
+    with pytest.raises(InputError, match=r'"raded" is not known.*did you mean "?rated'):
+        case.with_({HEAT: [{**RATED, "law": "raded"}]})
+    with pytest.raises(InputError, match=r'at .*temperature.*"1200 mm"'):
+        case.with_({HEAT: [{**RATED, "at": "1200 mm"}]})
+    page = markdown_page()
+    assert '### `[[cooling.surface]], law = "rated"`' in page
+    assert '| `ambient` | temperature: `"160 degC"` | required | temperature of the surr' in page
+    assert "Rated" in case_schema()["$defs"]
+
+
+def test_a_law_without_build_is_told(case: castfem.Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(HeatLaw, "kinds", dict(HeatLaw.kinds))
+
+    class Unbuilt(HeatLaw):
+        """Nothing."""
+
+        law: Literal["unbuilt"]
+
+    with pytest.raises(NotImplementedError, match='"unbuilt" does not say how it is built'):
+        castfem.run(case.with_({HEAT: [{"law": "unbuilt"}]}))
+
+
+def test_a_new_spray_runs(case: castfem.Case) -> None:
+    """It is entered under its name, and checked against the range it was measured for."""
+
+    def linear(water: float, water_temperature: float, surface: Array) -> Array:
+        """Twice that of Mizikar."""
+        return np.full_like(surface, 155.2 * water)
+
+    spray = {"law": "spray", "water": "5 L/(m^2 s)", "water_temperature": "25 degC"}
+    with pytest.raises(InputError, match=r"correlation .*: not possible .*wendelstorf"):
+        case.with_({HEAT: [{**spray, "correlation": "linear"}]})
+    try:
+        sprays.correlation((1.0, 4.0))(linear)
+        new = case.with_({HEAT: [{**spray, "correlation": "linear"}]})
+        twice = {**spray, "correlation": "mizikar", "machine_factor": 0.5}
+        assert final(new) == pytest.approx(final(case.with_({HEAT: [twice]})), abs=1e-9)
+        assert "outside of what linear was measured for, 1 to 4" in " ".join(
+            str(doubt) for doubt in castfem.case.plausibility.doubts(new)
+        )
+        assert '`"linear"`' in markdown_page()
+    finally:
+        del sprays.CORRELATIONS["linear"]
