@@ -39,9 +39,9 @@ from castfem.constitutive.curves import Austenite
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.constitutive.identification.fit import identify
 from castfem.constitutive.identification.measured import TensileData
-from castfem.constitutive.tables import Constant
-from castfem.constitutive.tables import celsius as rows
 from castfem.tensile.thesis_tests import plot_tensile_tests
+from castfem.values.tables import Constant
+from castfem.values.tables import celsius as rows
 
 POINTS = 8100
 DT = 0.1  # s

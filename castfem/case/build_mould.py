@@ -10,7 +10,7 @@ from castfem import mould as wall
 from castfem.case.mould import Coulomb, Limited, Mould, Tresca, Viscous
 from castfem.case.problems import Problem
 from castfem.case.section import BeamBlank, Rectangle, Round, Strip
-from castfem.values.tables import Table
+from castfem.values.tables import as_function
 from castfem.values.units import format
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def build_mould(table: Mould, section: Any) -> wall.Mould:
     expansion = _expansion(table)
     hot = 1.0 if expansion is None else expansion.factor(0.0)
     tapers = _tapers(table, section)
-    temperature = None if table.wall_temperature is None else _along(table.wall_temperature)
+    temperature = None if table.wall_temperature is None else as_function(table.wall_temperature)
     return wall.Mould(_cavity(table, section, hot), table.length, tapers, temperature, expansion)
 
 
@@ -57,12 +57,6 @@ def build_friction(table: Any) -> FrictionLaw | None:
     return friction.Viscous(base, share, table.yield_stress, speed, exponent, steepest)
 
 
-def _along(value: float | Table) -> wall.Along:
-    if isinstance(value, Table):
-        return wall.Along(value.arguments, value.values)
-    return wall.Along.constant(value)
-
-
 def _expansion(table: Mould) -> wall.Expansion | None:
     if table.condition == "working":
         return None
@@ -72,7 +66,7 @@ def _expansion(table: Mould) -> wall.Expansion | None:
         raise ValueError(
             'a cold mould needs its temperature at work: wall_temperature = "160 degC"'
         )
-    return wall.Expansion(copper.expansion, copper.cold, _along(mean))
+    return wall.Expansion(copper.expansion, copper.cold, as_function(mean))
 
 
 def _cavity(table: Mould, section: Any, hot: float) -> wall.Cavity:

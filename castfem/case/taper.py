@@ -44,7 +44,7 @@ class Given:
             ValueError: The stretches do not fill the mould, or close it altogether.
         """
         if self.closing is not None:
-            return Displaced(self.closing.arguments, self.closing.values)
+            return Displaced(self.closing)
         *before, last = self.stretches
         end = length if last.end is None else last.end
         inner = before[-1].end if before else 0.0

@@ -30,7 +30,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from castfem.constitutive.base import Array
-from castfem.constitutive.tables import Constant
+from castfem.values.tables import Constant
 
 Curve = Callable[[Array], Array]
 LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end

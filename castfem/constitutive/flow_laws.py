@@ -18,7 +18,7 @@ from castfem.constitutive import kernel
 from castfem.constitutive.base import Array, MaterialStep, Response
 from castfem.constitutive.curves import Austenite, DeltaFerrite
 from castfem.constitutive.elasticity import Curve, Elasticity
-from castfem.constitutive.tables import Constant
+from castfem.values.tables import Constant
 
 STRAIN = "viscoplastic_strain"
 RATE = "flow_curve_rate"

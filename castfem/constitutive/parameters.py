@@ -23,7 +23,7 @@ import math
 import os
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -37,12 +37,11 @@ from castfem.constitutive.flow_laws import (
     ThermoElastic,
     UnifiedSteel,
 )
-from castfem.constitutive.tables import Constant, Rows
 from castfem.errors import InputError
 from castfem.support.messages import choices, shown
 from castfem.values.quantities import Kind
+from castfem.values.tables import Constant, Table
 from castfem.values.tables import Curve as TableReader
-from castfem.values.tables import Table
 from castfem.values.units import nearest
 
 FOLDER = Path(__file__).parent / "data"
@@ -125,7 +124,7 @@ class _Reader:
             self.fail(key, str(error))
             return Constant(1.0)
         if isinstance(found, Table):
-            return Rows(found.arguments, found.values, parameter.logarithmic)
+            return replace(found, logarithmic=parameter.logarithmic)
         return Constant(found)
 
     def number(self, key: str, default: float) -> float:

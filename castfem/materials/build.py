@@ -19,7 +19,7 @@ from castfem.materials.expansion import (
     MeanExpansion,
 )
 from castfem.materials.formulas import FORMULAS
-from castfem.materials.properties import ByFormula, Constant, Property, Table
+from castfem.materials.properties import ByFormula, Property
 from castfem.materials.schema import (
     KINDS,
     TEMPERATURE,
@@ -37,7 +37,7 @@ from castfem.materials.solid_fraction import (
 from castfem.materials.steel import Origin, Steel
 from castfem.support.messages import choices, shown
 from castfem.values.quantities import Kind
-from castfem.values.tables import Curve
+from castfem.values.tables import Constant, Curve, Table
 from castfem.values.units import format as write
 from castfem.values.units import nearest
 
@@ -162,7 +162,7 @@ class Workshop:
         except ValueError as error:
             raise self.fail(key, text=str(error)) from None
         assert not isinstance(table, float)
-        return Table(table.arguments, table.values, entry.outside == "refuse")
+        return replace(table, refuse_outside=entry.outside == "refuse")
 
     def _named(self, key: str, entry: Entry, names: tuple[str, ...]) -> str:
         """Return the formula of an entry if it is one of `names`."""
@@ -264,7 +264,7 @@ class Workshop:
         if name == "table":
             table = self._table("solid_fraction", entry)
             try:
-                return TableFraction(table.temperature, table.value)
+                return TableFraction(table)
             except ValueError as error:
                 raise self.fail("solid_fraction", text=str(error)) from None
         return LeverFraction(self._phases("solid_fraction", name))

@@ -19,8 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.materials.iron_carbon import Array, IronCarbon, Phases, Side
-from castfem.materials.properties import Property, Table
+from castfem.materials.properties import Property
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.tables import Table
 
 IRON_MASS, CARBON_MASS = 55.845, 12.011  # g/mol
 AVOGADRO = 6.02214076e23
@@ -75,7 +76,7 @@ class DifferentialExpansion:
     def _integral(self, temperature: npt.ArrayLike) -> Array:
         """Integral of the coefficient from the first row, exact for the linear pieces."""
         t = np.asarray(temperature, float)
-        rows, alpha = np.array(self.coefficient.temperature), np.array(self.coefficient.value)
+        rows, alpha = np.array(self.coefficient.arguments), np.array(self.coefficient.values)
         sums = np.concatenate([[0.0], np.cumsum(0.5 * (alpha[1:] + alpha[:-1]) * np.diff(rows))])
         i = np.clip(np.searchsorted(rows, t, side="right") - 1, 0, len(rows) - 1)
         start, first = np.where(t < rows[0], rows[0], rows[i]), alpha[i]

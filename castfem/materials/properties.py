@@ -6,7 +6,6 @@ Where a property jumps, `side` picks the hotter ("above") or the colder ("below"
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -37,84 +36,8 @@ class Property(Protocol):
     def span(self) -> tuple[float, float]:
         """Temperatures between which it is defined, K."""
 
-    def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+    def __call__(self, temperature: npt.ArrayLike, /, side: Side = "above") -> Array:
         """Values at `temperature`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Constant:
-    """The same value at every temperature."""
-
-    value: float
-    kinks: tuple[float, ...] = ()
-    jumps: tuple[float, ...] = ()
-    curved: bool = False
-    span: tuple[float, float] = (0.0, np.inf)
-
-    def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
-        """Return the constant in the shape of `temperature`."""
-        return np.full_like(np.asarray(temperature, float), self.value)
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """Linear between the rows of a table.
-
-    Args:
-        temperature: K, strictly increasing.
-        value: SI, as many as temperatures.
-        refuse_outside: Raise outside of the table; otherwise its end values go on for ever.
-
-    Raises:
-        ValueError: If the columns do not match or the temperatures do not increase.
-    """
-
-    temperature: tuple[float, ...]
-    value: tuple[float, ...]
-    refuse_outside: bool = False
-
-    def __post_init__(self) -> None:
-        if not self.temperature or len(self.temperature) != len(self.value):
-            raise ValueError("a table needs as many values as temperatures, and at least one")
-        if any(a >= b for a, b in itertools.pairwise(self.temperature)):
-            raise ValueError("the temperatures of a table must increase")
-
-    @property
-    def kinks(self) -> tuple[float, ...]:
-        """The rows: inside the table, and at its ends unless it is refused beyond them."""
-        return self.temperature
-
-    @property
-    def jumps(self) -> tuple[float, ...]:
-        """A table never jumps."""
-        return ()
-
-    @property
-    def curved(self) -> bool:
-        """A table is linear between its rows."""
-        return False
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """First and last temperature if it is refused beyond them."""
-        if self.refuse_outside:
-            return self.temperature[0], self.temperature[-1]
-        return 0.0, np.inf
-
-    def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
-        """Interpolate.
-
-        Raises:
-            ValueError: If a temperature lies outside and the table is refused there.
-        """
-        t = np.asarray(temperature, float)
-        lower, upper = self.span
-        if t.size and not (lower <= t.min() and t.max() <= upper):
-            raise ValueError(
-                f"the table goes from {lower - 273.15:g} to {upper - 273.15:g} degC, "
-                f"asked for {t.min() - 273.15:g} to {t.max() - 273.15:g} degC"
-            )
-        return np.asarray(np.interp(t, self.temperature, self.value))
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from castfem.materials.iron_carbon import Array, IronCarbon, Side
 from castfem.materials.properties import Property
+from castfem.values.tables import Table
 
 
 class SolidFraction(Property, Protocol):
@@ -72,28 +73,24 @@ class TableFraction:
     """Solid fraction from a table that falls from 1 at the solidus to 0 at the liquidus.
 
     Args:
-        temperature: K, strictly increasing, from the solidus to the liquidus.
-        value: Solid fractions, 1 first and 0 last, never rising.
+        table: Over temperature from the solidus to the liquidus: 1 first and 0 last, never rising.
 
     Raises:
         ValueError: If the table is not of this kind.
     """
 
-    temperature: tuple[float, ...]
-    value: tuple[float, ...]
+    table: Table
     jumps: tuple[float, ...] = ()
     curved: bool = False
     span: tuple[float, float] = (0.0, np.inf)
 
     def __post_init__(self) -> None:
-        rows = len(self.temperature)
-        if rows < 2 or rows != len(self.value):
+        values = self.table.values
+        if len(values) < 2:
             raise ValueError("a table of solid fractions needs two rows at least")
-        if any(np.diff(self.temperature) <= 0.0):
-            raise ValueError("the temperatures of a table must increase")
-        inner = self.value[1:-1]
-        ends = self.value[0] == 1.0 and self.value[-1] == 0.0
-        if not ends or any(np.diff(self.value) > 0.0) or any(not 0.0 < v < 1.0 for v in inner):
+        ends = values[0] == 1.0 and values[-1] == 0.0
+        within = all(0.0 < v < 1.0 for v in values[1:-1])
+        if not ends or any(np.diff(values) > 0.0) or not within:
             raise ValueError(
                 "the solid fraction must fall from 1 in the first row to 0 in the last"
             )
@@ -101,22 +98,21 @@ class TableFraction:
     @property
     def kinks(self) -> tuple[float, ...]:
         """The rows of the table."""
-        return self.temperature
+        return self.table.arguments
 
     @property
     def solidus(self) -> float:
         """First temperature of the table, K."""
-        return self.temperature[0]
+        return self.table.arguments[0]
 
     @property
     def liquidus(self) -> float:
         """Last temperature of the table, K."""
-        return self.temperature[-1]
+        return self.table.arguments[-1]
 
     def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
         """Solid fraction, between 0 and 1."""
-        t = np.asarray(temperature, float)
-        return np.asarray(np.interp(t, self.temperature, self.value))
+        return self.table(temperature)
 
 
 @dataclass(frozen=True, slots=True)

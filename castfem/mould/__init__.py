@@ -22,11 +22,10 @@ from castfem.mould.cavity import (
 from castfem.mould.contour import Contour
 from castfem.mould.mould import Expansion, Mould, Zone
 from castfem.mould.segments import Circular, Parabolic, Segment, Straight
-from castfem.mould.taper import Along, Course, Displaced, Stretch, Taper, taper_between
+from castfem.mould.taper import Course, Displaced, Stretch, Taper, taper_between
 from castfem.mould.wall import PlaneWall, Reach, Wall
 
 __all__ = [
-    "Along",
     "Cavity",
     "Circular",
     "Contour",

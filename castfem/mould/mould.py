@@ -13,8 +13,9 @@ import numpy as np
 from castfem.mould.cavity import Cavity, Tapers
 from castfem.mould.contour import Contour
 from castfem.mould.segments import Array
-from castfem.mould.taper import Along, stretch_ends, taper_between
+from castfem.mould.taper import stretch_ends, taper_between
 from castfem.mould.wall import Reach
+from castfem.values.tables import Constant, Table
 
 _ROUNDING = 1e-9
 
@@ -34,7 +35,7 @@ class Expansion:
 
     coefficient: float
     cold: float
-    temperature: Along
+    temperature: Constant | Table
 
     def factor(self, position: float) -> float:
         """Return hot length over cold length at a position."""
@@ -92,7 +93,7 @@ class Mould:
         cavity: Cavity,
         length: float,
         tapers: Tapers,
-        wall_temperature: Along | None = None,
+        wall_temperature: Constant | Table | None = None,
         expansion: Expansion | None = None,
     ) -> None:
         if not 0.0 < length < np.inf:

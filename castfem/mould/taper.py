@@ -14,12 +14,11 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
+from castfem.values.tables import Table
 
 _ROUNDING = 1e-9
 
@@ -110,62 +109,21 @@ class Displaced:
     """A wall that is displaced by a table: a measured profile, or a step.
 
     Attributes:
-        positions: Below the meniscus, increasing, m.
-        closing: Displacement of the wall into the cavity, m; linear between, constant beyond.
+        closing: Displacement of the wall into the cavity, m, over the position below the meniscus.
     """
 
-    positions: tuple[float, ...]
-    closing: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        """Refuse rows that do not fit."""
-        if len(self.positions) != len(self.closing) or not self.positions:
-            raise ValueError("as many displacements as positions are needed, at least one")
-        if any(b <= a for a, b in itertools.pairwise(self.positions)):
-            raise ValueError("the positions of the wall's displacement must increase")
+    closing: Table
 
     def half(self, position: float, start: float) -> float:
         """Return half the dimension at a position, m; see `Course`.
 
         The table tells the wall's movement since the meniscus: its value there is taken off.
         """
-        return start - (self._at(position) - self._at(0.0))
+        return start - (self.closing(position) - self.closing(0.0))
 
     def knots(self) -> tuple[float, ...]:
         """Return its positions from the meniscus on; see `Course`."""
-        return (0.0, *(p for p in self.positions if p > 0.0))
-
-    def _at(self, position: float) -> float:
-        return float(np.interp(position, self.positions, self.closing))
-
-
-@dataclass(frozen=True, slots=True)
-class Along:
-    """A quantity along the mould: linear between positions, constant beyond them.
-
-    Attributes:
-        positions: Below the meniscus, increasing, m.
-        values: SI.
-    """
-
-    positions: tuple[float, ...]
-    values: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        """Refuse rows that do not fit."""
-        if len(self.positions) != len(self.values) or not self.positions:
-            raise ValueError("as many values as positions are needed, at least one")
-        if any(b <= a for a, b in itertools.pairwise(self.positions)):
-            raise ValueError("the positions along the mould must increase")
-
-    @classmethod
-    def constant(cls, value: float) -> Along:
-        """Return the same value everywhere."""
-        return cls((0.0,), (value,))
-
-    def __call__(self, position: float) -> float:
-        """Return the value at a position."""
-        return float(np.interp(position, self.positions, self.values))
+        return (0.0, *(p for p in self.closing.kinks if p > 0.0))
 
 
 def taper_between(inlet: float, outlet: float, height: float) -> float:

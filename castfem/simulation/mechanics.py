@@ -21,7 +21,7 @@ from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import SPRING, Held
 from castfem.simulation.law import build_law
 from castfem.support.stopwatch import Stopwatch
-from castfem.values.tables import Table
+from castfem.values.tables import Table, as_function
 
 if TYPE_CHECKING:
     from castfem.case import Case
@@ -99,20 +99,15 @@ def _contact(case: Case, section: Section) -> Contact | None:
     )
 
 
-def _course(value: float | Table) -> Course:
-    """A number or a table as a function of time."""
-    return value if isinstance(value, Table) else lambda time: value
-
-
 def _shared(value: float | Table, parts: int) -> Course:
     """What each of the equal parts of the section bears of a load on the whole."""
-    course = _course(value)
+    course = as_function(value)
     return lambda time: course(time) / parts
 
 
 def _planes(motions: given.Motions, free: tuple[str, ...], parts: int) -> PlainPlanes:
     imposed = {
-        name: _course(value)
+        name: as_function(value)
         for name in ("a0", "a1", "a2", "across")
         if name not in free and (value := getattr(motions, name)) is not None
     }
@@ -129,7 +124,7 @@ def _held(one: given.Held) -> Held:
     component = "xy".index(one.component)
     if one.value == 0.0:
         return Held(one.on, component)
-    return Held(one.on, component, _everywhere(_course(one.value)))
+    return Held(one.on, component, _everywhere(as_function(one.value)))
 
 
 def _everywhere(course: Course) -> Callable[[Array, float], Array]:

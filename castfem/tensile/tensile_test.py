@@ -17,14 +17,13 @@ from castfem.constitutive.base import Array
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import STRAIN
 from castfem.constitutive.parameters import AnyLaw, law_from, told_of
-from castfem.constitutive.tables import Constant, Rows
 from castfem.constitutive.uniaxial import Tension, pull
 from castfem.errors import InputError, RunFailure
 from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, History
 from castfem.output.summary import Quantity, Reference, Summary, compare
 from castfem.support import log
-from castfem.values.tables import Table
+from castfem.values.tables import as_function
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -65,10 +64,7 @@ class TensileTest:
         self.strain = np.interp(at, np.arange(len(ends)), turns)
         self.rate = np.concatenate([[0.0], np.repeat([s.rate for s in segments], steps)])
         self.ends = [steps * (k + 1) for k in range(len(segments))]
-        course = given.temperature
-        self.temperature = np.array(
-            [course(t) if isinstance(course, Table) else course for t in self.time]
-        )
+        self.temperature = as_function(given.temperature)(self.time)
         self.thermal = given.expansion * (self.temperature - self.temperature[0])
         self.law = self._law(origin)
 
@@ -80,8 +76,8 @@ class TensileTest:
         except InputError as error:
             raise told_of(f"{origin}.elasticity", error) from None
         elasticity = Elasticity(
-            known.young if given.young is None else _curve(given.young),
-            known.poisson if given.poisson is None else _curve(given.poisson),
+            known.young if given.young is None else as_function(given.young),
+            known.poisson if given.poisson is None else as_function(given.poisson),
             known.solidity,
         )
         where, carbon = f"{origin}.material", given.carbon
@@ -109,11 +105,6 @@ class TensileTest:
             return None
         modulus = float(self.law.elasticity.young(np.full(1, level))[0])
         return axial_stress(self.strain, self.rate, modulus, curve)
-
-
-def _curve(value: float | Table) -> Constant | Rows:
-    """What was given as a value or a table, over temperature."""
-    return Rows(value.arguments, value.values) if isinstance(value, Table) else Constant(value)
 
 
 def run(

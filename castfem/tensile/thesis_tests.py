@@ -20,8 +20,8 @@ from castfem.constitutive.base import Array
 from castfem.constitutive.curves import modified_norton_hoff, yield_limit
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonHoff
-from castfem.constitutive.tables import Constant
 from castfem.constitutive.uniaxial import Tension, pull
+from castfem.values.tables import Constant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -15,11 +15,12 @@ or a CSV file, `{ file = "spray.csv" }`, whose header names the columns and thei
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, overload
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 Array = npt.NDArray[np.float64]
+Side = Literal["above", "below"]
+"""Of an argument at which a value jumps: the side on which it is taken."""
 
 _ARGUMENTS = {
     "temperature": Kind("K", "degC"),
@@ -41,34 +44,130 @@ _ARGUMENTS = {
 
 
 @dataclass(frozen=True, slots=True)
+class Constant:
+    """The same value everywhere; it has no kinks and no end."""
+
+    value: float
+    kinks: tuple[float, ...] = ()
+    jumps: tuple[float, ...] = ()
+    curved: bool = False
+    span: tuple[float, float] = (0.0, math.inf)
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """The one value."""
+        return (self.value,)
+
+    @overload
+    def __call__(  # type: ignore[overload-overlap]
+        self, argument: float, side: Side = "above"
+    ) -> float: ...
+
+    @overload
+    def __call__(self, argument: npt.ArrayLike, side: Side = "above") -> Array: ...
+
+    def __call__(self, argument: Any, side: Side = "above") -> Any:
+        """Return the value in the shape of the argument."""
+        return np.full(np.shape(argument), self.value)[()]
+
+
+@dataclass(frozen=True, slots=True)
 class Table:
-    """A quantity given in rows, linear between them and constant beyond.
+    """A quantity given in rows: linear between them, or its logarithm is.
 
     Attributes:
         over: What it depends on, "temperature", "time" or "position".
-        arguments: Increasing, K, s or m.
-        values: SI, as many as arguments.
+        arguments: Strictly increasing, K, s or m.
+        values: SI, as many as arguments, at least one.
+        logarithmic: The logarithm is linear: levels that fall by a factor from row to row
+            (strengths, creep rates).
+        refuse_outside: Beyond the rows nothing is known; otherwise the end values go on.
+
+    Raises:
+        ValueError: If the rows do not match, do not increase, or have no logarithm.
     """
 
     over: str
     arguments: tuple[float, ...]
     values: tuple[float, ...]
+    logarithmic: bool = False
+    refuse_outside: bool = False
+
+    def __post_init__(self) -> None:
+        x, over = self.arguments, f"{self.over}s"
+        if not x or len(x) != len(self.values):
+            raise ValueError(f"a table needs as many values as {over}, and at least one")
+        if any(a >= b for a, b in itertools.pairwise(x)):
+            raise ValueError(f"the {over} of a table must increase")
+        if self.logarithmic and min(self.values) <= 0.0:
+            raise ValueError("only positive values have a logarithm")
 
     @property
     def kinks(self) -> tuple[float, ...]:
-        """Arguments at which its slope changes: the rows."""
+        """Arguments at which its slope jumps: the rows."""
         return self.arguments
 
-    @overload
-    def __call__(self, argument: float) -> float: ...
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """Arguments at which its value jumps: none."""
+        return ()
+
+    @property
+    def curved(self) -> bool:
+        """Whether it is not linear between its kinks."""
+        return self.logarithmic
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last argument at which it is known."""
+        return (self.arguments[0], self.arguments[-1]) if self.refuse_outside else (0.0, math.inf)
 
     @overload
-    def __call__(self, argument: Array) -> Array: ...
+    def __call__(  # type: ignore[overload-overlap]
+        self, argument: float, side: Side = "above"
+    ) -> float: ...
 
-    def __call__(self, argument: float | Array) -> float | Array:
-        """Return the value at one argument (K, s or m), or at each of an array."""
-        found = np.interp(argument, self.arguments, self.values)
-        return found if isinstance(argument, np.ndarray) else float(found)
+    @overload
+    def __call__(self, argument: npt.ArrayLike, side: Side = "above") -> Array: ...
+
+    def __call__(self, argument: Any, side: Side = "above") -> Any:
+        """Return the value at one argument (K, s or m), or at each of an array.
+
+        Raises:
+            ValueError: An argument lies outside of the rows, and the table is refused there.
+        """
+        if self.refuse_outside:
+            self._refuse(np.asarray(argument, float))
+        if self.logarithmic:
+            return np.exp(np.interp(argument, self.arguments, np.log(self.values)))
+        return np.interp(argument, self.arguments, self.values)
+
+    def _refuse(self, argument: Array) -> None:
+        """Refuse what lies outside of the rows."""
+        ends = self.arguments[0], self.arguments[-1]
+        if not argument.size or (ends[0] <= argument.min() and argument.max() <= ends[1]):
+            return
+        kind = _ARGUMENTS[self.over]
+        low, high, least, most = (
+            f"{units.convert(float(x), kind.unit, kind.shown):g}"
+            for x in (*ends, argument.min(), argument.max())
+        )
+        raise ValueError(
+            f"the table goes from {low} to {high} {kind.shown}, "
+            f"asked for {least} to {most} {kind.shown}"
+        )
+
+
+def as_function(value: float | Table) -> Constant | Table:
+    """Return a value that was given as one number or a table, as a function of its argument."""
+    return value if isinstance(value, Table) else Constant(value)
+
+
+def celsius(
+    temperature: Sequence[float], value: Sequence[float], logarithmic: bool = False
+) -> Table:
+    """Return a table from values (SI) at temperatures in degC."""
+    return Table("temperature", tuple(t + 273.15 for t in temperature), tuple(value), logarithmic)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +185,10 @@ class Curve(Notation):
     def read(self, given: object) -> float | Table:
         """Return the value in SI, or a table; raise ValueError if it is neither."""
         if isinstance(given, Table):
-            return self._checked(given)
+            if given.over != self.over:
+                raise ValueError(f"a table over {self.over} is needed, not over {given.over}")
+            self._check(given.arguments, given.values)
+            return given
         if isinstance(given, Mapping):
             return self._from_columns(self._columns(given))
         return self.kind.read(given)
@@ -124,12 +226,11 @@ class Curve(Notation):
         argument = _ARGUMENTS[self.over]
         x = _column(self.over, columns[self.over], columns.get(f"{self.over}_unit"), argument)
         y = _column("value", columns["value"], columns.get("unit"), self.kind)
-        return self._checked(Table(self.over, x, y))
+        self._check(x, y)
+        return Table(self.over, x, y)
 
-    def _checked(self, table: Table) -> Table:
-        x, y = table.arguments, table.values
-        if table.over != self.over:
-            raise ValueError(f"a table over {self.over} is needed, not over {table.over}")
+    def _check(self, x: Sequence[float], y: Sequence[float]) -> None:
+        """Refuse rows that are too few or do not increase, by number."""
         if len(x) != len(y):
             raise ValueError(f"{len(x)} rows of {self.over}, but {len(y)} of value")
         if len(x) < 2:
@@ -140,7 +241,6 @@ class Curve(Notation):
                     f"{self.over} must increase from row to row; "
                     f"row {row + 1} does not exceed row {row}"
                 )
-        return table
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler

@@ -20,7 +20,7 @@ from castfem.constitutive import (
     load_law,
 )
 from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.tables import Constant, celsius
+from castfem.values.tables import Constant, celsius
 
 Array = npt.NDArray[np.float64]
 ZERO = 273.15

@@ -14,8 +14,8 @@ from castfem.constitutive import (
 )
 from castfem.constitutive.analytical import axial_stress, flow_curve
 from castfem.constitutive.curves import modified_norton_hoff, yield_limit
-from castfem.constitutive.tables import Constant
 from castfem.constitutive.uniaxial import pull
+from castfem.values.tables import Constant
 
 E, T = 20e9, 1373.15
 EL = Elasticity.constant(E, 0.3)

@@ -24,8 +24,8 @@ from castfem.constitutive.curves import (
     norton_relaxation,
     yield_limit,
 )
-from castfem.constitutive.tables import Constant
 from castfem.constitutive.uniaxial import pull
+from castfem.values.tables import Constant
 
 from .samples import ZERO, one
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from castfem.constitutive import Elasticity, MaterialStep, Solidity, ThermoElastic, load_elasticity
-from castfem.constitutive.tables import Constant, Rows, celsius
 from castfem.materials import load_steel
+from castfem.values.tables import Constant, Table, celsius
 
 from .samples import LIQUIDUS, SOLIDUS, ZERO, Array, one, steel_like
 
@@ -74,7 +74,7 @@ def test_stress_follows_the_moduli_of_the_temperature() -> None:
 
 
 def test_a_cliff_in_the_modulus_is_no_trouble() -> None:
-    elasticity = Elasticity(Rows((1000.0, 1000.1), (100e9, 1e6)), Constant(0.3))
+    elasticity = Elasticity(Table("temperature", (1000.0, 1000.1), (100e9, 1e6)), Constant(0.3))
     law = ThermoElastic(elasticity)
     strain = [1e-3, 0.0, 0.0, 0.0]
     down = [step_of(strain, 900.0, 900.0), step_of([0.0] * 4, 900.0, 1100.0)]

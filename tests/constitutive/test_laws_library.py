@@ -22,9 +22,9 @@ from castfem.constitutive import (
 from castfem.constitutive.base import Law
 from castfem.constitutive.curves import Austenite, modified_norton_hoff
 from castfem.constitutive.parameters import FOLDER, delta_share_of
-from castfem.constitutive.tables import Constant, Rows
 from castfem.constitutive.uniaxial import pull
 from castfem.errors import InputError
+from castfem.values.tables import Constant, Table
 
 from .samples import ZERO
 
@@ -179,11 +179,12 @@ def test_parameters_that_are_none(tmp_path: Path) -> None:
 
 def test_rows() -> None:
     t = np.array([0.0, 100.0, 150.0, 200.0, 300.0])
-    np.testing.assert_allclose(Rows((100.0, 200.0), (1.0, 4.0))(t), [1.0, 1.0, 2.5, 4.0, 4.0])
-    logarithmic = Rows((100.0, 200.0), (1.0, 4.0), logarithmic=True)
+    linear = Table("temperature", (100.0, 200.0), (1.0, 4.0))
+    np.testing.assert_allclose(linear(t), [1.0, 1.0, 2.5, 4.0, 4.0])
+    logarithmic = Table("temperature", (100.0, 200.0), (1.0, 4.0), logarithmic=True)
     np.testing.assert_allclose(logarithmic(t), [1.0, 1.0, 2.0, 4.0, 4.0])
     for rows in (((1.0,), ()), ((2.0, 1.0), (1.0, 1.0)), ((), ())):
         with pytest.raises(ValueError, match="table"):
-            Rows(*rows)
+            Table("temperature", *rows)
     with pytest.raises(ValueError, match="logarithm"):
-        Rows((1.0, 2.0), (0.0, 1.0), logarithmic=True)
+        Table("temperature", (1.0, 2.0), (0.0, 1.0), logarithmic=True)

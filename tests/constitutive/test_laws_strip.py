@@ -24,7 +24,7 @@ from castfem.constitutive import (
     load_law,
 )
 from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.tables import Constant
+from castfem.values.tables import Constant
 
 from .samples import ZERO, Array
 

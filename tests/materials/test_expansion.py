@@ -19,7 +19,7 @@ from castfem.materials.expansion import (
     gamma_edge_per_carbon,
 )
 from castfem.materials.iron_carbon import IronCarbon
-from castfem.materials.properties import Constant, Table
+from castfem.values.tables import Constant, Table
 
 ZERO = 273.15
 
@@ -33,16 +33,16 @@ def test_constant_coefficient():
 
 @given(st.floats(700.0, 2000.0), st.floats(700.0, 2000.0))
 def test_differential_table_is_integrated_exactly(temperature, reference):
-    table = Table((900.0, 1200.0, 1500.0), (12e-6, 18e-6, 15e-6))
+    table = Table("temperature", (900.0, 1200.0, 1500.0), (12e-6, 18e-6, 15e-6))
     law = DifferentialExpansion(table)
     integral = quad(
-        lambda t: float(table(t)), reference, temperature, points=table.temperature, limit=200
+        lambda t: float(table(t)), reference, temperature, points=table.kinks, limit=200
     )[0]
     assert float(law.strain(temperature, reference)) == pytest.approx(integral, abs=1e-12)
 
 
 def test_mean_table_counts_from_its_origin():
-    law = MeanExpansion(Table((300.0, 1500.0), (12e-6, 18e-6)), origin=293.15)
+    law = MeanExpansion(Table("temperature", (300.0, 1500.0), (12e-6, 18e-6)), origin=293.15)
     lengths = [1.0 + 15e-6 * (900.0 - 293.15), 1.0 + 18e-6 * (1500.0 - 293.15)]
     assert float(law.strain(900.0, 1500.0)) == pytest.approx(
         lengths[0] / lengths[1] - 1.0, rel=1e-12
@@ -50,7 +50,7 @@ def test_mean_table_counts_from_its_origin():
 
 
 def test_density_law_is_the_cube_root():
-    law = DensityExpansion(Table((1000.0, 1500.0), (7600.0, 7400.0)))
+    law = DensityExpansion(Table("temperature", (1000.0, 1500.0), (7600.0, 7400.0)))
     assert float(law.strain(1000.0, 1500.0)) == pytest.approx((7400 / 7600) ** (1 / 3) - 1)
     assert np.all(DensityExpansion(Constant(7400.0)).strain([900.0, 1400.0], 1700.0) == 0.0)
 

@@ -12,9 +12,10 @@ from hypothesis import strategies as st
 from castfem.errors import InputError
 from castfem.materials import knots, load_steel
 from castfem.materials.iron_carbon import IronCarbon
-from castfem.materials.properties import Constant, Table, named
+from castfem.materials.properties import named
 from castfem.materials.solid_fraction import LeverFraction, LinearFraction, TableFraction
 from castfem.materials.steel import Steel
+from castfem.values.tables import Constant, Table
 
 LOWER, UPPER = 900.0, 1900.0
 PERITECTIC = 1768.15
@@ -72,8 +73,8 @@ def test_isothermal_freezing_has_its_jump_at_the_melting_point():
 
 
 def test_tables_of_density_and_heat_multiply_exactly():
-    density = Table((1000.0, 1800.0), (7600.0, 7000.0))
-    heat = Table((1000.0, 1400.0, 1800.0), (600.0, 800.0, 700.0))
+    density = Table("temperature", (1000.0, 1800.0), (7600.0, 7000.0))
+    heat = Table("temperature", (1000.0, 1400.0, 1800.0), (600.0, 800.0, 700.0))
     steel = simple(LinearFraction(1850.0, 1860.0), density, heat)
     t, h = enthalpy(steel, 1000.0, 1800.0)
 
@@ -88,7 +89,7 @@ def test_tables_of_density_and_heat_multiply_exactly():
 
 def test_latent_heat_with_varying_density():
     """H of the mushy zone: integral of rho L dT/(Tl - Ts) for a linear density."""
-    density = Table((1000.0, 1900.0), (7600.0, 6800.0))
+    density = Table("temperature", (1000.0, 1900.0), (7600.0, 6800.0))
     steel = simple(LinearFraction(1700.0, 1760.0), density, heat=1e-3, latent=270e3)
     t, h = enthalpy(steel, 1700.0, 1760.0)
     mean = float(density(1730.0))
@@ -206,7 +207,7 @@ def test_solid_fraction_laws():
     assert list(linear([1600.0, 1700.0, 1725.0, 1800.0, 1900.0])) == [1.0, 1.0, 0.75, 0.0, 0.0]
     step = LinearFraction(1700.0, 1700.0)
     assert float(step(1700.0)) == 0.0 and float(step(1700.0, "below")) == 1.0
-    table = TableFraction((1700.0, 1750.0, 1800.0), (1.0, 0.2, 0.0))
+    table = TableFraction(Table("temperature", (1700.0, 1750.0, 1800.0), (1.0, 0.2, 0.0)))
     assert list(table([1600.0, 1725.0, 1900.0])) == [1.0, 0.6, 0.0]
     assert (table.solidus, table.liquidus) == (1700.0, 1800.0)
     lever = LeverFraction(IronCarbon(0.42))
@@ -219,21 +220,23 @@ def test_solid_fraction_laws():
 )
 def test_solid_fraction_table_must_fall_from_one_to_zero(values):
     with pytest.raises(ValueError, match="from 1 in the first row to 0 in the last"):
-        TableFraction(tuple(1700.0 + 10 * i for i in range(len(values))), values)
+        TableFraction(
+            Table("temperature", tuple(1700.0 + 10 * i for i in range(len(values))), values)
+        )
 
 
 def test_table_property():
-    law = Table((1000.0, 1200.0), (20.0, 30.0))
+    law = Table("temperature", (1000.0, 1200.0), (20.0, 30.0))
     assert list(law([900.0, 1100.0, 1300.0])) == [20.0, 25.0, 30.0]
-    strict = Table((1000.0, 1200.0), (20.0, 30.0), refuse_outside=True)
+    strict = Table("temperature", (1000.0, 1200.0), (20.0, 30.0), refuse_outside=True)
     with pytest.raises(ValueError, match="asked for"):
         strict(1300.0)
     with pytest.raises(ValueError, match="must increase"):
-        Table((1000.0, 1000.0), (1.0, 2.0))
+        Table("temperature", (1000.0, 1000.0), (1.0, 2.0))
 
 
 def test_refused_table_names_the_range_that_is_needed():
-    table = Table((1000.0, 1900.0), (20.0, 30.0), refuse_outside=True)
+    table = Table("temperature", (1000.0, 1900.0), (20.0, 30.0), refuse_outside=True)
     steel = simple(LinearFraction(1700.0, 1750.0), conductivity=table)
     with pytest.raises(InputError, match=r"conductivity: the table covers .* is needed"):
         steel.conductivity_knots(900.0, 1900.0)
@@ -267,7 +270,7 @@ def test_named_fills_in_defaults():
 
 def test_a_density_that_would_store_less_heat_in_warmer_steel_is_refused():
     """Of steel that moves, H = rho (h - h of the poured) falls where rho rises steeply with T."""
-    steep = Table((1600.0, 1750.0, 1752.0, 1900.0), (6000.0, 6000.0, 7400.0, 7400.0))
+    steep = Table("temperature", (1600.0, 1750.0, 1752.0, 1900.0), (6000.0, 6000.0, 7400.0, 7400.0))
     steel = simple(LinearFraction(1723.15, 1773.15), density=steep)
     with pytest.raises(InputError, match="test: density: it rises so much from 1476"):
         steel.enthalpy_knots(LOWER, UPPER, poured=1800.0)

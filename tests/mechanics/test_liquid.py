@@ -9,10 +9,10 @@ import pytest
 
 from castfem.constitutive.elasticity import Elasticity, Solidity
 from castfem.constitutive.flow_laws import NortonHoff, PerfectlyPlastic, ThermoElastic
-from castfem.constitutive.tables import Constant, Rows
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held
+from castfem.values.tables import Constant, Table
 from mechanics.casting import STEEL, CastScene, billet_mesh
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, expansion, mapped, ring
 
@@ -122,14 +122,17 @@ def test_iterations_do_not_depend_on_the_softness(ratio: float) -> None:
     assert (scene.moved[corner] < 0).all()
 
 
-def cliff(low: float, high: float, at: float, width: float) -> Rows:
-    return Rows((300.0, at, at + width, 1900.0), (low, low, high, high), logarithmic=True)
+def cliff(low: float, high: float, at: float, width: float) -> Table:
+    return Table(
+        "temperature", (300.0, at, at + width, 1900.0), (low, low, high, high), logarithmic=True
+    )
 
 
 HOFF: dict[str, Any] = {"strength": Constant(40e6), "p1": Constant(0.0), "p3": Constant(0.15),
                         "p4": Constant(0.1)}  # fmt: skip
 BASE = Elasticity(
-    Rows((300.0, 1200.0, 1700.0), (120e9, 30e9, 5e9), logarithmic=True), Constant(0.3),
+    Table("temperature", (300.0, 1200.0, 1700.0), (120e9, 30e9, 5e9), logarithmic=True),
+    Constant(0.3),
     Solidity.of(STEEL, stiffness_ratio=1e-5),
 )  # fmt: skip
 HARSH = {

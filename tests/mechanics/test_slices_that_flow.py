@@ -11,9 +11,9 @@ from castfem.constitutive.base import rotation
 from castfem.constitutive.curves import norton_relaxation
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
-from castfem.constitutive.tables import Constant
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.values.tables import Constant
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")

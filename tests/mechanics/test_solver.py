@@ -13,13 +13,13 @@ import pytest
 from castfem.constitutive.base import Response
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
-from castfem.constitutive.tables import Constant
 from castfem.contact.settings import Contact
 from castfem.errors import InputError
 from castfem.mechanics.line_search import step_share
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
 from castfem.mould.wall import PlaneWall
+from castfem.values.tables import Constant
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, expansion, mapped, ring
 
 CREEP = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-3, 1e7, 5.0)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from castfem.mould import (
-    Along,
     Circular,
     Displaced,
     Expansion,
@@ -23,9 +22,14 @@ from castfem.mould import (
     same,
     taper_between,
 )
+from castfem.values.tables import Table
 
 W, R, L = 0.125, 0.005, 0.6
 BILLET = RectangleCavity(W, W, R)
+
+
+def moved(positions, closing):
+    return Displaced(Table("position", positions, closing))
 
 
 def mould(*courses, cavity=BILLET, length=L, **other):
@@ -181,14 +185,14 @@ def test_time_at_which_the_shrinking_block_leaves_the_wall():
 
 
 def test_step_in_the_wall():
-    step = mould(Displaced((0.0, 0.3, 0.3001), (0.0, 0.0, 0.0005)))
+    step = mould(moved((0.0, 0.3, 0.3001), (0.0, 0.0, 0.0005)))
     points, normals = face()
     gaps = [step.reach(points, normals, z).gap[0] for z in (0.1, 0.3, 0.30005, 0.3001, L)]
     assert gaps == pytest.approx([0.0, 0.0, -0.00025, -0.0005, -0.0005], abs=1e-15)
 
 
 def test_displacement_counts_from_the_meniscus():
-    measured = mould(Displaced((0.0, L), (0.0002, 0.0005)))
+    measured = mould(moved((0.0, L), (0.0002, 0.0005)))
     assert measured.dimensions(0.0)["width"] == W
     assert measured.dimensions(L)["width"] == pytest.approx(W - 2 * 0.0003, rel=1e-14)
 
@@ -224,7 +228,7 @@ def test_free_shape_is_mirrored_into_a_closed_contour():
 
 
 def test_cold_mould_expands_by_its_temperature():
-    temperature = Along((0.0, 0.1, L), (373.15, 493.15, 393.15))
+    temperature = Table("position", (0.0, 0.1, L), (373.15, 493.15, 393.15))
     expansion = Expansion(17e-6, 298.15, temperature)
     cold = mould(Taper.single(0.01, L), expansion=expansion)
     for z in (0.0, 0.1, 0.35, L):
@@ -248,7 +252,7 @@ def test_below_its_end_there_is_no_wall():
 
 
 def test_wall_temperature_along_the_mould():
-    table = Along((0.1, 0.5), (400.0, 440.0))
+    table = Table("position", (0.1, 0.5), (400.0, 440.0))
     single = mould(Taper.single(0.0, L), wall_temperature=table)
     assert [single.temperature(z) for z in (0.0, 0.2, L)] == pytest.approx([400.0, 410.0, 440.0])
     with pytest.raises(ValueError, match="no wall temperature"):
@@ -258,16 +262,22 @@ def test_wall_temperature_along_the_mould():
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: mould(Displaced((0.0, L), (0.0, 0.07))), "closes: 600 mm below"),
-        (lambda: mould(Displaced((0.0, L), (0.0, 0.2)), cavity=RoundCavity(0.2)), "closes"),
+        (
+            lambda: mould(moved((0.0, L), (0.0, 0.07))),
+            "closes: 600 mm below",
+        ),
+        (
+            lambda: mould(moved((0.0, L), (0.0, 0.2)), cavity=RoundCavity(0.2)),
+            "closes",
+        ),
         (lambda: mould(Taper.single(-2.0, L)), "-200 %/m over 0.6 m has no outlet"),
         (lambda: mould(Taper.single(0.0, L), length=0.0), "must be positive"),
         (lambda: Taper((Stretch(0.3, 0, 0), Stretch(0.2, 0, 0))), "stretch 2"),
         (lambda: Taper(()), "at least one"),
-        (lambda: Displaced((0.0, 0.0), (0.0, 1.0)), "must increase"),
-        (lambda: Displaced((0.0,), (0.0, 1.0)), "as many"),
-        (lambda: Along((0.2, 0.1), (0.0, 1.0)), "must increase"),
-        (lambda: Along((), ()), "as many"),
+        (lambda: moved((0.0, 0.0), (0.0, 1.0)), "must increase"),
+        (lambda: moved((0.0,), (0.0, 1.0)), "as many"),
+        (lambda: Table("position", (0.2, 0.1), (0.0, 1.0)), "must increase"),
+        (lambda: Table("position", (), ()), "as many"),
     ],
 )
 def test_impossible_moulds_are_refused(build, words):

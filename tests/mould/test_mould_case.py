@@ -16,6 +16,7 @@ from castfem.case.reference_page import markdown_page
 from castfem.case.section import Round
 from castfem.errors import InputError
 from castfem.mould import Displaced, Taper
+from castfem.values.tables import Table
 
 ROUND = '[section]\nshape = "round"\ndiameter = "200 mm"\n[mesh]\nsurface_size = "1 mm"\n'
 BEAM_BLANK = """
@@ -113,7 +114,7 @@ def test_tapers_as_written_are_those_300_gives(write):
 
 def test_table_of_displacements_becomes_a_displaced_wall(write):
     mould = built(write(SOUND["step"]))
-    assert mould.tapers.width == Displaced((0.0, 0.3, 0.301), (0.0, 0.0, 0.0005))
+    assert mould.tapers.width == Displaced(Table("position", (0.0, 0.3, 0.301), (0.0, 0.0, 0.0005)))
     assert mould.dimensions(0.6)["width"] == pytest.approx(0.124, rel=1e-14)
 
 

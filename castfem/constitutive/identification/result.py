@@ -15,7 +15,7 @@ from castfem.constitutive.curves import modified_norton_hoff
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.constitutive.flow_laws import NortonHoff
 from castfem.constitutive.identification.measured import TensileData
-from castfem.constitutive.tables import Constant, Rows
+from castfem.values.tables import Constant, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,7 +105,9 @@ class IdentifiedLaw:
         values = tuple(float(v) for v in self.parameter(name))
         if len(values) == 1:
             return Constant(values[0])
-        return Rows(tuple(float(t) for t in self.temperature), values, name == "strength")
+        return Table(
+            "temperature", tuple(float(t) for t in self.temperature), values, name == "strength"
+        )
 
     def stress(self, fit: Fit, strain: Array, rate: float) -> Array:
         """Stress of the fitted curve, Pa."""
