@@ -115,15 +115,14 @@ def stiffness(tangent: Expr, change: Expr, virtual: Expr, dx_deviator: ufl.Measu
     return ufl.inner(tangent * change, virtual) * dx_deviator
 
 
-def following(u: Expr, v: Expr, freely: Expr) -> ufl.Form:
-    """Int w eps(u) : eps(v): liquid that follows its shell as an elastic body of no consequence.
+def following(u: Expr, v: Expr) -> ufl.Form:
+    """Int eps(u) : eps(v): liquid that follows its shell as an elastic body of no consequence.
 
     Args:
         u: Displacement.
         v: Virtual displacement.
-        freely: w, 1 where there is nothing but liquid, 0 elsewhere; constant in each cell.
     """
-    return freely * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
+    return ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
 
 
 def traction_work(traction: Expr, v: Expr, ds: ufl.Measure) -> ufl.Form:
