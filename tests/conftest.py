@@ -1,4 +1,4 @@
-"""Shared by all tests: what several ranks need, and a place for scenes made without files."""
+"""Shared by all tests: what several ranks need, runs that never were, and what is warned of."""
 
 from __future__ import annotations
 
@@ -7,9 +7,13 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -63,3 +67,27 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     folder = str(tmp_path_factory.mktemp("shared")) if MPI.COMM_WORLD.rank == 0 else None
     return Path(MPI.COMM_WORLD.bcast(folder))
+
+
+@pytest.fixture(scope="session")
+def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run that has ended well; not to be changed."""
+    from imagined_run import write_run
+
+    return write_run(tmp_path_factory.mktemp("finished"))
+
+
+@pytest.fixture(scope="session")
+def strained_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with mechanics; not to be changed."""
+    from strained_run import write_strained
+
+    return write_strained(tmp_path_factory.mktemp("strained"))
+
+
+@pytest.fixture
+def table(strained_run: Path) -> pd.DataFrame:
+    """Its history."""
+    from castfem.output.history import read_history
+
+    return read_history(strained_run / "history.csv")

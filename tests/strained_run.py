@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from imagined_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, rows, summary, temperature
 
 from castfem.output.folder import OutputFolder
 from castfem.output.history import History
 from castfem.output.xdmf import FieldWriter
-
-from .imagined import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, rows, summary, temperature
 
 LOST, REGAINED = 0.12, 0.36  # m; where the corner leaves the wall, and comes back
 MECHANICS = [

@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from imagined_run import write_run
+from strained_run import write_strained
 
 from castfem.compare.runs import Run, read_runs
 from castfem.compare.sections import draw_sections
 from castfem.output.summary import Quantity, Summary
-
-from .imagined import write_run
-from .strained import write_strained
 
 
 @pytest.mark.parametrize("names", [("thermal", "strained"), ("strained", "thermal")])

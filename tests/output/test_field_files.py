@@ -8,12 +8,12 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
+from imagined_run import rectangle
 
 from castfem.errors import RunFailure
 from castfem.output.fields import Fields
 from castfem.output.xdmf import FieldWriter
 
-from .imagined import rectangle
 from .test_xdmf import some_fields
 
 

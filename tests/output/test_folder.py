@@ -13,14 +13,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imagined_run import summary, write_run
 
 from castfem.errors import InputError, RunFailure
 from castfem.output import folder as folder_module
 from castfem.output.checkpoint import save_checkpoint
 from castfem.output.folder import OutputFolder, RunRecord, versions
 from castfem.support import atomic_files
-
-from .imagined import summary, write_run
 
 CASE = 'title = "a case"\n'
 

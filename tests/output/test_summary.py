@@ -9,14 +9,13 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from imagined_run import summary
 
 import castfem
 from castfem.case import load_case
 from castfem.errors import InputError
 from castfem.output.summary import Quantity, Reference, Summary, compare, from_si, to_si
 from castfem.support.atomic_files import plain, write_json
-
-from .imagined import summary
 
 
 def test_values_are_in_the_unit_beside_them():

@@ -14,14 +14,13 @@ import h5py
 import meshio
 import numpy as np
 import pytest
+from imagined_run import rectangle
 
 from castfem.case.casting import FieldName
 from castfem.errors import InputError, RunFailure
 from castfem.output.fields import Fields
 from castfem.output.layout import UNITS, components, triangulate, vtk_cells
 from castfem.output.xdmf import FieldWriter
-
-from .imagined import rectangle
 
 KINDS = [("triangle", 1), ("quadrilateral", 1), ("triangle", 2), ("quadrilateral", 2)]
 MESHIO = {

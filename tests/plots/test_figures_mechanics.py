@@ -7,7 +7,9 @@ import itertools
 import matplotlib.image
 import numpy as np
 import pytest
+from imagined_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
 from matplotlib.colors import to_rgb
+from strained_run import moved_points, write_strained
 
 from castfem.case import load_case
 from castfem.case.shipped_cases import find
@@ -26,9 +28,6 @@ from castfem.plots.section import Steel
 from castfem.plots.shape import Outline, displacement, magnification, von_mises
 from castfem.plots.strand import Stack, View, draw_stack
 from castfem.plots.style import Course, look, render
-
-from .imagined import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
-from .strained import moved_points, write_strained
 
 STEEL = Steel(SOLIDUS, LIQUIDUS)
 

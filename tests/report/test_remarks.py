@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 import pytest
+from imagined_run import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
 from rich.console import Console
 
 from castfem.output.fields import Fields
@@ -14,8 +15,6 @@ from castfem.output.xdmf import FieldWriter
 from castfem.report.hot_spots import hottest, thinnest
 from castfem.report.remarks import OPEN, Spell, remarks, spells
 from castfem.report.show import show
-
-from .imagined import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
 
 
 def test_spells_without_contact_are_found_between_the_rows():

@@ -1,4 +1,4 @@
-"""`castfem show`: the table, and what it says of runs that did not end well; the figures."""
+"""`castfem show`: the table, and what it says of runs that did not end well."""
 
 from __future__ import annotations
 
@@ -6,29 +6,16 @@ import io
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import matplotlib.image
-import numpy as np
 import pytest
+from imagined_run import write_run
 from rich.console import Console
 
 from castfem.errors import InputError
-from castfem.output.fields import Fields
 from castfem.output.folder import FIGURES, OutputFolder
-from castfem.output.history import read_history
-from castfem.output.summary import Zone
-from castfem.output.xdmf import FieldWriter
-from castfem.plots.figures import draw_figures
-from castfem.plots.history import curves, draw_heat, draw_steps, probes_with
-from castfem.plots.section import Steel, draw_states, draw_temperature, section_triangles
-from castfem.plots.section import state_shares as shares_of
-from castfem.plots.style import Course
 from castfem.report.show import show, shown
-
-from .imagined import HALF, LIQUIDUS, SOLIDUS, rectangle, write_run
 
 
 def printed(folder: Path, **options: bool) -> str:
@@ -117,136 +104,6 @@ def test_the_table_is_shown_although_figures_cannot_be_drawn(finished_run, tmp_p
     assert "139.2" in text
     assert "figures: " in text
     assert "cannot be read" in text
-
-
-def test_figures_need_no_display_and_no_pyplot(finished_run, tmp_path):
-    run = tmp_path / "copy"
-    shutil.copytree(finished_run, run)
-    shutil.rmtree(run / "figures", ignore_errors=True)
-    code = f"""
-import os, sys
-os.environ.pop("DISPLAY", None)
-from castfem.plots.figures import draw_figures
-assert len(draw_figures({str(run)!r})) == {len(FIGURES)}
-assert "matplotlib.pyplot" not in sys.modules
-"""
-    subprocess.run([sys.executable, "-W", "error", "-c", code], check=True)
-
-
-def test_absent_columns_probes_and_files_are_left_out(tmp_path):
-    write_run(tmp_path, steps=12)
-    text = (tmp_path / "history.csv").read_text()
-    table = [line.split(",") for line in text.splitlines()]
-    keep = [i for i, name in enumerate(table[0]) if name[:4] in ("time", "posi", "shel", "step")]
-    lines = [",".join(line[i] for i in keep) for line in table]
-    (tmp_path / "history.csv").write_text("\n".join(lines) + "\n")
-    (tmp_path / "fields.h5").unlink()
-    assert [path.stem for path in draw_figures(tmp_path)] == ["shell", "steps"]
-    (tmp_path / "history.csv").unlink()
-    assert draw_figures(tmp_path) == []
-
-
-@pytest.mark.parametrize(
-    ("cell", "order", "part", "copies"),
-    [
-        ("triangle", 1, "whole", 1),
-        ("triangle", 2, "half", 2),
-        ("quadrilateral", 1, "quarter", 4),
-        ("quadrilateral", 2, "quarter", 4),
-    ],
-)
-def test_the_whole_section_is_shown_and_its_states_have_the_right_area(
-    tmp_path, cell, order, part, copies
-):
-    points, cells = rectangle(6, 4, 0.06, 0.04, cell, order)
-    span = LIQUIDUS - SOLIDUS
-    values = SOLIDUS - span + 3 * span * points[:, 0] / 0.06  # a third each
-    facts = {"symmetry": part, "solidus": SOLIDUS, "liquidus": LIQUIDUS}
-    with FieldWriter(tmp_path, points, cells, cell, order, attributes=facts) as writer:
-        writer.write(1.0, 0.06, {"temperature": values})
-    steel = Steel(SOLIDUS, LIQUIDUS)
-    with Fields(tmp_path) as fields:
-        mesh, drawn = section_triangles(fields, fields.values("temperature"))
-        assert mesh.x.max() == pytest.approx(60)
-        assert mesh.x.min() == pytest.approx(-60 if copies > 1 else 0)
-        assert mesh.y.min() == pytest.approx(-40 if copies == 4 else 0)
-        assert shares_of(mesh, drawn, steel) == pytest.approx((1 / 3, 1 / 3, 1 / 3), abs=2e-6)
-        alone, _ = section_triangles(fields, fields.values("temperature"), mirrored=False)
-        assert len(mesh.triangles) == copies * len(alone.triangles)
-        for figure in (draw_temperature(fields, steel), draw_states(fields, steel)):
-            (axes,) = [a for a in figure.axes if a.get_xlabel() == "x [mm]"]
-            assert axes.get_aspect() == 1.0
-            assert "60 mm below the meniscus, t = 1 s" in axes.get_title()
-
-
-def test_shares_of_uniform_and_sharp_fields(tmp_path):
-    points, cells = rectangle(2, 2, HALF, HALF, "quadrilateral", 1)
-    with FieldWriter(tmp_path, points, cells, "quadrilateral", 1) as writer:
-        writer.write(0.0, 0.0, {"temperature": np.full(len(points), 1800.0)})
-    with Fields(tmp_path) as fields:
-        for level, expected in ((1900.0, (1, 0, 0)), (1700.0, (0, 0, 1))):
-            mesh, values = section_triangles(fields, fields.values("temperature"))
-            assert shares_of(mesh, values, Steel(level, level + 0.01)) == expected
-        assert draw_temperature(fields, Steel(1700.0, 1700.01)) is not None
-        assert draw_states(fields, Steel(1700.0, 1700.0)) is not None
-        assert draw_states(fields, None) is None
-
-
-def test_long_strands_are_shown_in_metres_with_their_zones(finished_run):
-    table = read_history(finished_run / "history.csv")
-    time = table["time"].to_numpy()
-    zones = (Zone("mould", 0.0, 0.9), Zone("spray", 0.9, 5.0), Zone("beyond", 30.0, 40.0))
-    figure = draw_heat(table, Course(time, 2.0 * time, zones), None)
-    assert figure is not None
-    assert [a.get_xlabel() for a in figure.axes].count("position below the meniscus [m]") == 1
-    texts = {t.get_text() for a in figure.axes[0].child_axes for t in a.texts}
-    assert texts == {"mould", "spray"}
-    tops = [a for a in figure.axes[0].child_axes if "time" in a.get_xlabel()]
-    figure.canvas.draw()
-    assert tops[0].get_xlim() == pytest.approx((0.0, time[-1]))
-
-
-def test_heat_rate_is_taken_from_the_heat_removed_where_it_has_no_column(finished_run):
-    table = read_history(finished_run / "history.csv")
-    units = table.attrs["units"]
-    removed = table.drop(columns=["heat_rate"])
-    removed["heat_removed"] = 5e5 * removed["time"]
-    removed.attrs["units"] = units
-    course = Course(table["time"].to_numpy(), table["position"].to_numpy())
-    figure = draw_heat(removed, course, None)
-    assert figure is not None
-    (panel,) = [a for a in figure.axes if a.get_ylabel() == "heat leaving\nthe strand [kW/m]"]
-    assert np.allclose(panel.lines[0].get_ydata(), 500.0)
-
-
-def test_without_a_position_time_is_the_axis(finished_run):
-    table = read_history(finished_run / "history.csv")
-    nowhere = Course(table["time"].to_numpy(), np.full(len(table), np.nan))
-    figure = draw_steps(table, nowhere, None)
-    assert figure is not None
-    assert figure.axes[-1].get_xlabel() == "time since the meniscus [s]"
-
-
-def test_probes_are_found_by_their_columns(finished_run):
-    table = read_history(finished_run / "history.csv")
-    assert probes_with(table, "shell") == {"mid_face": "shell_mid_face", "corner": "shell_corner"}
-    table["shell_empty"] = np.nan
-    assert "empty" not in probes_with(table, "shell")
-
-
-def test_curves_that_would_hide_one_another_are_drawn_once(finished_run):
-    table = read_history(finished_run / "history.csv")
-    units = table.attrs["units"]
-    table["shell_narrow_face"] = table["shell_mid_face"] * (1 + 1e-6)
-    table.attrs["units"] = units | {"shell_narrow_face": "mm"}
-    found = [(label, column) for label, _, column in curves(table, "shell")]
-    both = ("mid-face and narrow face", "shell_mid_face")
-    assert found == [both, ("corner", "shell_corner")]
-    for name in ("mid_face_extrados", "narrow_face_left"):
-        table[f"shell_{name}"] = table["shell_mid_face"]
-        labels = [label for label, _, _ in curves(table, "shell")]
-        expected = "mid-face, narrow face and mid-face extrados"
-        assert labels[0] == (expected if "mid" in name else "mid-face and 3 others")
 
 
 @pytest.mark.parametrize(

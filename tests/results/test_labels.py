@@ -7,6 +7,7 @@ import re
 
 import pytest
 from rich.console import Console
+from strained_run import write_strained
 
 import castfem
 from castfem.case import load_case
@@ -15,8 +16,6 @@ from castfem.output.folder import RunRecord
 from castfem.report.headline import plain_label
 from castfem.report.show import show
 from castfem.results.labels import last_quantities
-
-from .strained import write_strained
 
 
 def test_an_interrupted_run_is_told_in_the_words_of_a_finished_one(tmp_path):
