@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import itertools
 import json
@@ -17,6 +16,7 @@ from castfem.case import Case
 from castfem.case.key_names import full_key
 from castfem.case.load import changed
 from castfem.errors import InputError
+from castfem.values.csv_files import Heading, read_csv
 
 _LONGEST = 100  # characters of a folder's name
 _WIDEST = 24  # characters of a value in tables and legends
@@ -206,51 +206,41 @@ def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
     Raises:
         ValueError: It cannot be read, or its header or a row is not as it must be.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(getattr(error, "strerror", None) or "not a text in UTF-8") from None
-    kept = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
-    if len(kept) < 2:
+    file = read_csv(path)
+    if not file.rows:
         raise ValueError("needs a header, such as 'casting.speed [m/min]', and a row for each run")
-    separator = ";" if ";" in kept[0] else ","
-    head, *body = (
-        [cell.strip() for cell in row]
-        for row in csv.reader(kept, delimiter=separator, skipinitialspace=True)
-    )
-    columns = [_column(cell, document) for cell in head]
+    columns = [(_key(heading, document), heading.unit) for heading in file.headings]
     keys = [key for key, _ in columns]
     if len(set(keys)) < len(keys):
         raise ValueError("two columns have the same key")
     rows: list[Row] = []
-    for number, cells in enumerate(body, start=1):
+    for number, row in enumerate(file.rows, start=1):
+        cells = row.cells
         if len(cells) != len(columns):
             problem = f"run {number} has {len(cells)} cells, the header {len(columns)}"
-            raise ValueError(f"{problem} {_QUOTED}" if separator == "," else problem)
+            raise ValueError(f"{problem} {_QUOTED}" if file.separator == "," else problem)
         values = {
             key: _with_unit(cell, unit)
             for (key, unit), cell in zip(columns, cells, strict=True)
             if cell
         }
         name = values.pop(_NAME, "")
-        if name and any(row.name == name for row in rows):
+        if name and any(other.name == name for other in rows):
             raise ValueError(f"two rows are named {name}")
         place = f"{path}: run {number} ({name})" if name else f"{path}: run {number}"
         rows.append(Row(name, values, place))
     return rows
 
 
-def _column(cell: str, document: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the full key and the unit of a column."""
-    name, _, unit = cell.partition("[")
-    key = name.strip()
+def _key(heading: Heading, document: Mapping[str, Any]) -> str:
+    """Return the full key of a column."""
+    key = heading.name
     if not key:
         raise ValueError("a column has no name")
     try:
-        full = key if key == _NAME else full_key(Case, document, key)
+        return key if key == _NAME else full_key(Case, document, key)
     except ValueError as error:
         raise ValueError(f"column {key}: {error}") from None
-    return full, unit.rpartition("]")[0].strip()
 
 
 def _with_unit(cell: str, unit: str) -> str:

@@ -14,7 +14,6 @@ or a CSV file, `{ file = "spray.csv" }`, whose header names the columns and thei
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 from collections.abc import Mapping, Sequence
@@ -26,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.values import units
+from castfem.values.csv_files import UnreadableError, read_csv
 from castfem.values.quantities import Kind, Notation
 
 if TYPE_CHECKING:
@@ -208,7 +208,7 @@ class Curve(Notation):
         if "file" in given:
             if len(given) > 1:
                 raise ValueError("a table with a file takes no other key")
-            return _read_csv(Path(str(given["file"])), self.over)
+            return _columns_of_file(Path(str(given["file"])), self.over)
         allowed = (self.over, f"{self.over}_unit", "value", "unit")
         for key in given:
             if key not in allowed:
@@ -342,33 +342,33 @@ def _no_unit(name: str, kind: Kind) -> NoReturn:
     raise ValueError(f'name the unit of the column once, {key} = "{kind.shown or kind.unit}"')
 
 
-def _read_csv(path: Path, over: str) -> dict[str, Any]:
+def _columns_of_file(path: Path, over: str) -> dict[str, Any]:
     """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
 
     Raises:
         ValueError: The file cannot be read, or its header or a row is not as it must be.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text in UTF-8"
-        raise ValueError(f"cannot read the table '{path}': {reason}") from None
-    kept = [line for line in lines if line.strip() and not line.lstrip().startswith("#")]
+        file = read_csv(path)
+    except UnreadableError as error:
+        raise ValueError(f"cannot read the table '{path}': {error}") from None
     header = f"{over} [unit], value [unit]"
-    if not kept:
+    if not file.headings:
         raise ValueError(f"'{path}' is empty; its first line must be '{header}'")
-    separator = ";" if ";" in kept[0] else ","
-    rows = [[cell.strip() for cell in row] for row in csv.reader(kept, delimiter=separator)]
-    names = [cell.partition("[") for cell in rows[0]]
-    if [name.strip() for name, _, _ in names] != [over, "value"]:
-        raise ValueError(f"the first line of '{path}' must be '{header}', not '{kept[0].strip()}'")
-    given = [unit.rpartition("]")[0].strip() or None for _, _, unit in names]
-    columns: dict[str, Any] = {over: [], "value": [], f"{over}_unit": given[0], "unit": given[1]}
-    for number, row in enumerate(rows[1:], start=2):
+    if [heading.name for heading in file.headings] != [over, "value"]:
+        raise ValueError(f"the first line of '{path}' must be '{header}', not '{file.first}'")
+    units_given = [heading.unit or None for heading in file.headings]
+    columns: dict[str, Any] = {
+        over: [],
+        "value": [],
+        f"{over}_unit": units_given[0],
+        "unit": units_given[1],
+    }
+    for row in file.rows:
         try:
-            x, y = (float(cell) for cell in row)
+            x, y = (float(cell) for cell in row.cells)
         except ValueError:
-            raise ValueError(f"line {number} of '{path}' must hold two numbers") from None
+            raise ValueError(f"line {row.line} of '{path}' must hold two numbers") from None
         columns[over].append(x)
         columns["value"].append(y)
     return columns

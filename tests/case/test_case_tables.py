@@ -133,6 +133,7 @@ def test_bad_table(write, sound, table, said):
         ("T [degC], value\n20, 0.8\n30, 0.9\n", "the first line of"),
         ("temperature [degC], value\n20, 0.8\n30\n", "line 3"),
         ("temperature [degC], value\n20, 0.8\nx, 0.9\n", "line 3"),
+        ("# dry\n\ntemperature [degC], value\n20, 0.8\n# wet\nx, 0.9\n", "line 6"),
         ("temperature [degC], value\n", "is empty; a table needs"),
     ],
 )

@@ -10,10 +10,10 @@ axial strain without the thermal one, stress the true axial stress.
 
 from __future__ import annotations
 
-import csv
 import math
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,6 +22,7 @@ import numpy.typing as npt
 
 from castfem.constitutive.base import Array
 from castfem.errors import InputError
+from castfem.values.csv_files import Heading, UnreadableError, read_csv
 from castfem.values.quantities import Kind
 from castfem.values.units import nearest
 
@@ -89,17 +90,21 @@ def read_tensile(path: str | os.PathLike[str]) -> TensileData:
         InputError: With all that is wrong in the file, one line each.
     """
     source = Path(path)
-    rows = _rows(source)
-    number, header = rows[0]
-    places, units, problems = _header(source, number, header)
+    try:
+        file = read_csv(source)
+    except UnreadableError as error:
+        raise InputError(f"{source}: cannot be read: {error}") from None
+    if not file.headings:
+        raise InputError(f"{source}: empty; its first line must be '{HEADER}'")
+    places, units, problems = _header(f"{source}: line {file.line}", file.headings)
     if problems:
         raise InputError(problems)
     points = []
-    for number, cells in rows[1:]:
+    for row in file.rows:
         try:
-            points.append(_point(cells, places, units))
+            points.append(_point(row.cells, places, units))
         except ValueError as error:
-            problems.append(f"{source}: line {number}: {error}")
+            problems.append(f"{source}: line {row.line}: {error}")
     if len(problems) > TOLD:
         problems[TOLD:] = [f"{source}: {len(problems) - TOLD} more lines cannot be read"]
     if not problems and not points:
@@ -113,49 +118,24 @@ def read_tensile(path: str | os.PathLike[str]) -> TensileData:
     )  # fmt: skip
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Return line numbers and cells."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text in UTF-8") from None
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise InputError(f"{path}: empty; its first line must be '{HEADER}'")
-    separator = ";" if ";" in lines[0][1] else ","
-    return [
-        (number, [c.strip() for c in next(csv.reader([line], delimiter=separator))])
-        for number, line in lines
-    ]
-
-
 def _header(
-    path: Path, number: int, cells: list[str]
+    where: str, headings: tuple[Heading, ...]
 ) -> tuple[dict[str, int], dict[str, str], list[str]]:
     """Return place and unit of each column, and what is wrong with the header."""
     places: dict[str, int] = {}
     units: dict[str, str] = {}
     problems = []
-    where = f"{path}: line {number}"
-    for place, cell in enumerate(cells):
-        name, _, rest = cell.partition("[")
-        name = re.sub(r"[_\s]+", " ", name).strip().lower()
+    for place, heading in enumerate(headings):
+        name = re.sub(r"[_\s]+", " ", heading.name).lower()
         if name not in COLUMNS:
             problems.append(
-                f"{where}: unknown column '{cell}'; the columns are {HEADER}"
+                f"{where}: unknown column '{heading.text}'; the columns are {HEADER}"
                 f"{nearest(name, COLUMNS)}"
             )
         elif name in places:
             problems.append(f"{where}: the column '{name}' stands there twice")
         else:
-            unit = rest.rpartition("]")[0].strip()
-            places[name], units[name] = place, "" if unit == "-" else unit
+            places[name], units[name] = place, "" if heading.unit == "-" else heading.unit
             problems += _unit_problem(where, name, units[name])
     missing = [name for name in COLUMNS if name not in places]
     if missing and not problems:
@@ -175,7 +155,7 @@ def _quantity(cell: str, unit: str) -> str | float:
     return f"{cell} {unit}" if unit else float(cell)
 
 
-def _point(cells: list[str], places: dict[str, int], units: dict[str, str]) -> list[float]:
+def _point(cells: Sequence[str], places: dict[str, int], units: dict[str, str]) -> list[float]:
     """Return one row in SI, in the order of `COLUMNS`."""
     if len(cells) <= max(places.values()):
         raise ValueError(f"{len(cells)} cells, {len(places)} are needed")
