@@ -22,9 +22,10 @@ from benchmarks.slices import CoolingSlice, Heat
 from castfem import meshes
 from castfem.constitutive.elasticity import Solidity
 from castfem.constitutive.parameters import load_elasticity, load_law
+from castfem.machine import Machine, Steady
 from castfem.materials import load_steel
 from castfem.mechanics.definition import Slice
-from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, allowed_modes
 from castfem.thermal.flux_laws import Contact
 
@@ -92,7 +93,7 @@ def scene(run: Run, comm: MPI.Comm = MPI.COMM_SELF) -> CoolingSlice:
         load_law("norton_hoff_kozlowski", elasticity),
         steel.thermal_strain,
         PlainPlanes(allowed_modes(mesh.groups)),
-        ferrostatic=Ferrostatic(vertical_head(7000.0, 0.06), steel.solid_fraction),
+        ferrostatic=Ferrostatic(Machine(Steady(0.06)).head(7000.0), steel.solid_fraction),
         large_strain=run.large,
     )
     return CoolingSlice(mesh, heat, slice_, comm, run.options)

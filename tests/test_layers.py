@@ -41,6 +41,7 @@ def test_every_package_has_its_place(packages: ModuleType) -> None:
         "values",
         "meshes",
         "forms",
+        "machine",
         "mould",
     }
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, field_validator
 
 from castfem.case.base import TableModel, written
+from castfem.machine.travel import Changing, Steady, Travel
 from castfem.values import units
-from castfem.values.quantities import Length, Percent, Speed, Superheat, Temperature, Time
+from castfem.values.quantities import Kind, Length, Percent, Superheat, Temperature, Time
+from castfem.values.tables import Curve, Table
 
 ThermalField = Literal["temperature", "solid_fraction"]
 MechanicalField = Literal[
@@ -17,6 +19,7 @@ MechanicalField = Literal[
 ContactField = Literal["gap", "contact_pressure"]
 ReferenceKind = Literal["value", "at_least", "at_most"]
 """What is known of a quantity: its value, or a bound."""
+SpeedOverTime = Annotated[float | Table, Curve(Kind("m/s", "m/min", least=0.0), over="time")]
 FieldName = Literal[ThermalField, MechanicalField, ContactField]
 """Fields that can be written."""
 THERMAL_FIELDS: tuple[FieldName, ...] = get_args(ThermalField)
@@ -27,7 +30,10 @@ CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
 class Casting(TableModel):
     """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
 
-    speed: Speed = Field(description="casting speed", examples=["3.6 m/min"])
+    speed: SpeedOverTime = Field(
+        description="casting speed, in a table over the time since the slice left the meniscus",
+        examples=["3.6 m/min"],
+    )
     length: Length = Field(
         description="length that is followed, from the meniscus", examples=["600 mm"]
     )
@@ -40,10 +46,25 @@ class Casting(TableModel):
         examples=["1540 degC"],
     )
 
+    @field_validator("speed")
+    @classmethod
+    def _goes(cls, speed: float | Table | None) -> float | Table | None:
+        """Refuse a strand that never goes at all."""
+        if speed is None or max(speed.values if isinstance(speed, Table) else (speed,)) > 0.0:
+            return speed
+        raise ValueError("must be above 0 m/min")
+
+    @property
+    def travel(self) -> Travel:
+        """The way of the slice over time."""
+        if isinstance(self.speed, Table):
+            return Changing(self.speed.arguments, self.speed.values)
+        return Steady(self.speed)
+
     @property
     def duration(self) -> float:
-        """Time from the meniscus to the end of the followed length, s."""
-        return self.length / self.speed
+        """Time from the meniscus to the end of the followed length, s; inf if it is not reached."""
+        return self.travel.time_at(self.length)
 
 
 class Steel(TableModel):

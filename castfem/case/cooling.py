@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -61,7 +62,7 @@ class Surroundings:
     """
 
     steel: Steel
-    wall: float | Table | None = None
+    wall: float | Callable[[float], float] | None = None
 
 
 class HeatLaw(Variants):

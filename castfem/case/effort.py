@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from castfem.case.model import Case
@@ -51,6 +52,8 @@ def _demands(case: Case) -> Iterator[Demand]:
     time = case.thermal.time if case.thermal else None
     steps: tuple[str, int, int, float] = ("thermal steps", _MOST, _MANY, _THERMAL)
     if case.casting is None or None in (case.casting.length, case.casting.speed):
+        return
+    if math.isinf(case.casting.duration):
         return
     if time is not None and time.step is not None:
         yield ("thermal", "time", "step"), time.step, *steps

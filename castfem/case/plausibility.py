@@ -20,7 +20,7 @@ from castfem.mould.taper import Course
 from castfem.support.messages import Path
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import Kind
-from castfem.values.tables import Curve
+from castfem.values.tables import Curve, Table
 from castfem.values.units import convert, format
 
 if TYPE_CHECKING:
@@ -36,7 +36,8 @@ _SAME_CARBON = 0.03  # wt%
 
 def doubts(case: Case) -> Iterator[Problem]:
     """Yield what a sound case has that was probably not meant."""
-    speed = case.casting.speed
+    given = case.casting.speed
+    speed = max(given.values) if isinstance(given, Table) else given
     if speed > _FASTEST:
         yield Problem(
             ("casting", "speed"),

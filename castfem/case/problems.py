@@ -15,6 +15,7 @@ from castfem.case.base import TableModel
 from castfem.case.variants import Variants
 from castfem.support.messages import Path, choices, dotted, shown
 from castfem.values.quantities import Kind
+from castfem.values.tables import Curve
 from castfem.values.units import nearest
 
 _MISSING = object()
@@ -132,8 +133,9 @@ def _missing(model: type[TableModel] | None, path: Path) -> str:
     if field is None:
         return "is missing"
     for kind in field.metadata:
-        if isinstance(kind, Kind):
-            return f'is missing; {field.description}, such as "{kind.example}"'
+        if isinstance(kind, Kind | Curve):
+            plain = kind.kind if isinstance(kind, Curve) else kind
+            return f'is missing; {field.description}, such as "{plain.example}"'
     inner = submodels(field.annotation)
     if inner:
         return f"the table [{dotted(path)}] is missing"

@@ -6,12 +6,13 @@ the checks that need it are skipped.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 from castfem.case import effort
 from castfem.case.build_mould import check_mould
-from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS
+from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
 from castfem.case.mechanics import Motions
 from castfem.case.model import Case
@@ -70,6 +71,21 @@ def _casting(case: Case) -> Iterator[Problem]:
             ("casting",),
             f'{problem}; exactly one of superheat = "40 K" and temperature = "1540 degC"',
         )
+    yield from _standing(casting)
+
+
+def _standing(casting: Casting) -> Iterator[Problem]:
+    """Yield a strand that stands for good before it has come to the end."""
+    table = casting.speed
+    if not isinstance(table, Table) or casting.length is None or math.isfinite(casting.duration):
+        return
+    last = table.arguments[-1]
+    yield Problem(
+        ("casting", "speed"),
+        f"the strand stands for good after {last:g} s, {casting.travel.position(last):.6g} m below "
+        f"the meniscus: it never comes to casting.length ({casting.length:g} m); let the last row "
+        "of the table be above 0 m/min, or shorten the length",
+    )
 
 
 def _section(case: Case) -> Iterator[Problem]:

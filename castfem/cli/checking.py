@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from castfem.case import AnyCase, Case, Reading, TensileCase, plausibility, read_case
 from castfem.errors import InputError
 from castfem.support import log
+from castfem.values.tables import Table
 from castfem.values.units import convert
 
 if TYPE_CHECKING:
@@ -122,6 +123,13 @@ def describe_test(name: str, case: TensileCase) -> str:
     return "\n".join(lines)
 
 
+def _speed(speed: float | Table) -> str:
+    """The casting speed, or the range of one that changes."""
+    if not isinstance(speed, Table):
+        return f"{speed * 60.0:.4g} m/min"
+    return f"{min(speed.values) * 60.0:.4g} to {max(speed.values) * 60.0:.4g} m/min"
+
+
 def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
     """Return a few lines on a sound case: what is cast, how long, through which zones."""
     casting = case.casting
@@ -130,7 +138,7 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
     lines = [
         f"{name}: sound",
         f"  {case.title}",
-        f"  {casting.length:g} m at {casting.speed * 60.0:.4g} m/min, {casting.duration:.4g} s",
+        f"  {casting.length:g} m at {_speed(casting.speed)}, {casting.duration:.4g} s",
         f"  steel {steel.name}: solidus {solidus:.6g} degC, liquidus {liquidus:.6g} degC",
         f"  mesh of {cells} cells",
     ]

@@ -171,7 +171,11 @@ def _course(panel: Panel) -> Course:
     speeds = [float(t["position"].iloc[-1] / t["time"].iloc[-1]) for t in tables if t is not None]
     zones = longest.run.summary.zones
     same = all(curve.run.summary.zones[: len(zones)] == zones for curve in panel.curves)
-    steady = np.ptp(speeds) <= 1e-6 * max(speeds)
+    steady = np.ptp(speeds) <= 1e-6 * max(speeds) and all(
+        np.allclose(table["position"], speeds[0] * table["time"], rtol=1e-6)
+        for table in tables
+        if table is not None
+    )
     time = longest.position / speeds[0] if steady else np.full(len(longest.position), np.nan)
     return Course(time, longest.position, zones if same else ())
 

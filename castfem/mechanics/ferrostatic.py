@@ -62,8 +62,3 @@ class Ferrostatic:
         """Pressure at points with these temperatures (n,), K, at `time` (s): (n,), Pa."""
         share = SHARES[self.mush](np.asarray(self.solid_fraction(temperature)))
         return np.asarray(self.head(time) * share)
-
-
-def vertical_head(density: float, speed: float, gravity: float = 9.81) -> Course:
-    """Gamma D in a vertical machine: kg/m3, casting speed in m/s, m/s2."""
-    return lambda time: density * gravity * speed * time

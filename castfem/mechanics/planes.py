@@ -170,7 +170,7 @@ class BentPlanes:
     free of strain in the position of its first instant: a curved mould casts a curved strand.
 
     Attributes:
-        curvature: 1/R over time, 1/m; linear between the rolls, see `between`.
+        curvature: 1/R over time, 1/m; linear between the rolls (`castfem.machine`).
         half_thickness: h/2, m.
         neutral_axis: y1, m; None to let axial equilibrium find it.
         force: External axial force over time, N.
@@ -210,29 +210,3 @@ class BentPlanes:
     def load(self, time: float) -> Array:
         """See `Planes`."""
         return np.array([self.force(time), 0.0, 0.0, 0.0])
-
-
-def between(positions: npt.ArrayLike, radii: npt.ArrayLike, speed: float) -> Course:
-    """Curvature 1/R over time from the radii at pairs of rolls: linear in between (III.1.2).
-
-    Args:
-        positions: Of the pairs, increasing, m below the meniscus.
-        radii: R there, m; inf where the strand is straight.
-        speed: Casting speed, m/s.
-
-    Raises:
-        InputError: If the positions do not increase or a radius is zero.
-    """
-    places, r = np.asarray(positions, float), np.asarray(radii, float)
-    if places.shape != r.shape or places.ndim != 1 or not len(r):
-        raise InputError("as many radii as positions of rolls are needed")
-    if np.any(np.diff(places) <= 0.0):
-        raise InputError("positions of rolls must increase")
-    if np.any(r == 0.0):
-        raise InputError("a radius of curvature must not be 0")
-    chi = 1.0 / r
-
-    def curvature(time: float) -> float:
-        return float(np.interp(speed * time, places, chi))
-
-    return curvature

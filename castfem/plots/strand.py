@@ -74,8 +74,11 @@ class Stack:
     def of(cls, fields: Fields, steel: Steel | None) -> Stack | None:
         """Reads the slices; None of what is no strand: two times at least, and a way downwards."""
         sides = np.ptp(fields.points[:, :2], axis=0)
-        times = np.unique(np.linspace(0, len(fields.times) - 1, _MOST).round().astype(int))
-        position = fields.positions[times] if len(fields.times) else np.zeros(0)
+        # Of what was written while the strand stood the last is what went on.
+        onward = np.flatnonzero(np.diff(fields.positions, append=np.inf) > 0.0)
+        chosen = np.linspace(0, max(len(onward) - 1, 0), _MOST).round().astype(int)
+        times = onward[np.unique(chosen)] if len(onward) else onward
+        position = fields.positions[times]
         if len(times) < 2 or (np.diff(position) <= 0).any() or sides.max() > _SLENDER * sides.min():
             return None
         outline = Outline.of(fields)

@@ -63,7 +63,8 @@ def _rubs(simulation: Simulation) -> bool:
 
 def row(run: RunState, sample: Sample) -> dict[str, float]:
     """One row of the history in its units."""
-    speed, whole = run.simulation.case.casting.speed, run.simulation.section.multiplicity
+    simulation = run.simulation
+    speed, whole = simulation.machine.mean_speed(sample.time), simulation.section.multiplicity
     cells = {
         "time": sample.time,
         "position": sample.position,

@@ -116,7 +116,7 @@ class RunState:
     @property
     def position(self) -> float:
         """Of the slice below the meniscus, m."""
-        return self.state.time * self.simulation.case.casting.speed
+        return self.simulation.machine.position(self.state.time)
 
     @property
     def reached(self) -> dict[str, float]:

@@ -107,7 +107,7 @@ def _comparisons(run: RunState, final: dict[str, Quantity]) -> tuple[Comparison,
 def quantities(run: RunState, sample: Sample) -> dict[str, Quantity]:
     """The results of the slice where `sample` was taken."""
     simulation = run.simulation
-    speed, whole = simulation.case.casting.speed, simulation.section.multiplicity
+    speed, whole = simulation.machine.mean_speed(sample.time), simulation.section.multiplicity
     found = {
         "solidus": Quantity(simulation.steel.solidus, "degC", "solidus"),
         "liquidus": Quantity(simulation.steel.liquidus, "degC", "liquidus"),

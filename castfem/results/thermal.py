@@ -125,7 +125,7 @@ class Sampler:
         self.worst_balance = max(self.worst_balance, abs(balance))
         sample = Sample(
             time=state.time,
-            position=state.time * simulation.case.casting.speed,
+            position=simulation.machine.position(state.time),
             step=0.0 if leg is None else leg.step,
             newton=0 if leg is None else leg.newton,
             profiles=profiles,
@@ -206,5 +206,5 @@ class Sampler:
             if np.isfinite(self._hottest) and self._hottest > solidus:
                 share = (self._hottest - solidus) / (self._hottest - hottest)
             time = self._time + share * (state.time - self._time)
-            self.metallurgical_length = time * self.simulation.case.casting.speed
+            self.metallurgical_length = self.simulation.machine.position(time)
         self._hottest, self._time = hottest, state.time

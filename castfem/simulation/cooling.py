@@ -6,7 +6,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +20,7 @@ from castfem.values.tables import Table
 
 if TYPE_CHECKING:
     from castfem.case import Case
+    from castfem.machine import Machine
     from castfem.materials import Steel
 
 Array = npt.NDArray[np.float64]
@@ -30,7 +31,8 @@ class Zones:
     """The machine seen from the slice: which cooling holds at which time.
 
     Args:
-        case: Its cooling zones and casting speed.
+        case: Its cooling zones.
+        machine: When the slice comes to them.
         steel: Gives the emissivity where a law has none.
         surface: Perimeter shares of the section's boundary groups.
 
@@ -39,12 +41,12 @@ class Zones:
             emissivity the steel does not give.
     """
 
-    def __init__(self, case: Case, steel: Steel, surface: Surface) -> None:
-        self._speed = speed = case.casting.speed
+    def __init__(self, case: Case, machine: Machine, steel: Steel, surface: Surface) -> None:
         self.spans = case.zones()
-        self.starts = [span.start / speed for span in self.spans]
+        self.starts = [machine.time_at(span.start) for span in self.spans]
+        self._end = machine.time_at(self.spans[-1].end)
         self._surface = surface
-        self._around = Surroundings(steel, wall_over_time(case))
+        self._around = Surroundings(steel, wall_over_time(case, machine))
         self._coolings = [self._make(i) for i in range(len(self.spans))]
         tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
         self._cooled = surface.patch(tags) if tags else None
@@ -57,7 +59,7 @@ class Zones:
             for _, law in span.laws:
                 times += law.milestones()
         wall = self._around.wall
-        return times + (list(wall.kinks) if isinstance(wall, Table) else [])
+        return times + (list(wall.kinks) if isinstance(wall, OverTime) else [])
 
     def set_gap(self, gap: Array) -> None:
         """Let heat cross these gaps from now on, at the owned vertices (owned,), m."""
@@ -96,7 +98,7 @@ class Zones:
 
     def ambient_range(self) -> tuple[float, float]:
         """Lowest and highest temperature the machine can drive the strand to, K."""
-        times = [*self.starts, *self.changes, self.spans[-1].end / self._speed]
+        times = [*self.starts, *self.changes, self._end]
         ranges = [c.ambient_range(t) for c in self._coolings for t in times]
         return min(low for low, _ in ranges), max(high for _, high in ranges)
 
@@ -173,10 +175,30 @@ def _crosses(law: flux_laws.SurfaceLaw) -> flux_laws.Convection | flux_laws.Radi
     return law
 
 
-def wall_over_time(case: Case) -> float | Table | None:
+@dataclass(frozen=True, slots=True)
+class OverTime:
+    """What is tabulated along the machine, as the slice meets it.
+
+    Attributes:
+        table: Over position.
+        machine: Has the slice's position over time.
+    """
+
+    table: Table
+    machine: Machine
+
+    def __call__(self, time: float) -> float:
+        """The value where the slice is at `time` (s)."""
+        return self.table(self.machine.position(time))
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """When the slice comes to the rows of the table, s; rows it never comes to left out."""
+        times = (self.machine.time_at(position) for position in self.table.arguments)
+        return tuple(time for time in times if time < np.inf)
+
+
+def wall_over_time(case: Case, machine: Machine) -> float | OverTime | None:
     """Temperature of the mould's wall as the slice passes it, K, over time; None if not given."""
-    given_ = None if case.mould is None else case.mould.wall_temperature
-    if isinstance(given_, Table):
-        times = tuple(position / case.casting.speed for position in given_.arguments)
-        return Table("time", times, given_.values)
-    return given_
+    given = None if case.mould is None else case.mould.wall_temperature
+    return OverTime(given, machine) if isinstance(given, Table) else given

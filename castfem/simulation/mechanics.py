@@ -14,7 +14,7 @@ from castfem.contact.settings import Contact
 from castfem.errors import InputError
 from castfem.fem.section import Section
 from castfem.mechanics.definition import Slice
-from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import Course, PlainPlanes, allowed_modes
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
@@ -25,6 +25,7 @@ from castfem.values.tables import Table, as_function
 
 if TYPE_CHECKING:
     from castfem.case import Case
+    from castfem.machine import Machine
     from castfem.materials import Steel
 
 Array = npt.NDArray[np.float64]
@@ -34,7 +35,7 @@ HOTTER = 1.0  # K above the liquidus: where the density of the liquid is taken
 
 
 def build_mechanics(
-    case: Case, steel: Steel, section: Section, watch: Stopwatch
+    case: Case, machine: Machine, steel: Steel, section: Section, watch: Stopwatch
 ) -> MechanicalStepper | None:
     """The mechanics of `case` (collective); None for a case without.
 
@@ -47,7 +48,7 @@ def build_mechanics(
         return None
     problem = MechanicalProblem(
         section,
-        make_slice(case, table, steel, section),
+        make_slice(case, table, machine, steel, section),
         table.solver,
         tolerance=table.tolerance,
         watch=watch,
@@ -69,7 +70,9 @@ def _check_across(problem: MechanicalProblem) -> None:
         )
 
 
-def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Section) -> Slice:
+def make_slice(
+    case: Case, table: given.Mechanics, machine: Machine, steel: Steel, section: Section
+) -> Slice:
     """What the slice of `case` is made of and how it is held."""
     free = given.free_motions(table.planes, allowed_modes(section.groups))
     return Slice(
@@ -77,22 +80,22 @@ def make_slice(case: Case, table: given.Mechanics, steel: Steel, section: Sectio
         thermal_strain=steel.thermal_strain,
         planes=_planes(table.planes, free, section.multiplicity),
         held=tuple(_held(one) for one in table.held),
-        ferrostatic=_ferrostatic(case, table, steel),
-        contact=_contact(case, section),
+        ferrostatic=_ferrostatic(case, table, machine, steel),
+        contact=_contact(case, machine, section),
         large_strain=table.strain == "large",
         liquid=table.liquid,
     )
 
 
-def _contact(case: Case, section: Section) -> Contact | None:
+def _contact(case: Case, machine: Machine, section: Section) -> Contact | None:
     """Contact of the whole surface with the mould; None where the mould is idealised."""
     if case.mould is None:
         return None
-    speed, table = case.casting.speed, case.mould
+    table = case.mould
     return Contact(
         wall=build_mould(table, case.section),
         on=section.outer_groups,
-        position=lambda time: speed * time,
+        position=machine.position,
         method=table.contact.method,
         factor=table.contact.factor,
         friction=build_friction(table.friction),
@@ -132,12 +135,13 @@ def _everywhere(course: Course) -> Callable[[Array, float], Array]:
     return lambda positions, time: np.full(len(positions), course(time))
 
 
-def _ferrostatic(case: Case, table: given.Mechanics, steel: Steel) -> Ferrostatic | None:
-    """Pressure of the liquid in a vertical machine; None if it is left out."""
+def _ferrostatic(
+    case: Case, table: given.Mechanics, machine: Machine, steel: Steel
+) -> Ferrostatic | None:
+    """Pressure of the liquid; None if it is left out."""
     if table.ferrostatic == "off":
         return None
     density = float(steel.density(steel.liquidus + HOTTER))
-    head = vertical_head(density, case.casting.speed)
     # A real mould holds the liquid by contact; the idealised one touches nothing.
     outside: Literal["held", "free"] = "held" if case.mould is None else "free"
-    return Ferrostatic(head, steel.solid_fraction, table.ferrostatic, outside)
+    return Ferrostatic(machine.head(density), steel.solid_fraction, table.ferrostatic, outside)

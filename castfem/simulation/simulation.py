@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from castfem.case.build_machine import build_machine
 from castfem.coupling.staggered import Coupler
 from castfem.coupling.step_control import Adaptive, StepControl
 from castfem.coupling.subcycling import MechanicalSteps, ThermalSteps
@@ -27,6 +28,7 @@ from castfem.thermal.stepper import ThermalStepper
 
 if TYPE_CHECKING:
     from castfem.case import Case
+    from castfem.machine import Machine
     from castfem.materials import Steel
     from castfem.mechanics.stepper import MechanicalStepper
     from castfem.meshes import SectionMesh
@@ -42,7 +44,8 @@ class Simulation:
     """The objects of one run.
 
     Attributes:
-        case: The case. steel: Its steel. section: The distributed mesh.
+        case: The case. machine: What the slice meets, and when.
+        steel: Its steel. section: The distributed mesh.
         stepper: Thermal time stepping (with the problem and its curve).
         zones: The machine's cooling. probes: Lines at which results are read.
         control: Choice of the step: thermal, or with mechanics the interval of both.
@@ -53,6 +56,7 @@ class Simulation:
     """
 
     case: Case
+    machine: Machine
     steel: Steel
     section: Section
     stepper: ThermalStepper
@@ -101,24 +105,25 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
     """
     watch = watch if watch is not None else Stopwatch()
     with watch.section("setup: steel"):
+        machine = build_machine(case)
         steel = case_steel(case)
         start = starting_temperature(case, steel)
         exact = closed_form.of_case(case, steel, start)
     with watch.section("setup: mesh"):
         section = Section(comm, on_root(comm, lambda: build_mesh(case)))
     with watch.section("setup: mechanics"):
-        mechanics = _mechanics(case, steel, section, watch)
+        mechanics = _mechanics(case, machine, steel, section, watch)
     shape = None
     if mechanics is not None and case.coupling.follow_shape:
         shape = Shape(section, mechanics.problem.space, steel.solidus)
     with watch.section("setup: thermal"):
-        zones = Zones(case, steel, Surface(section, shape))
+        zones = Zones(case, machine, steel, Surface(section, shape))
         curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None)
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
         probes = LineProbes(section)
     stepping = case.thermal.time
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
-    milestones = _milestones(case, zones)
+    milestones = _milestones(case, machine, zones)
     if mechanics is None:
         control = thermal = step_control(case, milestones)
     else:
@@ -127,8 +132,10 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         thermal = step_control(case, [])
     steps = ThermalSteps(stepper, thermal)
     coupler = _coupler(case, steps, mechanics, zones)
-    made = (case, steel, section, stepper, zones, probes, control, steps, mechanics, coupler)
-    return Simulation(*made, start_temperature=start, watch=watch, exact=exact)
+    return Simulation(
+        case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupler,
+        start_temperature=start, watch=watch, exact=exact,
+    )  # fmt: skip
 
 
 def _coupler(
@@ -149,14 +156,14 @@ def _coupler(
 
 
 def _mechanics(
-    case: Case, steel: Steel, section: Section, watch: Stopwatch
+    case: Case, machine: Machine, steel: Steel, section: Section, watch: Stopwatch
 ) -> MechanicalStepper | None:
     """The mechanics of a case that has some; a thermal simulation does not even import them."""
     if case.mechanics is None:
         return None
     from castfem.simulation.mechanics import build_mechanics
 
-    return build_mechanics(case, steel, section, watch)
+    return build_mechanics(case, machine, steel, section, watch)
 
 
 def case_steel(case: Case) -> Steel:
@@ -203,10 +210,10 @@ def stations(case: Case) -> list[float]:
     return sorted({r.at for r in case.reference if r.at is not None and r.at < length})
 
 
-def _milestones(case: Case, zones: Zones) -> list[float]:
-    """Instants to be hit exactly: changes of cooling and mould, stations, output times; s."""
-    found = list(zones.changes)
-    found += [p / case.casting.speed for p in (*stations(case), *case.mould_knots())]
+def _milestones(case: Case, machine: Machine, zones: Zones) -> list[float]:
+    """Instants to be hit exactly: changes of cooling, mould and speed, stations, output; s."""
+    found = [*zones.changes, *machine.kinks]
+    found += [machine.time_at(p) for p in (*stations(case), *case.mould_knots())]
     if case.output_fields:
         every = case.output.every
         found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]

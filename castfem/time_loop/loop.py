@@ -155,10 +155,11 @@ class TimeLoop:
             self.interrupt.heed()
 
     def _keep_snapshot(self, sample: Sample) -> None:
-        case = self.simulation.case
+        case, machine = self.simulation.case, self.simulation.machine
         # The end too: a run that goes on from there has its number at a station.
         for position in {r.at for r in case.reference if r.at is not None}:
-            if same_instant(sample.position, position, case.casting.length):
+            # Where the strand stands the slice is at a place more than once: the first time counts.
+            if same_instant(sample.time, machine.time_at(position), self.simulation.control.end):
                 self.run_state.snapshots[position] = quantities(self.run_state, sample)
 
     def _note(self) -> str:

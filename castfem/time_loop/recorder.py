@@ -72,10 +72,10 @@ class Recorder:
         )
         time = float(self.checkpoint[0]["time"])
         if not same_or_before(time, case.casting.duration):
-            speed, length = case.casting.speed, case.casting.length
+            come, length = self.simulation.machine.position(time), case.casting.length
             raise InputError(
                 f"{self.folder / CHECKPOINT_NAME}: casting.length: {length:g} m is asked for, and "
-                f"the run has come to {speed * time:g} m; give at least that, or run without "
+                f"the run has come to {come:g} m; give at least that, or run without "
                 "--resume into another folder"
             )
         taken = Counts(**self.checkpoint[0]["counts"]).taken

@@ -116,10 +116,10 @@ MISTAKES = {
         ['("140 degC")', "must not be above 100 degC"],
     ),
     "a table for a constant": (
-        'speed = "3.6 m/min"',
-        'speed = { time = [0, 1], value = ["3 m/min", "4 m/min"] }',
-        "casting.speed",
-        ['a single speed is needed here, such as "3.6 m/min"; no table'],
+        'length = "600 mm"',
+        'length = { time = [0, 1], value = ["3 m", "4 m"] }',
+        "casting.length",
+        ['a single length is needed here, such as "125 mm"; no table'],
     ),
     "unknown law": (
         '"radiation"',

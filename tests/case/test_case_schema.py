@@ -41,9 +41,14 @@ def test_references_lead_somewhere():
 def test_schema_knows_the_keys_and_their_units():
     schema = case_schema()
     assert set(schema["properties"]) >= {"extends", "title", "casting", "section", "cooling"}
+    length = schema["$defs"]["Casting"]["properties"]["length"]
+    assert length["type"] == "string"
+    assert length["examples"] == ["600 mm"]
     speed = schema["$defs"]["Casting"]["properties"]["speed"]
-    assert speed["type"] == "string"
     assert speed["examples"] == ["3.6 m/min"]
+    single, columns, _ = speed["anyOf"]
+    assert single["type"] == "string"
+    assert columns["required"] == ["time", "value"]
     assert "null" not in str(schema)
 
 

@@ -14,7 +14,8 @@ from castfem.contact.checkpoint import ContactArchive
 from castfem.contact.friction import Coulomb
 from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
-from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.machine import Machine, Steady
+from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.surface_gap import SurfaceGap
 from castfem.mould import Mould, RectangleCavity, Taper, same
 
@@ -87,7 +88,7 @@ def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
         method=method,
         slice={
             "ferrostatic": Ferrostatic(
-                vertical_head(7000.0, SPEED), STEEL.solid_fraction, outside=outside
+                Machine(Steady(SPEED)).head(7000.0), STEEL.solid_fraction, outside=outside
             )
         },
     )

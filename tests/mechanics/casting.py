@@ -12,9 +12,10 @@ from thermal.scenes import ThermalScene
 from castfem import meshes
 from castfem.constitutive.elasticity import Solidity
 from castfem.constitutive.parameters import load_elasticity, load_law
+from castfem.machine import Machine, Steady
 from castfem.materials import load_steel
 from castfem.mechanics.definition import Slice
-from castfem.mechanics.ferrostatic import Ferrostatic, vertical_head
+from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, allowed_modes
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import MechanicalResult
@@ -60,7 +61,7 @@ class CastScene:
         slice_: dict[str, Any] = {
             "law": load_law("norton_hoff_kozlowski", elasticity),
             "planes": PlainPlanes(allowed_modes(section.groups)),
-            "ferrostatic": Ferrostatic(vertical_head(7000.0, 0.06), STEEL.solid_fraction),
+            "ferrostatic": Ferrostatic(Machine(Steady(0.06)).head(7000.0), STEEL.solid_fraction),
         }
         made = Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | given))
         self.problem = MechanicalProblem(section, made, options, springs=springs)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from castfem.errors import InputError
-from castfem.mechanics.ferrostatic import SHARES, Ferrostatic, vertical_head
+from castfem.machine import Machine, Steady
+from castfem.mechanics.ferrostatic import SHARES, Ferrostatic
 from mechanics.scenes import Array, Map, SliceScene, box, elastic, mapped, skewed
 
 SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 3.0e5
@@ -140,7 +141,7 @@ def test_liquid_is_held_on_the_deformed_surface() -> None:
 
 
 def test_head_of_a_vertical_machine() -> None:
-    head = vertical_head(7000.0, 0.06)
+    head = Machine(Steady(0.06)).head(7000.0)
     assert head(10.0) == pytest.approx(7000.0 * 9.81 * 0.6)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from castfem.errors import InputError
-from castfem.mechanics.planes import BentPlanes, PlainPlanes, allowed_modes, between, check_modes
+from castfem.mechanics.planes import BentPlanes, PlainPlanes, allowed_modes, check_modes
 from castfem.mechanics.supports import Held
 from mechanics.scenes import SliceScene, box, elastic, mapped
 
@@ -49,20 +49,9 @@ def test_straight_strand_is_no_special_case() -> None:
     assert directions[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
 
 
-def test_curvature_is_linear_between_rolls() -> None:
-    chi = between([1.0, 2.0, 4.0], [np.inf, 10.0, 5.0], speed=0.5)
-    expected = {0.0: 0.0, 2.0: 0.0, 3.0: 0.05, 4.0: 0.1, 6.0: 0.15, 8.0: 0.2, 99.0: 0.2}
-    for time, value in expected.items():
-        assert chi(time) == pytest.approx(value, abs=1e-15)
-
-
 def test_impossible_curvatures_are_refused() -> None:
     with pytest.raises(InputError, match="radius of curvature"):
         BentPlanes(lambda t: 20.0, 0.1).at(0.0)
-    with pytest.raises(InputError, match="must increase"):
-        between([1.0, 1.0], [5.0, 5.0], 1.0)
-    with pytest.raises(InputError, match="must not be 0"):
-        between([1.0, 2.0], [5.0, 0.0], 1.0)
 
 
 def test_bending_a_slab_about_its_own_neutral_axis() -> None:

@@ -1,0 +1,102 @@
+"""The machine as the slice passes it: where it is at a time, and what it finds there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from castfem.machine.travel import Steady, Travel
+
+GRAVITY = 9.81  # m/s2
+
+
+class Line(Protocol):
+    """The line along which the strand goes down."""
+
+    def height(self, position: float) -> float:
+        """Height of the liquid above the middle of the strand at a position, m."""
+
+    def curvature(self, position: float) -> float:
+        """Curvature there, 1/m: 1/R of the face the machine's radius is given of."""
+
+    def inclination(self, position: float) -> float:
+        """Angle to the vertical there, rad."""
+
+
+@dataclass(frozen=True, slots=True)
+class Vertical:
+    """A strand that goes straight down."""
+
+    def height(self, position: float) -> float:
+        """See `Line`."""
+        return position
+
+    def curvature(self, position: float) -> float:
+        """See `Line`."""
+        return 0.0
+
+    def inclination(self, position: float) -> float:
+        """See `Line`."""
+        return 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Turns time into place, and place into what the machine does there.
+
+    Positions are lengths along the strand from the meniscus, m; times are those of the slice, s,
+    which is at the meniscus at time 0.
+
+    Attributes:
+        travel: The way of the slice over time.
+        line: The line it follows.
+        mould_length: From the meniscus to the end of the mould, m; None without one.
+    """
+
+    travel: Travel
+    line: Line = Vertical()
+    mould_length: float | None = None
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Instants at which the casting speed begins to change, or ends to, s."""
+        return self.travel.kinks
+
+    def position(self, time: float) -> float:
+        """Position of the slice at `time` (s), m."""
+        return self.travel.position(time)
+
+    def time_at(self, position: float) -> float:
+        """Time at which the slice first comes to `position` (m), s; inf if it never does."""
+        return self.travel.time_at(position)
+
+    def speed(self, time: float) -> float:
+        """Casting speed at `time` (s), m/s."""
+        return self.travel.speed(time)
+
+    def mean_speed(self, time: float) -> float:
+        """Mean casting speed from the meniscus to `time` (s), m/s."""
+        return self.travel.mean_speed(time)
+
+    def height(self, position: float) -> float:
+        """Height of the liquid above the middle of the strand at `position` (m), m.
+
+        That is the integral of cos(inclination) along the strand.
+        """
+        return self.line.height(position)
+
+    def curvature(self, position: float) -> float:
+        """Curvature at `position` (m), 1/m: 1/R of the face the machine's radius is given of."""
+        return self.line.curvature(position)
+
+    def inclination(self, position: float) -> float:
+        """Angle of the strand to the vertical at `position` (m), rad."""
+        return self.line.inclination(position)
+
+    def head(self, density: float, gravity: float = GRAVITY) -> Callable[[float], float]:
+        """Ferrostatic pressure rho g D over time, Pa, of liquid of a density, kg/m3."""
+        if isinstance(self.line, Vertical) and isinstance(self.travel, Steady):
+            rise = density * gravity * self.travel.speed(0.0)  # Pa/s: linear in time
+            return lambda time: rise * time
+        return lambda time: density * gravity * self.height(self.position(time))

@@ -1,0 +1,149 @@
+"""A casting speed that changes in time, through whole runs: ramps, a stop of 60 s, a restart."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from castfem.case import Case, load_case
+from castfem.errors import InputError
+from castfem.machine import Changing
+from castfem.output.history import read_history
+from castfem.output.summary import Summary
+from castfem.time_loop import loop
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+COARSE = (
+    "mesh.surface_size=2 mm",
+    "mesh.corner_size=2 mm",
+    "mesh.face_size=10 mm",
+    "mesh.core_size=14 mm",
+    "output.fields=[]",
+    "output.figures=false",
+)
+# 3.6 m/min, to a stop of 60 s from 4 s on (180 mm), up to the old speed again within 2 s.
+TIMES, SPEEDS = (2.0, 4.0, 64.0, 66.0), (0.06, 0.0, 0.0, 0.06)
+WAY = Changing(TIMES, SPEEDS)
+STOP = ('casting.speed={time=[2, 4, 64, 66], time_unit="s", value=[3.6, 0, 0, 3.6], unit="m/min"}',)
+
+
+def case(name: str, *overrides: str) -> Case:
+    return load_case(CASES / f"{name}.toml", (*COARSE, *overrides))
+
+
+def run(what: Case, folder: Path, **options: object) -> Summary:
+    return loop.run(what, folder, comm=MPI.COMM_SELF, **options)  # type: ignore[arg-type]
+
+
+def test_a_stop_is_the_same_slice_in_a_machine_of_longer_zones(tmp_path: Path) -> None:
+    """The slice knows of its zones by the time it spends in them alone."""
+    ends = {0: 0.6, 1: 1.0}
+    zones = [f"cooling.{i}.to={60.0 * WAY.time_at(z):.12g} mm" for i, z in ends.items()]
+    followed = 2.0
+    steady = f"casting.length={60.0 * WAY.time_at(followed):.12g} mm"
+    later = [f'cooling.{i}.to="{100 + i} m"' for i in (2, 3)]
+    pieced = run(case("thermal", "reference=[]", *zones, *later, steady), tmp_path / "pieced")
+    stopped = run(
+        case("thermal", "reference=[]", *STOP, f"casting.length={followed} m"), tmp_path / "stopped"
+    )
+    ours, theirs = (read_history(tmp_path / n / "history.csv") for n in ("stopped", "pieced"))
+    position = np.array([WAY.position(t) for t in ours["time"]])
+    assert np.allclose(ours["position"], position, rtol=1e-11)
+    assert np.count_nonzero(np.diff(ours["position"]) == 0.0) >= 60.0 / 0.25
+    # The one has kinks of the speed as milestones, all of which are multiples of its step.
+    assert len(ours) == len(theirs)
+    for column in ("time", "surface_temperature_corner", "shell_mid_face", "heat_removed"):
+        assert np.allclose(ours[column], theirs[column], rtol=1e-9), column
+    assert float(ours["position"].iloc[-1]) == pytest.approx(followed, rel=1e-12)
+    # Power: what a metre has lost times the metres there were in a second, on the mean.
+    power = stopped.quantities["cooling_power"].value
+    removed, time = (stopped.quantities[name].value for name in ("heat_removed", "time"))
+    assert power == pytest.approx(removed * followed / time, rel=1e-9)
+    assert pieced.quantities["heat_removed"].value == pytest.approx(removed, rel=1e-9)
+
+
+def test_references_hold_where_the_slice_first_comes(tmp_path: Path) -> None:
+    """Where it stands, at the beginning of the stop, and in the middle of a ramp."""
+    refers = [
+        f'{{quantity="time", value="1 s", source="us", at="{at} mm"}}' for at in (150, 180, 200)
+    ]
+    summary = run(
+        case("thermal", *STOP, "casting.length=300 mm", f"reference=[{', '.join(refers)}]"),
+        tmp_path,
+    )
+    found = {c.reference.at: c.ours for c in summary.references}
+    assert found[0.15] == pytest.approx(WAY.time_at(0.15), rel=1e-12)
+    assert found[0.18] == 4.0
+    assert found[0.2] == pytest.approx(WAY.time_at(0.2), rel=1e-12)
+    assert found[0.2] > 64.0
+
+
+def test_a_run_goes_on_from_within_a_stop(tmp_path: Path) -> None:
+    whole = ("reference=[]", *STOP)
+    # What the first run follows ends as the stop begins; the second goes through it.
+    run(case("thermal", *whole, "casting.length=180 mm"), tmp_path / "parts")
+    run(case("thermal", *whole, "casting.length=250 mm"), tmp_path / "parts", resume=True)
+    run(case("thermal", *whole, "casting.length=250 mm"), tmp_path / "whole")
+    parts, once = (read_history(tmp_path / n / "history.csv") for n in ("parts", "whole"))
+    assert np.allclose(parts.to_numpy(), once.to_numpy(), rtol=1e-9, atol=1e-12, equal_nan=True)
+    with pytest.raises(InputError, match=r"250|0\.25 m"):
+        run(case("thermal", *whole, "casting.length=200 mm"), tmp_path / "parts", resume=True)
+
+
+def test_mould_head_and_friction_follow_through_a_stop(tmp_path: Path) -> None:
+    """Coupled: the wall is where the slice is, liquid presses with its height, friction waits."""
+    wall = '{position=[0, 240], position_unit="mm", value=[100, 340], unit="degC"}'
+    summary = run(
+        case(
+            "taper_1", "reference=[]", *STOP, "casting.length=210 mm", "coupling.interval=0.5 s",
+            "mould.friction.law=coulomb", "mould.friction.coefficient=0.3",
+            "cooling.mould.surface.0.wall=mould", f"mould.wall_temperature={wall}",
+        ),
+        tmp_path,
+    )  # fmt: skip
+    assert summary.status == "finished"
+    table = read_history(tmp_path / "history.csv")
+    time, position = table["time"].to_numpy(), table["position"].to_numpy()
+    assert np.allclose(position, [WAY.position(t) for t in time], rtol=1e-11)
+    travelled = np.diff(position)
+    pull = -np.cumsum(table["friction_force"].to_numpy()[1:] * travelled)
+    assert np.allclose(table["friction_pull"].to_numpy()[1:], pull, rtol=1e-6, atol=1e-9)
+    stands = (time[:-1] >= 4.0) & (time[1:] <= 64.0)
+    assert np.ptp(table["mould_pull"].to_numpy()[1:][stands]) == 0.0
+    # Where there is no gap the flux is h (T - T_wall(z)): the wall's temperature stands, too.
+    touches = (table["gap_mid_face"].to_numpy() < 1e-6) & (time > 0.0)
+    surface = table["surface_temperature_mid_face"].to_numpy()
+    expected = 1.6 * (surface - np.interp(position, [0.0, 0.24], [100.0, 340.0]))
+    assert touches[1:][~stands].any()
+    assert np.allclose(table["heat_flux_mid_face"][touches], expected[touches], rtol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("[3.6, 0]", r"casting\.speed: the strand stands for good after 10 s, 0\.3 m below the "
+         r"meniscus: it never comes to casting\.length \(0\.6 m\); let the last row"),
+        ("[3.6, -1]", r"casting\.speed: 'value' row 2 .*must not be below 0 m/min"),
+        ("[0, 0]", r"casting\.speed: must be above 0 m/min"),
+    ],
+)  # fmt: skip
+def test_what_no_strand_does_is_refused(value: str, said: str) -> None:
+    table = f'{{time=[0, 10], time_unit="s", value={value}, unit="m/min"}}'
+    with pytest.raises(InputError, match=said):
+        case("thermal", f"casting.speed={table}")
+    for speed in ("0 m/min", "-1 m/min"):
+        with pytest.raises(InputError, match=r"casting\.speed: must"):
+            case("thermal", f"casting.speed={speed}")
+
+
+def test_a_speed_that_changes_reads_back(tmp_path: Path) -> None:
+    sound = case("thermal", *STOP)
+    (tmp_path / "again.toml").write_text(sound.resolved_toml())
+    again = load_case(tmp_path / "again.toml")
+    assert again == sound
+    assert again.physics_hash() == sound.physics_hash()
+    assert sound.casting.duration == WAY.time_at(0.6)
