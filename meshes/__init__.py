@@ -9,14 +9,14 @@ numpy and gmsh only; gmsh is imported when unstructured triangles are asked for.
 
 from __future__ import annotations
 
-from castfem.meshes.build import SHAPES, build, build_section, parameters_of
+from castfem.meshes.build import BUILDERS, build, build_section, parameters_of
 from castfem.meshes.cache import MESH_VERSION, cached, read_mesh, write_mesh
 from castfem.meshes.quality import Quality
 from castfem.meshes.section_mesh import SectionMesh
 
 __all__ = [
+    "BUILDERS",
     "MESH_VERSION",
-    "SHAPES",
     "Quality",
     "SectionMesh",
     "build",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import importlib
 import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -11,8 +12,13 @@ from typing import Any
 from castfem.meshes.section_mesh import SectionMesh
 from castfem.meshes.sizes import check_sizes
 
-SHAPES = ("rectangle", "round", "beam_blank", "strip")
-"""Shapes that `build` knows."""
+BUILDERS: dict[str, str] = {
+    "rectangle": "castfem.meshes.rectangle:rectangle",
+    "round": "castfem.meshes.disc:disc",
+    "beam_blank": "castfem.meshes.beam_blank:beam_blank",
+    "strip": "castfem.meshes.rectangle:strip",
+}
+"""Module and function that mesh a shape, by its name."""
 
 
 def builder_of(shape: str) -> Callable[..., SectionMesh]:
@@ -21,15 +27,12 @@ def builder_of(shape: str) -> Callable[..., SectionMesh]:
     Raises:
         ValueError: The shape is unknown; the message lists the known ones.
     """
+    if shape not in BUILDERS:
+        raise ValueError(f"shape = {shape!r} is unknown: choose one of {', '.join(BUILDERS)}")
     # Imported when a mesh is built, not when one is read from the cache.
-    from castfem.meshes.beam_blank import beam_blank
-    from castfem.meshes.disc import disc
-    from castfem.meshes.rectangle import rectangle, strip
-
-    builders = dict(zip(SHAPES, (rectangle, disc, beam_blank, strip), strict=True))
-    if shape not in builders:
-        raise ValueError(f"shape = {shape!r} is unknown: choose one of {', '.join(SHAPES)}")
-    return builders[shape]
+    module, function = BUILDERS[shape].split(":")
+    builder: Callable[..., SectionMesh] = getattr(importlib.import_module(module), function)
+    return builder
 
 
 def parameters_of(shape: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -52,7 +55,7 @@ def build(shape: str, **parameters: Any) -> SectionMesh:
     """Mesh a section.
 
     Args:
-        shape: One of `SHAPES`.
+        shape: One of `BUILDERS`.
         **parameters: Those of the shape's function (`rectangle`, `disc`, `beam_blank`, `strip`);
             lengths in m. One that is None counts as not given.
 
@@ -92,5 +95,5 @@ def build_section(section: Any) -> SectionMesh:
         raise ValueError(f"a section is a mapping or a dataclass, not {type(section).__name__}")
     shape = parameters.pop("shape", None)
     if shape is None:
-        raise ValueError(f"shape is missing: choose one of {', '.join(SHAPES)}")
+        raise ValueError(f"shape is missing: choose one of {', '.join(BUILDERS)}")
     return build(shape, **parameters)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from castfem import mould as wall
 from castfem.case.mould import Coulomb, Limited, Mould, Tresca, Viscous
 from castfem.case.problems import Problem
-from castfem.case.section import BeamBlank, Rectangle, Round, Strip
+from castfem.case.section import Section, Strip
 from castfem.values.tables import as_function
 from castfem.values.units import format
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from castfem.contact.friction import Friction as FrictionLaw
 
 
-def build_mould(table: Mould, section: Any) -> wall.Mould:
+def build_mould(table: Mould, section: Section) -> wall.Mould:
     """Return the wall that [mould] describes.
 
     Where a size is left out, the cavity in working condition has that of the strand at the
@@ -69,48 +69,17 @@ def _expansion(table: Mould) -> wall.Expansion | None:
     return wall.Expansion(copper.expansion, copper.cold, as_function(mean))
 
 
-def _cavity(table: Mould, section: Any, hot: float) -> wall.Cavity:
+def _cavity(table: Mould, section: Section, hot: float) -> wall.Cavity:
     """Return the cavity with the sizes at the meniscus; `hot` over cold lengths there."""
 
     def size(name: str) -> float:
         given = getattr(table, name, None)
         return float(getattr(section, name) / hot if given is None else given)
 
-    if isinstance(section, Rectangle):
-        return wall.RectangleCavity(size("width"), size("height"), size("corner_radius"))
-    if isinstance(section, Round):
-        return wall.RoundCavity(size("diameter"))
-    if isinstance(section, BeamBlank):
-        return _beam_blank(section, hot)
-    raise ValueError("a strip has no section that a mould could surround; leave out [mould]")
+    return section.cavity(size, hot)
 
 
-def _beam_blank(section: BeamBlank, hot: float) -> wall.FreeCavity:
-    from castfem.meshes.beam_blank import surface_pieces
-
-    pieces = surface_pieces(
-        (0.5 * section.width, 0.5 * section.height, 0.5 * section.web_thickness),
-        section.flange_thickness,
-        section.root_thickness,
-        (section.fillet_radius, section.shoulder_radius, section.corner_radius),
-    )
-    segments: list[wall.Segment] = []
-    for piece in pieces:
-        start, end = _scaled(piece.start, hot), _scaled(piece.end, hot)
-        if piece.length <= 1e-9 * section.width:
-            continue
-        if piece.centre is None:
-            segments.append(wall.Straight(start, end))
-        else:
-            segments.append(wall.Circular(start, end, _scaled(piece.centre, hot)))
-    return wall.FreeCavity(tuple(segments), section.width / hot, section.height / hot)
-
-
-def _scaled(point: tuple[float, float], hot: float) -> tuple[float, float]:
-    return point[0] / hot, point[1] / hot
-
-
-def _tapers(table: Mould, section: Any) -> wall.Tapers:
+def _tapers(table: Mould, section: Section) -> wall.Tapers:
     """Return the courses; a face without taper of its own has that of all faces, or none."""
     courses = {}
     for name, given in table.taper.parts.items():
@@ -126,28 +95,22 @@ def _tapers(table: Mould, section: Any) -> wall.Tapers:
 
 
 _ROUNDING = 1e-9  # of a size: how far two that are one may differ
-_SIZES = {
-    "rectangle": ("width", "height", "corner_radius"),
-    "round": ("diameter",),
-    "beam_blank": (),
-}
 
 
-def check_mould(table: Mould | None, section: Any) -> Iterator[Problem]:
+def check_mould(table: Mould | None, section: Section) -> Iterator[Problem]:
     """Yield what does not fit between [mould] and [section]; faulty values are None in both."""
     if table is None or section is None:
         return
     if isinstance(section, Strip):
         yield Problem(("mould",), "a strip has no mould; leave the table out")
         return
-    known = _SIZES[section.shape]
-    found = list(_sizes(table, section, known))
+    found = list(_sizes(table, section, section.mould_sizes))
     given = None if table.taper is None else table.taper.parts
-    if section.shape != "rectangle" and given and set(given) != {"face"}:
+    if section.one_taper and given and set(given) != {"face"}:
         found.append(
             Problem(
                 ("mould", "taper"),
-                f'a section of shape "{section.shape}" has one taper for all: taper = "1 %/m"',
+                f'a section of shape "{section.tag}" has one taper for all: taper = "1 %/m"',
             )
         )
     friction = table.friction
@@ -165,7 +128,7 @@ def check_mould(table: Mould | None, section: Any) -> Iterator[Problem]:
         yield from _fits(table, section)
 
 
-def _sizes(table: Mould, section: Any, known: tuple[str, ...]) -> Iterator[Problem]:
+def _sizes(table: Mould, section: Section, known: tuple[str, ...]) -> Iterator[Problem]:
     """Yield the sizes a section of this shape does not have, and those too small for the strand."""
     hot = _hot(table)
     for name in ("width", "height", "diameter", "corner_radius"):
@@ -175,7 +138,7 @@ def _sizes(table: Mould, section: Any, known: tuple[str, ...]) -> Iterator[Probl
         if name not in known:
             sizes = f"; allowed: {', '.join(known)}" if known else "; its sizes are the section's"
             yield Problem(
-                ("mould", name), f'not a size of a section of shape "{section.shape}"{sizes}'
+                ("mould", name), f'not a size of a section of shape "{section.tag}"{sizes}'
             )
             continue
         own = getattr(section, name)
@@ -196,14 +159,14 @@ def _sizes(table: Mould, section: Any, known: tuple[str, ...]) -> Iterator[Probl
             )
 
 
-def _widest_corner(table: Mould, section: Any, hot: float) -> float | None:
+def _widest_corner(table: Mould, section: Section, hot: float) -> float | None:
     """Return the largest corner radius of a cavity that lets the strand in, m.
 
     A rectangle with round corners is one of straight corners, inner, and all that is within the
     radius of it.  The strand's is inside the mould's where no direction has it reach farther.
     """
     sizes = [(getattr(section, name), getattr(table, name)) for name in ("width", "height")]
-    radius = section.corner_radius
+    radius = getattr(section, "corner_radius", None)
     if radius is None or any(own is None for own, _ in sizes):
         return None
     # Half of what the cavity has beyond the strand, and by how much its radius may be larger: the
@@ -224,7 +187,7 @@ def _hot(table: Mould) -> float | None:
     return 1.0 if expansion is None else expansion.factor(0.0)
 
 
-def _fits(table: Mould, section: Any) -> Iterator[Problem]:
+def _fits(table: Mould, section: Section) -> Iterator[Problem]:
     """Yield why the mould cannot be built, unless it is the section that is impossible."""
     key = "wall_temperature"
     try:

@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 from castfem.case.model import Case
+from castfem.case.section import Section
 from castfem.case.tensile import TABLE, TensileCase
 
 _INHERITED = (
@@ -29,7 +30,7 @@ def case_schema() -> dict[str, Any]:
     _plain(schema)
     for name in _INHERITED:
         tables.get(name, schema if name == "Case" else {}).pop("required", None)
-    for name in ("Rectangle", "Round", "BeamBlank", "Strip"):
+    for name in _shapes():
         tables[name].pop("required", None)
     schema["properties"]["section"] = _section(tables)
     schema["properties"]["extends"] = {
@@ -50,9 +51,14 @@ def case_schema() -> dict[str, Any]:
     }
 
 
+def _shapes() -> list[str]:
+    """Return the names of the models of all shapes of section."""
+    return [model.__name__ for model in Section.variants()]
+
+
 def _section(tables: dict[str, Any]) -> dict[str, Any]:
     """Return the schema of [section]: any shape, known or inherited."""
-    shapes = ("Rectangle", "Round", "BeamBlank", "Strip")
+    shapes = _shapes()
     for name in shapes:
         tables[name]["properties"]["shape"].pop("default", None)
     return {"anyOf": [{"$ref": f"#/$defs/{name}"} for name in shapes]}

@@ -26,7 +26,7 @@ from castfem.case.cooling import Contact, HeatLaw, Zone
 from castfem.case.document import PROPERTY_FILES, is_path
 from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
-from castfem.case.section import Mesh, Section, cooled_groups
+from castfem.case.section import Mesh, Section
 from castfem.case.thermal import Thermal
 from castfem.case.verification import Verification
 from castfem.mould.taper import stretch_ends
@@ -90,7 +90,7 @@ class Case(TableModel):
     def zones(self) -> tuple[Span, ...]:
         """Return the cooling zones within the followed length, in casting order."""
         spans, start = [], 0.0
-        default = cooled_groups(self.section)
+        default = self.section.cooled_groups()
         for zone in self.cooling:
             end = self.casting.length if zone.to is None else min(zone.to, self.casting.length)
             laws = tuple((law.on or default, law) for law in zone.surface)

@@ -15,6 +15,7 @@ from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
 from castfem.case.model import Case
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
+from castfem.case.section import Section
 from castfem.case.validation import law_groups
 from castfem.mould.taper import Course
 from castfem.support.messages import Path
@@ -148,7 +149,7 @@ def _sprays(case: Case) -> Iterator[Problem]:
             )
 
 
-def _taper(mould: Mould, section: Any) -> Iterator[Problem]:
+def _taper(mould: Mould, section: Section) -> Iterator[Problem]:
     """Yield the tapers that close or open the mould by much more than a strand shrinks."""
     for name, given in mould.taper.parts.items():
         closed = _closing(given.course(mould.length), _half(section, name), mould.length)
@@ -174,12 +175,11 @@ def _closing(course: Course, start: float, length: float) -> float:
     return max(closed, key=abs)
 
 
-def _half(section: Any, face: str) -> float:
+def _half(section: Section, face: str) -> float:
     """Return half the dimension that a face's taper governs; the smaller one if it is both, m."""
-    sizes = {"narrow_face": ("width",), "wide_face": ("height",)}.get(face, ("width", "height"))
-    diameter = getattr(section, "diameter", None)
-    found = [getattr(section, name) for name in sizes] if diameter is None else [diameter]
-    return 0.5 * float(min(found))
+    width, height = section.outline()
+    assert width is not None and height is not None, "the case has been checked"
+    return 0.5 * {"narrow_face": width, "wide_face": height}.get(face, min(width, height))
 
 
 def _friction(mould: Mould) -> Iterator[Problem]:

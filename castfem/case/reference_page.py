@@ -25,7 +25,7 @@ from castfem.case.mould import (
     Viscous,
 )
 from castfem.case.problems import submodels
-from castfem.case.section import BeamBlank, Mesh, Rectangle, Round, Strip, outer_groups
+from castfem.case.section import Mesh, Section
 from castfem.case.taper import TaperMark
 from castfem.case.tensile import Segment, Tensile, TensileOutput
 from castfem.case.thermal import Adaptive, Stepping, Thermal
@@ -93,10 +93,7 @@ checkpoint; output settings (other than which fields are written), title, refere
 _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[casting]", Casting),
     ("[steel]", Steel),
-    ('[section], shape = "rectangle"', Rectangle),
-    ('[section], shape = "round"', Round),
-    ('[section], shape = "beam_blank"', BeamBlank),
-    ('[section], shape = "strip"', Strip),
+    ("[section]", Section),
     ("[mesh]", Mesh),
     ("[[cooling]]", Zone),
     ("[[cooling.surface]]", HeatLaw),
@@ -240,22 +237,15 @@ def _groups() -> Iterator[str]:
         "surface. A sharp rectangle has no corner groups.\n\n"
     )
     yield "| section | part | groups |\n|---|---|---|\n"
-    for section in _EXAMPLES:
-        names = ", ".join(f"`{name}`" for name in outer_groups(section))
+    for section in _examples():
+        names = ", ".join(f"`{name}`" for name in section.outer_groups())
         part = getattr(section, "symmetry", "")
-        yield f"| {section.shape} | {part} | {names} |\n"
+        yield f"| {section.tag} | {part} | {names} |\n"
 
 
-def _examples() -> Iterator[Any]:
-    parts: tuple[typing.Literal["quarter", "half", "whole"], ...] = ("quarter", "half", "whole")
-    for model in (Rectangle, Round, BeamBlank):
-        for part in parts:
-            yield model.model_construct(
-                shape=typing.get_args(model.model_fields["shape"].annotation)[0],
-                symmetry=part,
-                corner_radius=1.0,
-            )
-    yield Strip.model_construct(shape="strip")
-
-
-_EXAMPLES = tuple(_examples())
+def _examples() -> Iterator[Section]:
+    """Yield a section of each shape and, where it has symmetry, each part of it."""
+    for tag, model in Section.kinds.items():
+        symmetry = model.model_fields.get("symmetry")
+        for part in typing.get_args(symmetry.annotation) if symmetry else ("",):
+            yield model.model_construct(shape=tag, symmetry=part, corner_radius=1.0)

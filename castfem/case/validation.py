@@ -17,15 +17,7 @@ from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemper
 from castfem.case.mechanics import Motions
 from castfem.case.model import Case
 from castfem.case.problems import Problem
-from castfem.case.section import (
-    BeamBlank,
-    Rectangle,
-    Round,
-    Strip,
-    barred,
-    cooled_groups,
-    outer_groups,
-)
+from castfem.case.section import Section, Strip
 from castfem.case.verification import check_verification
 from castfem.support.messages import choices
 from castfem.values.tables import Table
@@ -89,35 +81,15 @@ def _standing(casting: Casting) -> Iterator[Problem]:
 
 
 def _section(case: Case) -> Iterator[Problem]:
-    section = case.section
-    if not isinstance(section, Rectangle):
-        return
-    radius, width, height = section.corner_radius, section.width, section.height
-    if None not in (radius, width, height) and radius >= 0.5 * min(width, height):
-        yield Problem(
-            ("section", "corner_radius"),
-            f"({_mm(radius)}) leaves no flat face; allowed: below half the smaller side "
-            f'({_mm(0.5 * min(width, height))}), or shape = "round"',
-        )
-
-
-def _halves(section: Any) -> tuple[float | None, float | None]:
-    """Return half the thickness and half the largest dimension (of a strip, its length)."""
-    if isinstance(section, Strip):
-        return section.length, section.length
-    round_one = isinstance(section, Round)
-    sizes = [section.diameter] if round_one else [section.width, section.height]
-    if None in sizes:
-        return None, None
-    thin = section.web_thickness if isinstance(section, BeamBlank) else min(sizes)
-    return (None if thin is None else 0.5 * thin), 0.5 * max(sizes)
+    if case.section is not None:
+        yield from case.section.problems()
 
 
 def _mesh(case: Case) -> Iterator[Problem]:
     mesh, section = case.mesh, case.section
     if mesh is None or section is None:
         return
-    thin, large = _halves(section)
+    thin, large = section.halves()
     for key in ("surface_size", "corner_size", "face_size", "core_size", "core_depth"):
         value, most = getattr(mesh, key), thin if key == "surface_size" else large
         if value is not None and most is not None and value > most:
@@ -140,8 +112,8 @@ def _mesh(case: Case) -> Iterator[Problem]:
                 f"({_mm(fine)}) is larger than {big} ({_mm(coarse)}); cells grow from the surface "
                 "to the core and from the corner to the middle of a face",
             )
-    curved = isinstance(section, Round | BeamBlank) or bool(getattr(section, "corner_radius", 0.0))
-    if case.mould is not None and mesh.cell == "quadrilateral" and mesh.order == 1 and curved:
+    straight = mesh.cell == "quadrilateral" and mesh.order == 1
+    if case.mould is not None and straight and section.is_curved():
         yield Problem(
             ("mesh", "order"),
             "(1) makes a polygon of the round surface, which its mould is not; give order = 2",
@@ -152,10 +124,8 @@ def _mesh(case: Case) -> Iterator[Problem]:
             "(1) makes triangles too stiff for a freezing shell in its mould; give order = 2, "
             'or cell = "quadrilateral"',
         )
-    if isinstance(section, Round | Strip) and mesh.corner_size is not None:
-        yield Problem(
-            ("mesh", "corner_size"), f'a section of shape "{section.shape}" has no corner'
-        )
+    if not section.has_corner and mesh.corner_size is not None:
+        yield Problem(("mesh", "corner_size"), f'a section of shape "{section.tag}" has no corner')
 
 
 def _zones(case: Case) -> Iterator[Problem]:
@@ -201,7 +171,7 @@ def _zones(case: Case) -> Iterator[Problem]:
 
 
 def _laws(case: Case) -> Iterator[Problem]:
-    known = outer_groups(case.section) if _complete(case.section) else ()
+    known = case.section.outer_groups() if _complete(case.section) else ()
     for i, zone in enumerate(case.cooling or ()):
         laws = (zone.surface if zone else None) or ()
         for j, law in enumerate(laws):
@@ -210,7 +180,7 @@ def _laws(case: Case) -> Iterator[Problem]:
                 yield from _contact(case, law, path)
             if known:
                 yield from _names(law.on, known, (*path, "on"))
-                yield from _clash(law, laws[:j], cooled_groups(case.section), known, path)
+                yield from _clash(law, laws[:j], case.section.cooled_groups(), known, path)
 
 
 def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
@@ -314,9 +284,9 @@ def _complete(section: Any) -> bool:
     )
 
 
-def law_groups(section: Any, law: HeatLaw) -> set[str]:
+def law_groups(section: Section, law: HeatLaw) -> set[str]:
     """Return the boundary groups of a sound section on which a heat law holds."""
-    return set(_matching(law.on or cooled_groups(section), outer_groups(section)))
+    return set(_matching(law.on or section.cooled_groups(), section.outer_groups()))
 
 
 def _matching(on: tuple[str, ...], known: tuple[str, ...]) -> list[str]:
@@ -377,7 +347,7 @@ def _mechanics(case: Case) -> Iterator[Problem]:
         )
     if table is None or case.section is None or not _complete(case.section):
         return
-    known = outer_groups(case.section)
+    known = case.section.outer_groups()
     for index, held in enumerate(table.held or ()):
         if held is not None and held.on is not None:
             yield from _names(held.on, known, ("mechanics", "held", index, "on"))
@@ -406,7 +376,7 @@ def _thinned(planes: Motions) -> Iterator[Problem]:
         )
 
 
-def _planes(planes: Motions, section: Any) -> Iterator[Problem]:
+def _planes(planes: Motions, section: Section) -> Iterator[Problem]:
     """Yield motions of the planes, and moments, that the section does not have."""
     path = ("mechanics", "planes")
     if planes.across is not None and not isinstance(section, Strip):
@@ -417,7 +387,7 @@ def _planes(planes: Motions, section: Any) -> Iterator[Problem]:
         ("a1", "moment_x", "x = 0", '"whole"'),
         ("a2", "moment_y", "y = 0", '"half" or "whole"'),
     ):
-        if motion not in barred(section):
+        if motion not in section.barred():
             continue
         mend = f"leave it out, or give section.symmetry = {enough}"
         for name in (motion, moment):
