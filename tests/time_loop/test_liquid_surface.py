@@ -91,12 +91,12 @@ def test_liquid_follows_the_wall_and_presses_on_it(
     kept = cast(tmp_path, cell=cell, taper=taper, contact=contact)
     assert kept.summary is not None
     assert kept.summary.steps["intervals cut back"] == 0.0
-    assert kept.summary.steps["Newton iterations, mechanics"] <= 4 * len(kept.readings)
-    for reading in kept.readings[1:]:
-        assert reading.shell["mid_face"] == 0.0 and reading.mechanics is not None
-        touch = reading.mechanics.contact
+    assert kept.summary.steps["Newton iterations, mechanics"] <= 4 * len(kept.samples)
+    for sample in kept.samples[1:]:
+        assert sample.shell["mid_face"] == 0.0 and sample.mechanics is not None
+        touch = sample.mechanics.contact
         assert touch is not None and touch.share == 1.0 and touch.gap < 1e-9
-        head = DENSITY * 9.81 * reading.position
+        head = DENSITY * 9.81 * sample.position
         # What bears the stretch of the surface is a stand-in of 30 times the pressure.
         assert touch.force == pytest.approx([-head * HALF] * 2, rel=1e-3)
     moved = kept.states[-1].mechanical
@@ -110,7 +110,7 @@ def test_a_hollow_surface_stays_where_it_is(tmp_path: Path) -> None:
     path.write_text(BEAM_BLANK)
     changes = ("coupling.interval=0.25 s", "casting.length=30 mm", "mould.taper=0 %/m")
     kept = marched(load_case(path, changes))
-    assert kept.readings[-1].shell["mid_face"] == 0.0
+    assert kept.samples[-1].shell["mid_face"] == 0.0
     first, last = (s.mechanical for s in (kept.states[1], kept.states[-1]))
     assert first is not None and last is not None
     # Once it has come from the mesh's facets to the wall's arcs.
@@ -122,8 +122,8 @@ def test_a_surface_frozen_from_the_first_instant(tmp_path: Path) -> None:
     """A shell of 1000 degC at the meniscus, in a wall that closes on it."""
     kept = cast(tmp_path, cooling=GIVEN, taper="3 %/m", size="4 mm", length="15 mm")
     assert kept.value("shell_mid_face") > 0.5e-3
-    for reading in kept.readings[1:]:
-        mechanics = reading.mechanics
+    for sample in kept.samples[1:]:
+        mechanics = sample.mechanics
         assert mechanics is not None and mechanics.balance is not None
         assert mechanics.contact is not None and mechanics.contact.penetration < 1e-5
         assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6

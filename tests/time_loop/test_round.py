@@ -35,7 +35,7 @@ name = "mould"
 
 [[cooling.surface]]
 law = "contact"
-coefficient = "4000 W/(m^2 K)"
+coefficient = "1600 W/(m^2 K)"
 gap_conductivity = "0.15 W/(m K)"
 wall = "160 degC"
 
@@ -43,9 +43,6 @@ wall = "160 degC"
 step = "0.25 s"
 
 [mechanics]
-liquid = "elastic"
-liquid_stiffness = 1e-3
-ferrostatic = "proportional"
 
 [mould]
 length = "200 mm"
