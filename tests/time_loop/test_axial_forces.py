@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moulded import billet, marched, run
+from moulded import billet, marched, run, shipped
 
 from castfem.output.history import read_history
 
@@ -53,7 +53,7 @@ def test_a_force_on_the_strand_strains_all_its_parts_alike() -> None:
 
 def test_what_planes_that_are_held_bear(tmp_path: Path) -> None:
     held = 'mechanics.planes.a0="0"'
-    summary = run(billet("taper_1", *RUBBING, held), tmp_path)
+    summary = run(shipped("taper_1", *RUBBING, held), tmp_path)
     terms = {name: q.value for name, q in summary.balances["axial force"].items()}
     assert abs(terms["reaction"]) > terms["friction"] > 1.0
     assert terms["reaction"] == pytest.approx(terms["force"] - terms["friction"], rel=1e-12)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from time_loop.moulded import Kept, billet, marched, run
+from time_loop.moulded import Kept, billet, marched, run, shipped
 
 from castfem.errors import InputError, RunFailure
 from castfem.output.history import read_history
@@ -56,7 +56,7 @@ def test_a_surface_that_stays_liquid_does_not_sink_into_the_wall() -> None:
     """80 um on a wall as soft as the liquid's stand-in, to be pushed out as the surface freezes."""
     slow = "cooling.mould.surface.0.coefficient=250 W/(m^2 K)"
     liquid = "mechanics.liquid_stiffness=1e-5"
-    kept = sound(marched(billet("taper_1", slow, liquid, "casting.length=90 mm")))
+    kept = sound(marched(shipped("taper_1", slow, liquid, "casting.length=90 mm")))
     assert kept.samples[-1].shell["mid_face"] == 0.0
     assert contact(kept, "penetration").max() < 1e-9
     head = 7000.0 * 9.81 * 0.09
@@ -64,7 +64,7 @@ def test_a_surface_that_stays_liquid_does_not_sink_into_the_wall() -> None:
 
 
 def test_ten_percent_from_the_meniscus_on() -> None:
-    kept = sound(marched(billet("taper_1", "mould.taper=10 %/m", SHORT)))
+    kept = sound(marched(shipped("taper_1", "mould.taper=10 %/m", SHORT)))
     assert contact(kept, "share").min() > 0.85
     assert kept.value("von_mises_max") > 7e6
 
@@ -82,7 +82,7 @@ def test_ten_percent_away() -> None:
 def test_casting_speed(speed: str, length: str) -> None:
     """Five times as fast, ten times as slow."""
     changes = (f"casting.speed={speed}", f'casting.length="{length}"')
-    kept = sound(marched(billet("taper_1", *changes)))
+    kept = sound(marched(shipped("taper_1", *changes)))
     assert (kept.value("shell_corner") > 5e-3) == (speed == "0.36 m/min")
 
 

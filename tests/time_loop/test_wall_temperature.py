@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from moulded import billet, marched
+from moulded import marched, shipped
 
 from castfem.errors import InputError
 
@@ -13,7 +13,7 @@ TABLE = '{position=[0, 30, 60], position_unit="mm", value=[100, 400, 200], unit=
 
 def test_heat_meets_the_wall_where_it_is() -> None:
     """Without a gap the flux is h (T - T_wall(z)) at every depth."""
-    case = billet(
+    case = shipped(
         "taper_3",
         "casting.length=60 mm",
         "cooling.mould.surface.0.wall=mould",
@@ -42,4 +42,4 @@ def test_heat_meets_the_wall_where_it_is() -> None:
 )
 def test_a_wall_has_one_temperature(changes: tuple[str, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        billet("taper_1", *changes)
+        shipped("taper_1", *changes)
