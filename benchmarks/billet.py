@@ -19,7 +19,8 @@ import numpy.typing as npt
 from castfem.case import Case, from_document, load_case
 from castfem.coupling.step_control import same_instant
 from castfem.results.run_state import RunState
-from castfem.results.thermal import CELSIUS, Sample
+from castfem.results.sample import Sample
+from castfem.results.thermal import CELSIUS
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
 

@@ -16,8 +16,8 @@ from castfem.case import load_case
 from castfem.errors import CastfemError
 from castfem.report.remarks import OPEN, spells
 from castfem.results.run_state import RunState
+from castfem.results.sample import Sample
 from castfem.results.summary import quantities
-from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
 
@@ -187,7 +187,7 @@ def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> 
         failure = str(error)
     seconds = process_time() - start
     assert march.run_state.sample is not None
-    summary = quantities(march.run_state, march.run_state.sample)
+    summary = quantities(march.run_state.sample)
     values = {n: q.shown for n, q in summary.items()}
     values |= _on_the_way(listener, scene.steel.solidus, scene.steel.liquidus)
     cells = scene.section.mesh.topology.index_map(2).size_global

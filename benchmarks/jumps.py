@@ -17,7 +17,7 @@ from benchmarks.billet import Array, Settings, billet_case
 from benchmarks.report import Output, table
 from castfem.case import from_document
 from castfem.results.run_state import RunState
-from castfem.results.thermal import Sample
+from castfem.results.sample import Sample
 from castfem.simulation.simulation import build
 from castfem.thermal.stepper import ThermalStepper
 from castfem.time_loop.loop import TimeLoop

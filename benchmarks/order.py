@@ -15,7 +15,8 @@ from benchmarks.billet_run import CASES, COARSE, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.results.run_state import RunState
-from castfem.results.thermal import CELSIUS, Sample
+from castfem.results.sample import Sample
+from castfem.results.thermal import CELSIUS
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
 

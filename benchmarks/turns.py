@@ -17,8 +17,8 @@ from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.results.run_state import RunState
+from castfem.results.sample import Sample
 from castfem.results.summary import summarise
-from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
 

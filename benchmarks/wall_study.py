@@ -20,10 +20,9 @@ import numpy.typing as npt
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, touch
 from benchmarks.report import Output, table
 from castfem.case import load_case
-from castfem.results.mechanical import MechanicalSample
 from castfem.results.run_state import RunState
+from castfem.results.sample import MechanicalSample, Sample
 from castfem.results.summary import summarise
-from castfem.results.thermal import Sample
 from castfem.simulation import mechanics as build_mechanics
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop

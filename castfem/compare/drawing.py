@@ -16,7 +16,7 @@ from castfem.compare.runs import Run
 from castfem.compare.sections import draw_sections
 from castfem.plots.history import plain_unit
 from castfem.plots.style import Course, dress, look, new_panels, save
-from castfem.results.labels import probe_label
+from castfem.results.registry import probe_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

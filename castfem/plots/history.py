@@ -19,7 +19,7 @@ from castfem.plots.style import (
     probe_colours,
 )
 from castfem.plots.tensile import draw_tensile
-from castfem.results.labels import probe_label
+from castfem.results.registry import find, probe_label
 
 if TYPE_CHECKING:
     import pandas
@@ -100,7 +100,7 @@ def draw_surface_temperature(
                 linestyle="--",
                 label=f"{name} {level - CELSIUS:.1f} °C",
             )
-    axes.set_ylabel(f"temperature [{unit_of(table, surfaces[0][2])}]")
+    axes.set_ylabel(axis_label(table, surfaces[0][2]))
     dress([axes], course)
     place_legend(axes, 3)
     return figure
@@ -120,8 +120,7 @@ def draw_shell(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
             if lines is solid and has_values(table, cell):
                 _draw_stair(axes, course, table[column], table[cell], colour)
     axes.set_ylim(0.0, axes.get_ylim()[1])
-    unit = unit_of(table, [*solid, *liquid][0][2])
-    axes.set_ylabel(f"depth below the surface [{unit}]")
+    axes.set_ylabel(axis_label(table, [*solid, *liquid][0][2]))
     dress([axes], course)
     place_legend(axes, 2 if len(solid) + len(liquid) > 3 else 1)
     return figure
@@ -145,7 +144,7 @@ def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
     figure, axes = new_panels(bool(fluxes) + len(totals), 2.0)
     for label, colour, column in fluxes:
         axes[0].plot(course.abscissa, table[column], color=colour, label=label)
-        axes[0].set_ylabel(f"heat flux [{unit_of(table, column)}]")
+        axes[0].set_ylabel(axis_label(table, column))
     for panel, (label, (values, unit)) in zip(axes[bool(fluxes) :], totals.items(), strict=True):
         style = "steps-pre" if "leaving" in label else "default"
         panel.plot(course.abscissa, values, color="#444444", drawstyle=style)
@@ -191,7 +190,7 @@ def _draw_step(panel: Axes, table: pandas.DataFrame, course: Course, names: list
     values = np.where(table[names[0]] > 0.0, table[names[0]], np.nan)  # none at the meniscus
     panel.step(course.abscissa, values, where="pre", color=_THERMAL, linewidth=1.2)
     _log_scale(panel, values)
-    panel.set_ylabel(f"time step [{unit_of(table, names[0])}]")
+    panel.set_ylabel(axis_label(table, names[0]))
 
 
 def _draw_newton(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
@@ -234,7 +233,7 @@ def _draw_errors(panel: Axes, table: pandas.DataFrame, course: Course, names: li
     panel.yaxis.set_major_formatter(FuncFormatter(lambda value, _: _power(value)))
     panel.yaxis.set_minor_locator(NullLocator())
     panel.set_ylim(top=panel.get_ylim()[1] * 10.0 ** (2.5 * (len(names) > 1)))
-    panel.set_ylabel("relative error [-]" if len(names) > 1 else f"{_ERRORS[names[0]]} [-]")
+    panel.set_ylabel("relative error [-]" if len(names) > 1 else axis_label(table, names[0]))
 
 
 def _power(value: float) -> str:
@@ -243,19 +242,13 @@ def _power(value: float) -> str:
     return "10" + exponent.translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
-_ERRORS = {
-    "energy_error": "relative error of\nthe energy",
-    "force_error": "relative error of\nthe forces",
-}
-
-
 def _draw_penetration(
     panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]
 ) -> None:
     """How deep the surface lies in the wall."""
     panel.plot(course.abscissa, table[names[0]], color=_MECHANICAL, linewidth=1.2)
     panel.set_ylim(bottom=0.0)
-    panel.set_ylabel(f"largest\npenetration [{unit_of(table, names[0])}]")
+    panel.set_ylabel(axis_label(table, names[0]))
 
 
 def _totals(table: pandas.DataFrame) -> dict[str, tuple[np.ndarray, str]]:
@@ -311,6 +304,13 @@ def _engineering(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
 def has_values(table: pandas.DataFrame, name: str) -> bool:
     """Whether a column is there and holds any number."""
     return name in table and bool(table[name].notna().any())
+
+
+def axis_label(table: pandas.DataFrame, name: str) -> str:
+    """What a column is and its unit, for the axis of a figure."""
+    known = find(name)
+    label = name.replace("_", " ") if known is None else known[0].axis_label
+    return f"{label} [{unit_of(table, name)}]"
 
 
 def unit_of(table: pandas.DataFrame, name: str) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.plots.history import curves, has_values, unit_of
+from castfem.plots.history import axis_label, curves, has_values, unit_of
 from castfem.plots.section import Steel
 from castfem.plots.style import Course, dress, new_panels, place_legend
 
@@ -38,7 +38,7 @@ def draw_stress(table: pandas.DataFrame, course: Course, steel: Steel | None) ->
     if has_values(table, "von_mises_max"):
         axes.plot(course.abscissa, table["von_mises_max"], **_ALL, label="largest in the section")
     name = lines[0][2] if lines else "von_mises_max"
-    axes.set_ylabel(f"von Mises stress [{unit_of(table, name)}]")
+    axes.set_ylabel(axis_label(table, name))
     axes.set_ylim(bottom=0.0)
     dress([axes], course)
     place_legend(axes)
@@ -67,8 +67,8 @@ def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
                 values = values - start
             panel.plot(course.abscissa, values, color=colour, label=label)
         _mark_zero(panel)
-        what = "change of size" if lines is sizes else "outward displacement"
-        panel.set_ylabel(f"{what} [{unit_of(table, lines[0][2])}]")
+        label = axis_label(table, lines[0][2])
+        panel.set_ylabel(f"change of {label}" if lines is sizes else label)
     dress(axes, course)
     for panel in axes:
         place_legend(panel)
@@ -90,7 +90,7 @@ def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
         axes[0].set_ylabel("axial strain [%]")
     if loaded:
         axes[-1].plot(course.abscissa, table["axial_force"], color=_SINGLE)
-        axes[-1].set_ylabel(f"axial force,\nmodelled part [{unit_of(table, 'axial_force')}]")
+        axes[-1].set_ylabel(axis_label(table, "axial_force"))
     for panel in axes:
         _mark_zero(panel)
     dress(axes, course)
@@ -102,18 +102,16 @@ def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
 def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
     """Gap and pressure between strand and mould, how much of the surface touches, friction."""
     found: list[Callable[[Axes], None]] = []
-    for prefix, largest, what, smallest in (
-        ("gap", "gap_max", "gap", CLOSED),
-        ("contact_pressure", _highest_pressure(table), "contact pressure", 0.0),
+    for prefix, largest, smallest in (
+        ("gap", "gap_max", CLOSED),
+        ("contact_pressure", _highest_pressure(table), 0.0),
     ):
         if curves(table, prefix) or has_values(table, largest):
-            found.append(_over_surface(table, course, prefix, largest, what, smallest))
-    friction = ("friction_force", "friction force,\nmodelled part")
-    if has_values(table, "mould_friction"):
-        friction = ("mould_friction", "friction force,\nwhole strand")
-    for name, what in (("contact_share", "share of the surface\nin contact"), friction):
+            found.append(_over_surface(table, course, prefix, largest, smallest))
+    friction = "mould_friction" if has_values(table, "mould_friction") else "friction_force"
+    for name in ("contact_share", friction):
         if has_values(table, name) and table[name].any():
-            found.append(_single(table, course, name, what))
+            found.append(_single(table, course, name))
     if not found:
         return None
     figure, axes = new_panels(len(found), 2.1)
@@ -136,7 +134,6 @@ def _over_surface(
     course: Course,
     prefix: str,
     largest: str,
-    what: str,
     smallest: float,
 ) -> Callable[[Axes], None]:
     """Draws a quantity at the probes and its largest value; the axis reaches `smallest`."""
@@ -146,7 +143,7 @@ def _over_surface(
         if has_values(table, largest):
             label = "largest anywhere" + (", over 5 mm" if largest == _MEAN_PRESSURE else "")
             panel.plot(course.abscissa, table[largest], **_ALL, label=label)
-        panel.set_ylabel(f"{what} [{unit_of(table, name)}]")
+        panel.set_ylabel(axis_label(table, name))
         low, high = panel.get_ylim()
         high = max(high, smallest)
         panel.set_ylim(low if _negative(panel, smallest) else -0.03 * high, high)
@@ -154,17 +151,15 @@ def _over_surface(
     return draw
 
 
-def _single(
-    table: pandas.DataFrame, course: Course, name: str, what: str
-) -> Callable[[Axes], None]:
+def _single(table: pandas.DataFrame, course: Course, name: str) -> Callable[[Axes], None]:
     """Draws one column."""
 
     def draw(panel: Axes) -> None:
-        unit = unit_of(table, name)
-        percent = name == "contact_share"
-        factor = 100.0 if percent and unit == "-" else 1.0  # older runs have fractions
+        percent, label = name == "contact_share", axis_label(table, name)
+        fraction = percent and label.endswith("[-]")  # of older runs
+        factor = 100.0 if fraction else 1.0
         panel.plot(course.abscissa, table[name] * factor, color=_SINGLE)
-        panel.set_ylabel(f"{what} [{'%' if percent else unit}]")
+        panel.set_ylabel(label.replace("[-]", "[%]") if fraction else label)
         if percent:
             panel.set_ylim(0.0, 105.0)
         elif not _negative(panel):

@@ -5,7 +5,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,13 +13,13 @@ import numpy.typing as npt
 from scipy import sparse
 
 from castfem.constitutive.base import equivalent_stress
-from castfem.contact.state import ContactSummary
 from castfem.contact.summary import summary
 from castfem.fem import reductions
 from castfem.fem.line_probes import LineProbes, Profile
-from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
+from castfem.mechanics.state import MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.surface_gap import SurfaceGap
+from castfem.results.sample import MechanicalSample
 
 if TYPE_CHECKING:
     from castfem.fem.section import Section
@@ -29,42 +29,6 @@ Array = npt.NDArray[np.float64]
 SQRT2 = 2.0**0.5
 FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
 LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
-
-
-@dataclass(frozen=True, slots=True)
-class MechanicalSample:
-    """What is known of the strained slice at one time, in SI.
-
-    Attributes:
-        newton: Newton iterations of the step. flowing: Share of the area that flows.
-        peak: Largest von Mises stress at a point, Pa. peak_at: Where, on the undeformed mesh, m.
-        surface_stress: Von Mises stress at the start of each probe, Pa.
-        moved: Outward displacement of the start of each probe, m.
-        across: Size of the section through each probe that ends in its centre, m.
-        strain: Axial strain of the slice at the origin.
-        balance: Forces of the step; None at the start.
-        load: External axial force, N. pull: That which friction has handed down from above, N.
-            Their sum is the force of the stress where the planes are free: (38).
-        contact: With the mould, all of it together; None without a mould.
-        gap: To the wall at the start of each probe, m, NaN where there is none, as below the end
-            of the mould; empty without a mould.
-        pressure: Contact pressure there, a mean over a length of the surface, Pa; likewise.
-    """
-
-    newton: int
-    flowing: float
-    peak: float
-    peak_at: tuple[float, float]
-    surface_stress: dict[str, float]
-    moved: dict[str, float]
-    across: dict[str, float]
-    strain: float
-    balance: Balance | None
-    load: float
-    pull: float
-    contact: ContactSummary | None
-    gap: dict[str, float]
-    pressure: dict[str, float]
 
 
 class MechanicalSampler:

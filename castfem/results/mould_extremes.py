@@ -6,10 +6,9 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from castfem.mould.mould import is_below
-from castfem.output.summary import Quantity
 
 if TYPE_CHECKING:
-    from castfem.results.thermal import Sample
+    from castfem.results.sample import Sample
 
 
 @dataclass(slots=True)
@@ -55,25 +54,6 @@ class MouldExtremes:
             value = memory.get(f"mould_{name}")  # of an older checkpoint not all are there
             if value is not None:
                 setattr(self, name, value)
-
-    def quantities(self) -> dict[str, Quantity]:
-        """Results, from the meniscus to the mould's end or to where the slice is."""
-        return {
-            "mould_heat_removed": Quantity(self.heat, "MJ/m", "heat removed in the mould"),
-            "mould_gap_max": Quantity(self.gap, "mm", "largest gap in the mould"),
-            "mould_contact_least": Quantity(
-                self.share, "percent", "least contact in the mould, share of the surface"
-            ),
-            "mould_mean_pressure_max": Quantity(
-                self.mean_pressure, "MPa", "largest contact pressure in the mould, mean over 5 mm"
-            ),
-            "mould_pressure_max": Quantity(
-                self.pressure, "MPa", "largest contact pressure in the mould, at a point"
-            ),
-            "mould_penetration_max": Quantity(
-                self.penetration, "um", "largest penetration of the mould, on the way"
-            ),
-        }
 
 
 @dataclass(slots=True)

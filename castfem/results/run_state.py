@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.coupling.staggered import StrandState
-from castfem.results.thermal import Sample, Sampler
+from castfem.results.sample import Sample
+from castfem.results.thermal import Sampler
 
 if TYPE_CHECKING:
     from castfem.coupling.subcycling import Leg

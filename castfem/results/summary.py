@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from castfem.coupling.step_control import same_instant
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
-from castfem.results.labels import result
+from castfem.results.registry import results_of
 from castfem.simulation import closed_form
 
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
-    from castfem.results.mechanical import MechanicalSample
-    from castfem.results.mould_extremes import LargestStress
     from castfem.results.run_state import RunState
-    from castfem.results.thermal import Sample
+    from castfem.results.sample import Sample
     from castfem.simulation.simulation import Simulation
 
 
@@ -54,11 +51,11 @@ def _unchecked(simulation: Simulation) -> tuple[str, ...]:
 
 
 def last_results(run: RunState) -> tuple[dict[str, Quantity], dict[str, dict[str, Quantity]]]:
-    """Results and balances of forces of the last step, by name."""
+    """Results and balances of forces of the last step, by name (collective)."""
     if run.restored is not None:
         return run.restored
     sample = run.sample
-    found = {} if sample is None else quantities(run, sample)
+    found = {} if sample is None else quantities(sample)
     return found, _force_balances(sample)
 
 
@@ -104,43 +101,17 @@ def _comparisons(run: RunState, final: dict[str, Quantity]) -> tuple[Comparison,
     return tuple(found)
 
 
-def quantities(run: RunState, sample: Sample) -> dict[str, Quantity]:
-    """The results of the slice where `sample` was taken."""
-    simulation = run.simulation
-    speed, whole = simulation.machine.mean_speed(sample.time), simulation.section.multiplicity
-    found = {
-        "solidus": Quantity(simulation.steel.solidus, "degC", "solidus"),
-        "liquidus": Quantity(simulation.steel.liquidus, "degC", "liquidus"),
-        **_told(position=sample.position, time=sample.time),
-    }
-    for name, profile in sample.profiles.items():
-        found |= _told(
-            name,
-            shell=sample.shell[name],
-            liquidus_depth=sample.liquidus[name],
-            surface_temperature=float(profile.temperature[0]),
-            heat_flux=sample.flux[name],
-        )
-    removed = sample.removed
-    found |= {
-        **_told(heat_removed=removed, cooling_power=removed * speed),
-        "heat_removed_slice": Quantity(
-            removed / whole * speed,
-            "kJ",
-            "heat removed in 1 s of casting, modelled part",
-        ),
-        **_told(temperature_max=sample.temperature_range[1]),
-    }
-    if sample.mechanics is not None:
-        found |= _mechanical_quantities(sample.mechanics, run.sampler.largest_stress)
-        found |= _friction(sample.mechanics, whole)
-    if run.sampler.extremes is not None:
-        found |= run.sampler.extremes.quantities()
-    closed = run.sampler.metallurgical_length
-    if closed is not None:
-        found["metallurgical_length"] = Quantity(closed, "m", "metallurgical length")
+def quantities(sample: Sample) -> dict[str, Quantity]:
+    """The results of the slice where the sample was taken (collective)."""
+    simulation = sample.simulation
+    found = {}
+    for definition, probe in results_of(simulation):
+        value = definition.value(sample, probe)
+        if value is not None:
+            place = "" if definition.place is None else definition.place(sample)
+            found[definition.named(probe)] = definition.result(value, probe, place)
     if simulation.exact is not None:
-        found |= closed_form.errors(simulation.exact, simulation, run.state)
+        found |= closed_form.errors(simulation.exact, simulation, sample.state)
     return found
 
 
@@ -177,64 +148,6 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
         "mould_x": Quantity(across, "kN/m", "mould along x"),
         "mould_y": Quantity(along, "kN/m", "mould along y"),
         "friction": Quantity(contact.axial, "kN/m", "friction along the strand, modelled part"),
-    }
-
-
-def _mechanical_quantities(sample: MechanicalSample, most: LargestStress) -> dict[str, Quantity]:
-    """Stress and shape of the slice, and the largest stress on the way here."""
-    way = f"{_place((most.x, most.y))}, {1e3 * most.position:.6g} mm below the meniscus"
-    found = {
-        "von_mises_max": result("von_mises_max", sample.peak, _place(sample.peak_at)),
-        "way_von_mises_max": result("way_von_mises_max", most.stress, way),
-    }
-    for name, stress in sample.surface_stress.items():
-        found |= _told(name, von_mises=stress, displacement=sample.moved[name])
-    for name, size in sample.across.items():
-        found |= _told(name, size=size)
-    found |= _told(axial_strain=sample.strain)
-    if sample.contact is not None:
-        found |= _contact_quantities(sample, sample.contact)
-    return found
-
-
-def _told(probe: str = "", **values: float) -> dict[str, Quantity]:
-    """Results by name, at a probe or of the whole slice."""
-    names = {f"{name}_{probe}" if probe else name: value for name, value in values.items()}
-    return {name: result(name, value) for name, value in names.items()}
-
-
-def _place(at: Iterable[float]) -> str:
-    """A place of the section."""
-    x, y = (1e3 * c for c in at)
-    return f"at x = {x:.1f}, y = {y:.1f} mm"
-
-
-def _friction(sample: MechanicalSample, whole: int) -> dict[str, Quantity]:
-    """What friction does to the whole strand, of which `whole` parts like the modelled one make."""
-    contact = sample.contact
-    if contact is None or contact.sticking is None:
-        return {}
-    return _told(mould_friction=-contact.axial * whole, mould_pull=sample.pull * whole)
-
-
-def _contact_quantities(sample: MechanicalSample, contact: ContactSummary) -> dict[str, Quantity]:
-    """How the slice touches the mould."""
-    found: dict[str, Quantity] = {}
-    for name, gap in sample.gap.items():
-        found |= _told(name, gap=gap)
-    if contact.sticking is not None:
-        found |= _told(contact_sticking=contact.sticking)
-    widest = _place(contact.widest) if contact.gap else ""
-    highest, mean = "", ""
-    if contact.pressure:
-        highest, mean = _place(contact.highest), _place(contact.highest_mean)
-    return found | {
-        "gap_max": result("gap_max", contact.gap, widest),
-        "mean_contact_pressure_max": result(
-            "mean_contact_pressure_max", contact.mean_pressure, mean
-        ),
-        "contact_pressure_max": result("contact_pressure_max", contact.pressure, highest),
-        **_told(penetration=contact.penetration, contact_share=contact.share),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,49 +11,19 @@ import numpy.typing as npt
 from castfem.coupling.staggered import StrandState
 from castfem.coupling.subcycling import Leg
 from castfem.fem import reductions
-from castfem.fem.line_probes import Profile
 from castfem.results.mould_extremes import LargestStress, MouldExtremes
+from castfem.results.sample import Sample
 from castfem.simulation.simulation import Simulation
 from castfem.thermal.stepper import ThermalState
 
 if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult
-    from castfem.results.mechanical import MechanicalSample, MechanicalSampler
+    from castfem.results.mechanical import MechanicalSampler
+    from castfem.results.sample import MechanicalSample
 
 Array = npt.NDArray[np.float64]
 
 CELSIUS = 273.15
-
-
-@dataclass(slots=True)
-class Sample:
-    """One row of the history in SI, K.
-
-    Attributes:
-        time: s. position: Below the meniscus, m. step: Length of the last step, s.
-        newton: Newton iterations of the step. profiles: Temperature along each probe.
-        shell: Depth of the solidus below the surface, by probe, m; liquidus likewise. Of a slice
-            through which the heat flows as it has moved, where they are now.
-        cell: Size of the cell in which the solidus lies, along the probe's line, m; NaN without.
-        flux: Heat flux at the probe's surface point, W/m2.
-        removed: Heat removed from the whole section since the meniscus, J per m of strand.
-        temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
-        mechanics: The strained slice; None in a simulation without mechanics.
-    """
-
-    time: float
-    position: float
-    step: float
-    newton: int
-    profiles: dict[str, Profile]
-    shell: dict[str, float]
-    liquidus: dict[str, float]
-    cell: dict[str, float]
-    flux: dict[str, float]
-    removed: float
-    temperature_range: tuple[float, float]
-    balance: float
-    mechanics: MechanicalSample | None = None
 
 
 @dataclass(slots=True)
@@ -124,6 +94,8 @@ class Sampler:
         balance = 0.0 if leg is None else leg.balance
         self.worst_balance = max(self.worst_balance, abs(balance))
         sample = Sample(
+            simulation=simulation,
+            state=strand,
             time=state.time,
             position=simulation.machine.position(state.time),
             step=0.0 if leg is None else leg.step,
@@ -137,10 +109,13 @@ class Sampler:
             temperature_range=state.extremes,
             balance=balance,
             mechanics=self._read_mechanics(strand, mechanical),
+            metallurgical_length=self.metallurgical_length,
         )
+        self.largest_stress.note(sample)
+        sample.largest_stress = replace(self.largest_stress)
         if self.extremes is not None:
             self.extremes.note(sample)
-        self.largest_stress.note(sample)
+            sample.extremes = replace(self.extremes)
         return sample
 
     def _read_mechanics(

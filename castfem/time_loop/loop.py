@@ -22,8 +22,8 @@ from castfem.fem.root import Together, on_root
 from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.summary import Quantity
 from castfem.results.run_state import RunState
+from castfem.results.sample import Sample
 from castfem.results.summary import quantities, summarise
-from castfem.results.thermal import Sample
 from castfem.simulation.simulation import Simulation, build
 from castfem.support import log
 from castfem.support.stopwatch import peak_memory, profile_table
@@ -160,7 +160,7 @@ class TimeLoop:
         for position in {r.at for r in case.reference if r.at is not None}:
             # Where the strand stands the slice is at a place more than once: the first time counts.
             if same_instant(sample.time, machine.time_at(position), self.simulation.control.end):
-                self.run_state.snapshots[position] = quantities(self.run_state, sample)
+                self.run_state.snapshots[position] = quantities(sample)
 
     def _note(self) -> str:
         return self.simulation.zones.spans[max(self.run_state.zone, 0)].name

@@ -17,7 +17,7 @@ from castfem.output.history import HISTORY_NAME, History
 from castfem.output.xdmf import FieldWriter, same_or_before
 from castfem.results.columns import columns, row
 from castfem.results.run_state import Counts, RunState
-from castfem.results.thermal import Sample
+from castfem.results.sample import Sample
 from castfem.time_loop import restart
 
 if TYPE_CHECKING:
@@ -91,20 +91,18 @@ class Recorder:
         Raises:
             RunFailure: On every rank, when a file cannot be written.
         """
-        fields = self._due_fields(run, sample)
-        state: dict[str, Array | None] = {}
+        cells, fields = row(sample), self._due_fields(run, sample)
         taken = run.counts.taken
-        checkpoint = self._every > 0 and taken % self._every == 0  # at the meniscus, too
-        if checkpoint:
-            state = restart.arrays(run)
+        due = self._every > 0 and taken % self._every == 0  # at the meniscus, too
+        checkpoint = self._checkpoint(run) if due else None
 
         def write() -> None:
             assert self._history is not None
-            self._history.append(row(run, sample))
+            self._history.append(cells)
             if self._fields is not None and fields:
                 self._fields.write(sample.time, sample.position, fields)
-            if checkpoint:
-                self._save(run, state)
+            if checkpoint is not None:
+                self._save(run, *checkpoint)
 
         on_root(self.comm, write)
 
@@ -129,7 +127,13 @@ class Recorder:
         nearest = round(time / every) * every
         return time == 0.0 or same_instant(time, nearest, end) or same_instant(time, end, end)
 
-    def _save(self, run: RunState, state: dict[str, Array | None]) -> None:
+    def _checkpoint(self, run: RunState) -> tuple[dict[str, Any], dict[str, Array | None]]:
+        """What a checkpoint of the committed state holds (collective: results may be sums)."""
+        return restart.description(run), restart.arrays(run)
+
+    def _save(
+        self, run: RunState, description: dict[str, Any], state: dict[str, Array | None]
+    ) -> None:
         """Save a checkpoint and note how far the run has come (rank 0)."""
         arrays = {name: values for name, values in state.items() if values is not None}
         if self._history is not None:
@@ -137,7 +141,7 @@ class Recorder:
         case = self.simulation.case
         save_checkpoint(
             self.folder / CHECKPOINT_NAME,
-            restart.description(run),
+            description,
             arrays,
             physics=case.physics_hash(),
             case=case.physics(),
@@ -146,8 +150,8 @@ class Recorder:
 
     def save(self, run: RunState) -> None:
         """Save a checkpoint of the committed state now (collective)."""
-        state = restart.arrays(run)
-        on_root(self.comm, lambda: self._save(run, state))
+        checkpoint = self._checkpoint(run)
+        on_root(self.comm, lambda: self._save(run, *checkpoint))
 
     def close(self) -> None:
         """Close the files; what was written is complete without it."""

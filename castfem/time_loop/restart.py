@@ -36,7 +36,7 @@ def arrays(run: RunState) -> dict[str, Array | None]:
 
 
 def description(run: RunState) -> dict[str, Any]:
-    """All of the committed state that is not an array; what a checkpoint holds beside them."""
+    """All of the committed state that is not an array (collective)."""
     thermal, mechanical = run.state.thermal, run.state.mechanical
     results, forces = last_results(run)
     found: dict[str, Any] = {

@@ -287,6 +287,18 @@ def convert(value: float, si: str, unit: str, *, difference: bool = False) -> fl
     return float((Fraction(value) - offset) / scale)
 
 
+def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
+    """Return what turns many SI values into a unit: factor * value - zero; (1.0, 273.15) to degC.
+
+    `convert` rounds once and takes its time; this rounds the factor, and is quick.
+
+    Raises:
+        ValueError: The unit is unknown or of another dimension.
+    """
+    scale, offset = _conversion("" if unit == "1" else unit, si, False)
+    return float(1 / scale), float(offset / scale)
+
+
 def format(value: float, unit: str, shown: str = "", *, difference: bool = False) -> str:
     """Write an SI value as a text that `parse` reads back to the very same float.
 

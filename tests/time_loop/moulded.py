@@ -11,8 +11,8 @@ from castfem.case import Case, load_case
 from castfem.coupling.staggered import StrandState
 from castfem.output.summary import Summary
 from castfem.results.run_state import RunState
+from castfem.results.sample import Sample
 from castfem.results.summary import summarise
-from castfem.results.thermal import Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop import loop
 from castfem.time_loop.loop import TimeLoop

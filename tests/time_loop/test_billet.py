@@ -22,9 +22,8 @@ import castfem
 from castfem.cli import execute
 from castfem.errors import InputError
 from castfem.output.history import read_history
-from castfem.results.mechanical import MechanicalSample
 from castfem.results.run_state import RunState
-from castfem.results.thermal import Sample
+from castfem.results.sample import MechanicalSample, Sample
 from castfem.simulation.cooling import Zones
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop

@@ -18,7 +18,7 @@ from castfem.coupling.staggered import Coupler, Interval, StrandState
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.results.run_state import RunState
-from castfem.results.thermal import Sample
+from castfem.results.sample import Sample
 from castfem.simulation.simulation import Simulation, build
 from castfem.time_loop import restart
 from castfem.time_loop.loop import TimeLoop

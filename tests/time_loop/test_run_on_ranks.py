@@ -113,3 +113,19 @@ def test_mould_with_friction_on_two_ranks_goes_on_on_three(tmp_path: Path) -> No
     assert many == pytest.approx(one, rel=1e-7, abs=1e-12)
     state = assert_same_state(tmp_path / "one", tmp_path / "many")
     assert len(set(state["contact_status"].ravel())) > 1
+
+
+@needs_mpirun
+def test_a_closed_form_is_held_against_a_run_on_ranks(tmp_path: Path) -> None:
+    """Its errors are sums over the ranks, which the checkpoints need as well: they waited."""
+    short = ("casting.length=3 mm", "output.checkpoint_every=2", "output.figures=false")
+    sets = [word for override in short for word in ("--set", override)]
+    found = []
+    for ranks in (1, 2):
+        folder = tmp_path / str(ranks)
+        words = ("-m", "castfem.cli", "run", "verification/neumann", "-q", *sets)
+        done = python_on(ranks, *words, "-o", str(folder), timeout=120.0)
+        assert done.returncode == 0, done.stderr
+        summary = json.loads((folder / "summary.json").read_text())
+        found.append(summary["quantities"]["error_temperature"]["value"])
+    assert found[0] > 0.0 and found[1] == pytest.approx(found[0], rel=1e-6)

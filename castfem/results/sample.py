@@ -1,0 +1,115 @@
+"""A sample: what is read off the slice after a step, in SI."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from castfem.results.mould_extremes import LargestStress, MouldExtremes
+
+if TYPE_CHECKING:
+    from castfem.contact.state import ContactSummary
+    from castfem.coupling.staggered import StrandState
+    from castfem.fem.line_probes import Profile
+    from castfem.mechanics.state import Balance
+    from castfem.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True, slots=True)
+class MechanicalSample:
+    """What is known of the strained slice at one time, in SI.
+
+    Attributes:
+        newton: Newton iterations of the step. flowing: Share of the area that flows.
+        peak: Largest von Mises stress at a point, Pa. peak_at: Where, on the undeformed mesh, m.
+        surface_stress: Von Mises stress at the start of each probe, Pa.
+        moved: Outward displacement of the start of each probe, m.
+        across: Size of the section through each probe that ends in its centre, m.
+        strain: Axial strain of the slice at the origin.
+        balance: Forces of the step; None at the start.
+        load: External axial force, N. pull: That which friction has handed down from above, N.
+            Their sum is the force of the stress where the planes are free: (38).
+        contact: With the mould, all of it together; None without a mould.
+        gap: To the wall at the start of each probe, m, NaN where there is none, as below the end
+            of the mould; empty without a mould.
+        pressure: Contact pressure there, a mean over a length of the surface, Pa; likewise.
+    """
+
+    newton: int
+    flowing: float
+    peak: float
+    peak_at: tuple[float, float]
+    surface_stress: dict[str, float]
+    moved: dict[str, float]
+    across: dict[str, float]
+    strain: float
+    balance: Balance | None
+    load: float
+    pull: float
+    contact: ContactSummary | None
+    gap: dict[str, float]
+    pressure: dict[str, float]
+
+
+@dataclass(slots=True)
+class Sample:
+    """What is known of the slice at one time, in SI, K; a quantity is computed from it.
+
+    Attributes:
+        simulation: The objects of the run. state: The committed state that was read.
+        time: s. position: Below the meniscus, m. step: Length of the last step, s.
+        newton: Newton iterations of the step. profiles: Temperature along each probe.
+        shell: Depth of the solidus below the surface, by probe, m; liquidus likewise. Of a slice
+            through which the heat flows as it has moved, where they are now.
+        cell: Size of the cell in which the solidus lies, along the probe's line, m; NaN without.
+        flux: Heat flux at the probe's surface point, W/m2.
+        removed: Heat removed from the whole section since the meniscus, J per m of strand.
+        temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
+        mechanics: The strained slice; None in a simulation without mechanics.
+        largest_stress: On the way to here. metallurgical_length: Where the last vertex passed the
+            solidus, m; None while liquid is left. extremes: Of the contact in the mould so far;
+            None without a mould.
+    """
+
+    simulation: Simulation
+    state: StrandState
+    time: float
+    position: float
+    step: float
+    newton: int
+    profiles: dict[str, Profile]
+    shell: dict[str, float]
+    liquidus: dict[str, float]
+    cell: dict[str, float]
+    flux: dict[str, float]
+    removed: float
+    temperature_range: tuple[float, float]
+    balance: float
+    mechanics: MechanicalSample | None = None
+    largest_stress: LargestStress = field(default_factory=LargestStress)
+    metallurgical_length: float | None = None
+    extremes: MouldExtremes | None = None
+
+    @property
+    def strained(self) -> MechanicalSample:
+        """The strained slice of a simulation with mechanics."""
+        assert self.mechanics is not None, "of a quantity that needs mechanics"
+        return self.mechanics
+
+    @property
+    def contact(self) -> ContactSummary:
+        """The contact of a simulation with a mould."""
+        contact = self.strained.contact
+        assert contact is not None, "of a quantity that needs a mould"
+        return contact
+
+    @property
+    def in_mould(self) -> MouldExtremes:
+        """What the slice has met in its mould."""
+        assert self.extremes is not None, "of a quantity that needs a mould"
+        return self.extremes
+
+    @property
+    def has_stepped(self) -> bool:
+        """Whether a mechanical step led here: at the meniscus nothing has been pressed yet."""
+        return self.strained.balance is not None

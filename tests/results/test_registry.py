@@ -1,0 +1,195 @@
+"""A quantity is declared once: column, unit, label, result and page follow from the registry."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+from ranks import needs_mpirun, python_on
+from small_case import write_small
+from time_loop.moulded import billet
+
+from castfem.case import load_case
+from castfem.fem import reductions
+from castfem.output.history import read_history
+from castfem.output.summary import Summary, si_unit
+from castfem.plots.history import axis_label
+from castfem.report.headline import CHIEF
+from castfem.results import registry
+from castfem.results.labels import last_quantities
+from castfem.results.reference_table import written
+from castfem.results.registry import QuantityDefinition, declared, find, in_summary_order, quantity
+from castfem.results.sample import Sample
+from castfem.simulation.simulation import build
+from castfem.time_loop import loop
+from castfem.time_loop.loop import TimeLoop
+
+ROOT = Path(__file__).parents[2]
+FRICTION = ("mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "casting.length=150 mm")
+THIN = (
+    "section.width=20 mm", "section.height=20 mm", "section.corner_radius=2 mm",
+    "mesh.face_size=4 mm", "mesh.core_size=4 mm", "casting.length=1 m", "thermal.time.step=0.5 s",
+)  # fmt: skip
+
+
+def declare_mean() -> Callable[[Sample], float]:
+    """A quantity that castfem does not have; the whole of it is in here."""
+
+    @quantity("temperature_mean", unit="degC", label="mean temperature")
+    def mean(sample: Sample) -> float:
+        """Mean temperature of the modelled part, by area."""
+        area, kelvin = sample.simulation.problem.area, sample.state.thermal.point.temperature
+        comm = sample.simulation.section.comm
+        return reductions.total(comm, float(area @ kelvin)) / reductions.total(comm, area.sum())
+
+    return mean
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, Sample]]:
+    """The last sample of a billet in a mould with friction, and of a strand that has frozen."""
+    thin = write_small(tmp_path_factory.mktemp("thin"))
+    simulations = [
+        build(case, MPI.COMM_SELF) for case in (billet("taper_1", *FRICTION), load_case(thin, THIN))
+    ]
+    strained, frozen = (TimeLoop(simulation).run() for simulation in simulations)
+    yield strained, frozen
+    for simulation in simulations:
+        simulation.destroy()
+
+
+@pytest.mark.parametrize("definition", declared(), ids=lambda d: d.name)
+def test_a_quantity_is_whole(
+    definition: QuantityDefinition, samples: tuple[Sample, Sample]
+) -> None:
+    """Units that are known and measure the same, a label, a page, and a finite value."""
+    d = definition
+    assert d.column or d.row
+    assert si_unit(d.unit) == si_unit(d.shown or d.unit)
+    assert d.label and ("{}" in d.label) == bool(d.each)
+    assert d.about.endswith((".", ")")) and len(d.about) > 10
+    assert [e.name for e in declared() if e.label == d.label] == [d.name]
+    strained, frozen = samples
+    sample = frozen if d.name == "metallurgical_length" else strained
+    assert d.is_of(sample.simulation)
+    probes = {"": ("",), "probe": sample.profiles, "centred_probe": ("mid_face", "corner")}[d.each]
+    for probe in probes:
+        assert find(d.named(probe)) == (d, probe)
+        value = d.value(sample, probe)
+        assert value is not None and math.isfinite(value), probe
+        result = d.result(value, probe)
+        assert "{" not in result.label
+        if not d.shown:
+            assert d.in_unit(value) == pytest.approx(result.shown, rel=1e-14, abs=1e-30)
+
+
+def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, Sample]) -> None:
+    strained, frozen = samples
+    thermal = {d.name for d, _ in registry.columns_of(frozen.simulation)}
+    assert "shell" in thermal and not thermal & {"von_mises", "gap_max", "mould_pull"}
+    assert {d.name for d, _ in registry.columns_of(strained.simulation)} == {
+        d.name for d in declared() if d.column
+    }
+    assert {d.name for d, _ in registry.results_of(strained.simulation)} == {
+        d.name for d in in_summary_order()
+    }
+
+
+def test_the_page_is_that_of_the_registry() -> None:
+    """`python -m castfem.results.reference_table docs/output.md` mends it."""
+    page = (ROOT / "docs" / "output.md").read_text(encoding="utf-8")
+    assert written(page) == page
+    for d in declared():
+        assert f"`{d.named('P' if d.each else '')}`" in page, d.name
+
+
+def test_what_is_looked_at_first_are_results() -> None:
+    for name in CHIEF:
+        found = find(name)
+        assert found is not None and found[0].row, name
+
+
+@pytest.fixture
+def declaring(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a test declares is forgotten after it."""
+    declared()
+    monkeypatch.setattr(registry, "_declared", dict(registry._declared))
+
+
+def test_a_new_quantity_is_one_function(tmp_path: Path, declaring: None) -> None:
+    """Declared here, and nowhere else: in history, summary, tables and on an axis."""
+    assert len(inspect.getsource(declare_mean()).splitlines()) < 8
+    case = load_case(write_small(tmp_path))
+    summary = loop.run(case, tmp_path / "out", comm=MPI.COMM_SELF)
+    history = read_history(tmp_path / "out" / "history.csv")
+    found = history["temperature_mean"].to_numpy()
+    assert history.columns[-1] == "temperature_mean"
+    assert history.attrs["units"]["temperature_mean"] == "degC"
+    assert found[0] == pytest.approx(history["temperature_max"].iloc[0], abs=1e-9)
+    assert (found[1:] < found[:-1]).all()
+    assert found[-1] > history["temperature_min"].iloc[-1]
+    result = summary.quantities["temperature_mean"]
+    assert result.label == "mean temperature"
+    assert result.shown == pytest.approx(found[-1], rel=1e-11)
+    row = {str(k): float(v) for k, v in history.iloc[-1].items()}
+    assert last_quantities(row, history.attrs["units"])["temperature_mean"].label == result.label
+    assert axis_label(history, "temperature_mean") == "mean temperature [°C]"
+
+
+@needs_mpirun
+def test_a_new_quantity_may_add_up_over_the_ranks(tmp_path: Path) -> None:
+    imports = (
+        "import sys; from collections.abc import Callable; from mpi4py import MPI; "
+        "from castfem.case import load_case; "
+        "from castfem.fem import reductions; from castfem.results.registry import quantity; "
+        "from castfem.results.sample import Sample; from castfem.time_loop import loop\n"
+    )
+    ran = "declare_mean()\nloop.run(load_case(sys.argv[1]), sys.argv[2], comm=MPI.COMM_WORLD)\n"
+    file, found = str(write_small(tmp_path)), []
+    for ranks in (1, 2):
+        folder = tmp_path / str(ranks)
+        done = python_on(
+            ranks,
+            "-c",
+            imports + inspect.getsource(declare_mean) + ran,
+            file,
+            str(folder),
+            timeout=120.0,
+        )
+        assert done.returncode == 0, done.stderr
+        found.append(read_history(folder / "history.csv")["temperature_mean"].to_numpy())
+        summary = Summary.load(folder)
+        assert summary is not None and "temperature_mean" in summary.quantities
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
+def test_what_is_declared_twice_or_needs_nonsense_is_refused(declaring: None) -> None:
+    with pytest.raises(ValueError, match="two quantities are named shell"):
+        quantity("shell", unit="mm", label="shell")(lambda sample: 0.0)
+    with pytest.raises(ValueError, match="gearbox"):
+        quantity("grip", unit="mm", label="grip", needs=("gearbox",))(lambda sample: 0.0)
+
+
+def test_words_need_no_solver() -> None:
+    """Tables and figures of a finished run are made without DOLFINx."""
+    code = (
+        "import sys, json; from castfem.results.labels import last_quantities; "
+        "found = last_quantities({'shell_mid_face': 1.0}, {'shell_mid_face': 'mm'}); "
+        "print(json.dumps([found['shell_mid_face'].label, 'dolfinx' in sys.modules]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert json.loads(done.stdout) == ["shell, mid-face", False]
+
+
+def test_results_do_not_know_the_time_loop() -> None:
+    """Not even for their types: the time loop stands above them."""
+    for file in (ROOT / "castfem" / "results").glob("*.py"):
+        assert "castfem.time_loop" not in file.read_text(encoding="utf-8"), file.name
