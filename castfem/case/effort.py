@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 from castfem.case.model import Case
 from castfem.case.problems import Path, Problem
@@ -16,36 +17,58 @@ _MANY, _MANY_STATES = 100_000, 5_000  # told before it is run
 # Seconds that a step of each kind takes on an ordinary mesh, for a first estimate.
 _THERMAL, _MECHANICAL, _WRITTEN = 0.01, 0.1, 0.01
 
-Demand = tuple[Path, float, str, int, int, float]
+
+class Demand(NamedTuple):
+    """Steps of one kind that a case asks for.
+
+    Attributes:
+        path: Key of their length.
+        length: Of one, s.
+        what: What they are.
+        most: How many are run.
+        much: How many are worth a word.
+        each: What one takes, s of work.
+    """
+
+    path: Path
+    length: float
+    what: str
+    most: int
+    much: int
+    each: float
+
+    def number(self, case: Case) -> float:
+        """Return how many the run takes."""
+        return case.casting.duration / self.length
+
+    def problem(self, count: float, rest: str) -> Problem:
+        """Return what is said of them: how many there are, and the rest."""
+        length = format(self.length, "s", "s")
+        return Problem(self.path, f"({length}) makes {grouped(count)} {self.what}{rest}")
 
 
 def too_many(case: Case) -> Iterator[Problem]:
     """Yield the steps that would be too many to come to an end."""
-    for path, length, what, most, _, _ in _demands(case):
-        count = _count(case, length)
-        if count > most:
-            yield Problem(
-                path,
-                f"({format(length, 's', 's')}) makes {grouped(count)} {what} of the "
-                f"{case.casting.duration:.4g} s that are followed; at most {grouped(most)}: "
-                "give a longer one",
+    for demand in _demands(case):
+        if (count := demand.number(case)) > demand.most:
+            rest = (
+                f" of the {case.casting.duration:.4g} s that are followed; at most "
+                f"{grouped(demand.most)}: give a longer one"
             )
+            yield demand.problem(count, rest)
 
 
 def many(case: Case) -> Iterator[Problem]:
     """Yield the steps of a sound case that will take long, with a first estimate of how long."""
-    for path, length, what, _, much, each in _demands(case):
-        count = _count(case, length)
-        if count > much:
-            yield Problem(
-                path,
-                f"({format(length, 's', 's')}) makes {grouped(count)} {what}; at some "
-                f"{1e3 * each:.0f} ms each that takes {_duration(count * each)}",
-            )
+    for demand in _demands(case):
+        if (count := demand.number(case)) > demand.much:
+            time = _duration(count * demand.each)
+            rest = f"; at some {1e3 * demand.each:.0f} ms each that takes {time}"
+            yield demand.problem(count, rest)
 
 
 def _demands(case: Case) -> Iterator[Demand]:
-    """Yield each length of a step: its key, s, of what, most, many, and seconds that one takes.
+    """Yield each length of a step.
 
     Of a faulty case it yields what is sound.
     """
@@ -56,25 +79,20 @@ def _demands(case: Case) -> Iterator[Demand]:
     if math.isinf(case.casting.duration):
         return
     if time is not None and time.step is not None:
-        yield ("thermal", "time", "step"), time.step, *steps
+        yield Demand(("thermal", "time", "step"), time.step, *steps)
     if time is not None and time.adaptive is not None and time.adaptive.largest is not None:
-        yield ("thermal", "time", "adaptive", "largest"), time.adaptive.largest, *steps
+        yield Demand(("thermal", "time", "adaptive", "largest"), time.adaptive.largest, *steps)
     if case.mechanics is not None and case.coupling is not None:
         steps = ("intervals", _MOST, _MANY, _MECHANICAL)
         if case.coupling.interval is not None:
-            yield ("coupling", "interval"), case.coupling.interval, *steps
+            yield Demand(("coupling", "interval"), case.coupling.interval, *steps)
         if case.coupling.mechanical_step is not None:
             steps = ("mechanical steps", _MOST, _MANY, _MECHANICAL)
-            yield ("coupling", "mechanical_step"), case.coupling.mechanical_step, *steps
+            yield Demand(("coupling", "mechanical_step"), case.coupling.mechanical_step, *steps)
     output = case.output
     if output is not None and output.every is not None and output.fields != ():
         states = ("states of the fields", _MOST_STATES, _MANY_STATES, _WRITTEN)
-        yield ("output", "every"), output.every, *states
-
-
-def _count(case: Case, length: float) -> float:
-    """Return how many steps of a length (s) the run takes."""
-    return case.casting.duration / length
+        yield Demand(("output", "every"), output.every, *states)
 
 
 def _duration(seconds: float) -> str:
