@@ -1,8 +1,14 @@
-"""A case that runs in a fraction of a second: a coarse quarter billet, temperatures alone."""
+"""Cases that run in a fraction of a second: a coarse quarter billet and a strip, without stress."""
 
 from __future__ import annotations
 
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from castfem.case import Case
 
 SMALL = """
 title = "coarse billet"
@@ -50,8 +56,63 @@ source = "somebody"
 """
 
 
+STRIP = """
+title = "strip that is cooled at one end"
+
+[casting]
+speed = "1 m/min"
+length = "10 mm"
+temperature = "1520 degC"
+
+[steel]
+name = "carbon_042"
+
+[section]
+shape = "strip"
+length = "10 mm"
+width = "2 mm"
+
+[mesh]
+surface_size = "1 mm"
+core_size = "2 mm"
+
+[[cooling]]
+name = "chill"
+
+[[cooling.surface]]
+law = "flux"
+value = "1 MW/m^2"
+
+[output]
+figures = false
+"""
+
+
 def write_small(folder: Path, name: str = "small.toml") -> Path:
-    """Write the case into a folder."""
+    """Write the billet into a folder."""
     path = folder / name
     path.write_text(SMALL)
     return path
+
+
+def small(changes: Mapping[str, Any] | None = None) -> Case:
+    """The billet, changed: dotted key to what replaces all that stood there."""
+    return _changed(SMALL, changes or {})
+
+
+def strip(changes: Mapping[str, Any] | None = None) -> Case:
+    """The strip, changed: dotted key to what replaces all that stood there."""
+    return _changed(STRIP, changes or {})
+
+
+def _changed(text: str, changes: Mapping[str, Any]) -> Case:
+    from castfem.case.load import from_document
+
+    data = tomllib.loads(text)
+    for key, value in changes.items():
+        *tables, last = key.split(".")
+        place: Any = data
+        for name in tables:
+            place = place[int(name)] if name.isdigit() else place.setdefault(name, {})
+        place[last] = value
+    return from_document(data)

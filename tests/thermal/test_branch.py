@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import small_case
 
 import castfem
 from castfem import meshes
@@ -16,42 +18,30 @@ from castfem.thermal.sprays import wendelstorf
 
 from .scenes import ThermalScene, constant_steel
 
-STRIP = """
-title = "boiling strip"
-[casting]
-speed = "1 m/min"
-length = "2 m"
-temperature = "1000 degC"
-[steel]
-name = "carbon_042"
-[section]
-shape = "strip"
-length = "10 mm"
-width = "2 mm"
-[mesh]
-surface_size = "1 mm"
-core_size = "2 mm"
-[[cooling]]
-name = "water"
-[[cooling.surface]]
-law = "convection"
-ambient = "25 degC"
-[cooling.surface.coefficient]
-temperature = [100, 550, 600, 1200]
-temperature_unit = "degC"
-value = [9000, 9000, 600, 600]
-unit = "W/(m^2 K)"
-[output]
-every = "1 h"
-figures = false
-"""
+# What makes the strip one that boils: the film of steam ends between 600 and 550 degC.
+BOILING: dict[str, Any] = {
+    "casting.length": "2 m",
+    "casting.temperature": "1000 degC",
+    "cooling.0.name": "water",
+    "cooling.0.surface": [
+        {
+            "law": "convection",
+            "ambient": "25 degC",
+            "coefficient": {
+                "temperature": [100, 550, 600, 1200],
+                "temperature_unit": "degC",
+                "value": [9000, 9000, 600, 600],
+                "unit": "W/(m^2 K)",
+            },
+        }
+    ],
+    "output.every": "1 h",
+}
 
 
 @pytest.fixture
-def strip(tmp_path: Path) -> castfem.Case:
-    path = tmp_path / "strip.toml"
-    path.write_text(STRIP)
-    return castfem.load(path)
+def strip() -> castfem.Case:
+    return small_case.strip(BOILING)
 
 
 def quenched(case: castfem.Case) -> tuple[float, float]:

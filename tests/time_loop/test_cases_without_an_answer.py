@@ -3,66 +3,41 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
+from small_case import strip
 from time_loop.moulded import CASES, billet, marched
 
 from castfem.case import load_case
 from castfem.errors import InputError
 
-STRIP = """
-title = "a strip that freezes from one end"
-
-[casting]
-speed = "1 m/min"
-length = "5 mm"
-temperature = "1495 degC"
-
-[steel]
-name = "weiner_boley"
-
-[section]
-shape = "strip"
-length = "10 mm"
-width = "0.5 mm"
-
-[mesh]
-surface_size = "0.5 mm"
-core_size = "0.5 mm"
-
-[[cooling]]
-name = "chill"
-
-[[cooling.surface]]
-law = "temperature"
-value = "1000 degC"
-
-[thermal.time]
-step = "50 ms"
-
-[mechanics]
-law = "weiner_boley"
-ferrostatic = "off"
-planes = { a0 = "free", a1 = "0 1/m", a2 = "0 1/m", across = "free" }
-
-[coupling]
-interval = "50 ms"
-
-[output]
-figures = false
-fields = []
-"""
+# What makes the strip of Weiner and Boley, free to contract across.
+FREEZING: dict[str, Any] = {
+    "casting.length": "5 mm",
+    "casting.temperature": "1495 degC",
+    "steel.name": "weiner_boley",
+    "section.width": "0.5 mm",
+    "mesh": {"surface_size": "0.5 mm", "core_size": "0.5 mm"},
+    "cooling.0.surface": [{"law": "temperature", "value": "1000 degC"}],
+    "thermal.time.step": "50 ms",
+    "mechanics": {
+        "law": "weiner_boley",
+        "ferrostatic": "off",
+        "planes": {"a0": "free", "a1": "0 1/m", "a2": "0 1/m", "across": "free"},
+    },
+    "coupling": {"interval": "50 ms"},
+    "output.fields": [],
+}
 
 
 @pytest.mark.parametrize("strain", ["small", "large"])
-def test_a_strain_across_that_no_side_follows(tmp_path: Path, strain: str) -> None:
-    path = tmp_path / "strip.toml"
-    path.write_text(STRIP)
-    changes = (f"mechanics.strain={strain}",)
+def test_a_strain_across_that_no_side_follows(strain: str) -> None:
+    case = strip(FREEZING | {"mechanics.strain": strain})
     with pytest.raises(InputError, match=r"planes\.across: free along y.*side_low"):
-        marched(load_case(path, changes))
-    held = 'mechanics.held=[{on=["side_low", "side_high"], component="y"}]'
-    assert marched(load_case(path, (*changes, held))).value("axial_strain") < 0.0
+        marched(case)
+    held = {"mechanics.held": [{"on": ["side_low", "side_high"], "component": "y"}]}
+    assert marched(case.with_(held)).value("axial_strain") < 0.0
 
 
 def test_a_gap_of_nanometres() -> None:
