@@ -183,7 +183,7 @@ class WallContact:
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
         solidity = solid.law.elasticity.solidity
-        self._molten: Flags = temperatures[1] > solidity.solidus
+        self._molten: Flags = self._hottest(after) > solidity.solidus
         # Of liquid at the surface, which runs to the wall wherever that is and presses on it.
         self._pool: Array = np.zeros(self.facets.count)
         if solid.liquid == "fed":
@@ -326,7 +326,8 @@ class WallContact:
     def _rub(self, seen: Array, along: Array, slip: Array, pressure: Array) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction.
 
-        It acts on what is solid: liquid and mush have nothing that could be held back.
+        It acts where a cell is solid as a whole: liquid and mush have nothing that could be held
+        back, and what has just begun to freeze has next to nothing to carry it.
         """
         assert self.contact.friction is not None
         moved = np.column_stack(

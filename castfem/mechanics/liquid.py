@@ -33,6 +33,9 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 
+BEARING = 0.5  # of the solid, what stands in whole cells where it counts as a shell
+
+
 class FedLiquid:
     """Which cells carry stress in a step, and where the others go.
 
@@ -44,6 +47,7 @@ class FedLiquid:
 
     Attributes:
         carries: Points in cells that carry stress (points,).
+        bears: Whether most of what is solid stands in cells that are so as a whole.
         deep: Degrees of freedom of deep nodes that this rank owns (k,).
         held: The condition that prescribes the deep nodes, for DOLFINx' assembly.
     """
@@ -75,6 +79,7 @@ class FedLiquid:
         self._follows: Flags = np.zeros(len(self._supported), dtype=bool)
         self._new = True
         self.carries: Flags = np.ones(points.count, dtype=bool)
+        self.bears = False
         self.deep: npt.NDArray[np.int64] = np.zeros(0, np.int64)
         self.held = self._condition(np.zeros(0, np.int32))
 
@@ -114,11 +119,16 @@ class FedLiquid:
         Args:
             solid: Points that are solid enough to carry stress at its end (points,).
         """
-        split = self._points.split
-        shell = self._surface.copy()
+        split, cells = self._points.split, self.section.cells
+        shell, whole = self._surface.copy(), np.ones(cells, dtype=bool)
         for part in (solid[:split], solid[split:]):
             if part.size:
-                shell |= part.reshape(self.section.cells, -1).any(axis=1)
+                shell |= part.reshape(cells, -1).any(axis=1)
+                whole &= part.reshape(cells, -1).all(axis=1)
+        area = self._points.volume[:split].reshape(cells, -1)
+        found = [area[whole].sum(), area[solid[:split].reshape(cells, -1)].sum()]
+        of_whole, of_all = reductions.totals(self.section.comm, found)
+        self.bears = bool(of_whole > BEARING * of_all)
         each = [np.repeat(shell, n // max(1, len(shell))) for n in (split, len(solid) - split)]
         self.carries = np.concatenate(each) if len(shell) else np.zeros(0, dtype=bool)
         marks = self._marks.x

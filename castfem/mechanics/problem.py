@@ -39,6 +39,8 @@ Array = npt.NDArray[np.float64]
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
 STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
 LEAST_YOUNG = 1e-6  # the same over that of the solid at the solidus, where nothing presses
+# What holds the planes in a step while there is hardly a shell: this much of the section, solid.
+DRAG = 1e-3
 NEARLY = 1e-2  # of the square of the imbalance: what leaves less of it has not overshot, whatever
 # its work: along a correction that is no longer than rounding that may have any sign
 PATIENCE = 8  # Newton iterations in which contact may overshoot
@@ -94,7 +96,7 @@ class MechanicalProblem:
         self.response = self._material.response
         self._build_solver(options or {})
         self.iterations: int = 0
-        self._slack = 1.0
+        self._slack, self._drag = 1.0, 0.0
         self.trial: Trial | None = None
 
     def _build_forms(self, springs: float | None) -> None:
@@ -154,6 +156,7 @@ class MechanicalProblem:
         fields.u_old.x.array[:] = old.displacement
         fields.modes_old.value[:] = old.modes
         self._motions = ScaledMotions.of(slice_.planes, time, self.scales.length)
+        self._from = old.scalars / self._motions.scaling
         self.pressure: Array = np.zeros(0)
         if slice_.ferrostatic is not None and fields.pressure is not None:
             self.pressure = slice_.ferrostatic.pressure(after[self.points.split :], time)
@@ -219,13 +222,21 @@ class MechanicalProblem:
         return outcome.iterations
 
     def _feed(self, liquid: FedLiquid, temperature: Array, time: float) -> FedPoints:
-        """Where there is liquid, and what stands in for its stiffness."""
+        """Where there is liquid, and what stands in for its stiffness.
+
+        A slice without a shell has next to nothing that balances an axial force, and slivers of
+        solid in cells that are mostly liquid give way by changing volume: the planes would drift
+        by so much a step, however short.  Until there is a shell they are held from step to step by
+        a stiffness that forgets: it delays a shell of a tenth of a millimetre by about a step.
+        """
         elasticity, pressing = self.slice.law.elasticity, self.slice.ferrostatic
         solid = elasticity.solidity.weight(temperature) > 0.0
         liquid.begin(solid)
         head = 0.0 if pressing is None else pressing.head(time)
-        least = LEAST_YOUNG * float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
-        return FedPoints(liquid.carries, ~solid, max(STAND_IN * head, least))
+        young = float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
+        section = young * self.scales.area / self.scales.length**2
+        self._drag = 0.0 if liquid.bears else DRAG * section
+        return FedPoints(liquid.carries, ~solid, max(STAND_IN * head, LEAST_YOUNG * young))
 
     def _prescribe(self, liquid: FedLiquid, old: Array) -> None:
         """Leave the deep liquid where it was: it follows when the shell is in equilibrium."""
@@ -272,6 +283,7 @@ class MechanicalProblem:
                 noise = self.contact.evaluate()
         parts = *fields.take_stress(points, response), self.pressure
         forces, balance = self._forces()
+        balance += self._drag * (self.border.share(local) - self._from)
         scale = self.scales.stress(parts, response, local[: self.owned], self._first, noise)
         self._first = self._first or scale.typical
         return Trial(local.copy(), modes, forces, balance, scale)
@@ -416,6 +428,7 @@ class MechanicalProblem:
                 corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(closing, other)
         if self.free:
             border.corner[:] = reductions.totals(self.section.comm, corner)
+            border.corner[:] += self._drag * np.eye(self.free)
         border.updated()
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
