@@ -5,43 +5,10 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from castfem.constitutive.base import Array, Law
-from castfem.constitutive.curves import modified_norton_hoff
-from castfem.constitutive.flow_laws import NortonHoff, PerfectlyPlastic, ThermoElastic
-
-FlowCurve = Callable[[Array, float], Array]
-
-
-def flow_curve(law: Law, temperature: float) -> FlowCurve | None:
-    """Stress (Pa) that flow at a constant rate follows, over strain and rate (1/s).
-
-    Args:
-        law: Constitutive law.
-        temperature: K.
-
-    Returns:
-        (163) for the modified Norton-Hoff law with its yield limit found automatically, the yield
-        stress of the perfectly plastic one, infinity without flow; None for laws whose strain at
-        constant rate has no closed form.
-    """
-    t = np.full(1, temperature)
-    if isinstance(law, NortonHoff) and law.yield_limit is None:
-        strength, p1, p3, p4 = (float(f(t)[0]) for f in (law.strength, law.p1, law.p3, law.p4))
-        most = law.largest_strain
-
-        def curve(strain: Array, rate: float) -> Array:
-            with np.errstate(divide="ignore"):
-                return modified_norton_hoff(np.minimum(strain, most), rate, strength, p1, p3, p4)
-
-        return curve
-    if isinstance(law, PerfectlyPlastic | ThermoElastic):
-        limit = float(law.yield_stress(t)[0]) if isinstance(law, PerfectlyPlastic) else np.inf
-        return lambda strain, rate: np.full_like(strain, limit)
-    return None
+from castfem.constitutive.base import Array
+from castfem.constitutive.flow_laws import FlowCurve
 
 
 def axial_stress(strain: Array, rate: Array, modulus: float, curve: FlowCurve) -> Array:
@@ -57,7 +24,7 @@ def axial_stress(strain: Array, rate: Array, modulus: float, curve: FlowCurve) -
         strain: Axial mechanical strain (n,), from 0.
         rate: Of the step that ends in each point (n,), 1/s; the first is not used.
         modulus: Young's modulus, Pa.
-        curve: From `flow_curve`.
+        curve: Of the law, `RadialReturn.flow_curve`.
     """
     found = np.full(len(strain), np.nan)
     found[0] = modulus * strain[0]

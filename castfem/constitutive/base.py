@@ -8,17 +8,50 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
+
+from castfem.values.quantities import Kind
 
 if TYPE_CHECKING:
     from castfem.constitutive.elasticity import Elasticity
 
 Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of a law over temperature, as a file gives it.
+
+    Attributes:
+        kind: Unit and bounds.
+        logarithmic: Between rows its logarithm is linear.
+        default: Without it the parameter is needed.
+        word: What may stand in its place, and does by default: the law finds it by itself.
+    """
+
+    kind: Kind
+    logarithmic: bool = False
+    default: float | None = None
+    word: str = ""
+
+
+class Given(Protocol):
+    """What a file gives to a law; what is wrong in it is noted, and stood in for."""
+
+    def curves(self, known: Mapping[str, Parameter]) -> dict[str, Any]:
+        """Return the parameters over temperature; None for one the law finds by itself."""
+
+    def numbers(self, known: Mapping[str, Kind]) -> dict[str, Any]:
+        """Return the single numbers that are given."""
+
+    def steel(self) -> tuple[float, Callable[[Array], Array]]:
+        """Return carbon, wt%, and delta ferrite in the solid over temperature, of file or case."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,16 +8,17 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
 from castfem.constitutive import kernel
-from castfem.constitutive.base import Array, MaterialStep, Response
-from castfem.constitutive.curves import Austenite, DeltaFerrite
+from castfem.constitutive.base import Array, Given, MaterialStep, Parameter, Response
+from castfem.constitutive.curves import Austenite, DeltaFerrite, modified_norton_hoff
 from castfem.constitutive.elasticity import Curve, Elasticity
+from castfem.values.quantities import Kind
 from castfem.values.tables import Constant
 
 STRAIN = "viscoplastic_strain"
@@ -25,13 +26,46 @@ RATE = "flow_curve_rate"
 LEAST_RATE_EXPONENT = 1e-3
 
 
+FlowCurve = Callable[[Array, float], Array]
+"""Stress, Pa, over total strain and strain rate, 1/s."""
+
+_STRESS = Kind("Pa", "MPa", above=0.0, label="stress", sample="20 MPa")
+_SHARE = Kind("1", least=0.0, most=1.0, label="share", sample="0.1")
+
+
 @dataclass(frozen=True, slots=True)
 class RadialReturn:
-    """What all laws share; `elasticity` comes first in each of them."""
+    """What all laws share; `elasticity` comes first in each of them.
+
+    A law with a `name` is known to parameter files by it, with its `parameters` over temperature
+    and its single `numbers`; each is an argument of the class by the same name.
+    """
 
     elasticity: Elasticity
 
+    laws: ClassVar[dict[str, type[RadialReturn]]] = {}
+    """All laws by the name that a parameter file gives them."""
+    name: ClassVar[str] = ""
+    parameters: ClassVar[Mapping[str, Parameter]] = {}
+    numbers: ClassVar[Mapping[str, Kind]] = {}
     kind: ClassVar[int] = kernel.ELASTIC
+
+    def __init_subclass__(cls) -> None:
+        """Enter a law under its name."""
+        if "name" in vars(cls):
+            RadialReturn.laws[cls.name] = cls
+
+    @classmethod
+    def from_parameters(cls, elasticity: Elasticity, given: Given) -> Self:
+        """Return the law of a parameter file."""
+        return cls(elasticity, **given.curves(cls.parameters), **given.numbers(cls.numbers))
+
+    def flow_curve(self, temperature: float) -> FlowCurve | None:
+        """Return the stress that flow at a constant rate follows at a temperature, K.
+
+        None for a law whose strain at constant rate has no closed form.
+        """
+        return None
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -83,6 +117,12 @@ class RadialReturn:
 class ThermoElastic(RadialReturn):
     """Hooke's law with moduli that depend on temperature (94)."""
 
+    name: ClassVar[str] = "thermo_elastic"
+
+    def flow_curve(self, temperature: float) -> FlowCurve | None:
+        """See `RadialReturn.flow_curve`: it never flows."""
+        return lambda strain, rate: np.full_like(strain, np.inf)
+
     @property
     def state_names(self) -> tuple[str, ...]:
         """Nothing is remembered."""
@@ -99,7 +139,14 @@ class PerfectlyPlastic(RadialReturn):
 
     yield_stress: Curve
 
+    name: ClassVar[str] = "perfectly_plastic"
+    parameters: ClassVar[Mapping[str, Parameter]] = {"yield_stress": Parameter(_STRESS)}
     kind: ClassVar[int] = kernel.PLASTIC
+
+    def flow_curve(self, temperature: float) -> FlowCurve | None:
+        """See `RadialReturn.flow_curve`."""
+        limit = float(self.yield_stress(np.full(1, temperature))[0])
+        return lambda strain, rate: np.full_like(strain, limit)
 
     def _own(self, temperature: Array) -> list[Array]:
         limit = self.yield_stress(temperature)
@@ -132,19 +179,26 @@ class NortonCreep(RadialReturn):
     ln_factor: Curve
     exponent: Curve
 
+    name: ClassVar[str] = "norton_creep"
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "stress": Parameter(_STRESS, logarithmic=True),
+        "rate": Parameter(Kind("1/s", "1/s", above=0.0), logarithmic=True),
+        "exponent": Parameter(Kind("1", above=0.0, label="creep exponent", sample="5")),
+    }
     kind: ClassVar[int] = kernel.CREEP
 
     @classmethod
-    def constant(
-        cls, elasticity: Elasticity, rate: float, stress: float, exponent: float
-    ) -> NortonCreep:
+    def from_parameters(cls, elasticity: Elasticity, given: Given) -> Self:
+        """See `RadialReturn.from_parameters`; a file gives the creep rate at a stress."""
+        return cls.at_stress(elasticity, **given.curves(cls.parameters))
+
+    @classmethod
+    def constant(cls, elasticity: Elasticity, rate: float, stress: float, exponent: float) -> Self:
         """The law that creeps at `rate` [1/s] under `stress` [Pa], at all temperatures."""
         return cls.at_stress(elasticity, Constant(stress), Constant(rate), Constant(exponent))
 
     @classmethod
-    def at_stress(
-        cls, elasticity: Elasticity, stress: Curve, rate: Curve, exponent: Curve
-    ) -> NortonCreep:
+    def at_stress(cls, elasticity: Elasticity, stress: Curve, rate: Curve, exponent: Curve) -> Self:
         """The law that creeps at `rate` [1/s] under `stress` [Pa], each over temperature in K."""
         return cls(elasticity, _LnFactor(stress, rate, exponent), exponent)
 
@@ -194,6 +248,34 @@ class NortonHoff(RadialReturn):
     p4: Curve
     yield_limit: Curve | None = None
     largest_strain: float = 2.0
+
+    name: ClassVar[str] = "norton_hoff"
+    parameters: ClassVar[Mapping[str, Parameter]] = {
+        "strength": Parameter(
+            Kind("Pa", "MPa", above=0.0, label="strength K0 p2", sample="40 MPa"), logarithmic=True
+        ),
+        "p1": Parameter(Kind("1", label="softening", sample="0"), default=0.0),
+        "p3": Parameter(
+            Kind("1", least=LEAST_RATE_EXPONENT, most=1.0, label="rate exponent", sample="0.13")
+        ),
+        "p4": Parameter(Kind("1", most=0.99, label="strain exponent", sample="0.15"), default=0.0),
+        "yield_limit": Parameter(
+            Kind("Pa", "MPa", least=0.0, label="yield limit", sample="5 MPa"), word="automatic"
+        ),
+    }
+
+    def flow_curve(self, temperature: float) -> FlowCurve | None:
+        """See `RadialReturn.flow_curve`: (163), if the yield limit is found automatically."""
+        if self.yield_limit is not None:
+            return None
+        t, most = np.full(1, temperature), self.largest_strain
+        strength, p1, p3, p4 = (float(f(t)[0]) for f in (self.strength, self.p1, self.p3, self.p4))
+
+        def curve(strain: Array, rate: float) -> Array:
+            with np.errstate(divide="ignore"):
+                return modified_norton_hoff(np.minimum(strain, most), rate, strength, p1, p3, p4)
+
+        return curve
 
     @property
     def kind(self) -> int:  # type: ignore[override]
@@ -250,7 +332,18 @@ class UnifiedSteel(RadialReturn):
     blend: float = 0.0
     coldest: float = 973.15
 
+    name: ClassVar[str] = "unified_steel"
+    numbers: ClassVar[Mapping[str, Kind]] = {
+        "threshold": _SHARE,
+        "blend": _SHARE,
+        "coldest": Kind("K", "degC"),
+    }
     kind: ClassVar[int] = kernel.STEEL
+
+    @classmethod
+    def from_parameters(cls, elasticity: Elasticity, given: Given) -> Self:
+        """See `RadialReturn.from_parameters`; it goes by the carbon of the steel."""
+        return cls(elasticity, *given.steel(), **given.numbers(cls.numbers))
 
     def delta_weight(self, temperature: Array) -> Array:
         """Weight of the delta-ferrite law, 0 to 1."""

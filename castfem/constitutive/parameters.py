@@ -19,7 +19,6 @@ source, M from memory and not yet checked against the page, C computed, U the us
 
 from __future__ import annotations
 
-import math
 import os
 import tomllib
 from collections.abc import Callable, Mapping
@@ -27,16 +26,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from castfem.constitutive.base import Array
+from castfem.constitutive.base import Array, Parameter
 from castfem.constitutive.elasticity import Curve, Elasticity, Solidity
-from castfem.constitutive.flow_laws import (
-    LEAST_RATE_EXPONENT,
-    NortonCreep,
-    NortonHoff,
-    PerfectlyPlastic,
-    ThermoElastic,
-    UnifiedSteel,
-)
+from castfem.constitutive.flow_laws import RadialReturn
 from castfem.errors import InputError
 from castfem.support.messages import choices, shown
 from castfem.values.quantities import Kind
@@ -45,51 +37,10 @@ from castfem.values.tables import Curve as TableReader
 from castfem.values.units import nearest
 
 FOLDER = Path(__file__).parent / "data"
-AnyLaw = ThermoElastic | PerfectlyPlastic | NortonCreep | NortonHoff | UnifiedSteel
 
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A parameter of a law: unit and bounds, whether its logarithm is interpolated, its default."""
-
-    kind: Kind
-    logarithmic: bool = False
-    default: float | None = None
-
-
-_STRESS = Kind("Pa", "MPa", above=0.0, label="stress", sample="20 MPa")
-PARAMETERS: Mapping[str, Mapping[str, Parameter]] = {
-    "thermo_elastic": {},
-    "perfectly_plastic": {"yield_stress": Parameter(_STRESS)},
-    "norton_creep": {
-        "stress": Parameter(_STRESS, logarithmic=True),
-        "rate": Parameter(Kind("1/s", "1/s", above=0.0), logarithmic=True),
-        "exponent": Parameter(Kind("1", above=0.0, label="creep exponent", sample="5")),
-    },
-    "norton_hoff": {
-        "strength": Parameter(
-            Kind("Pa", "MPa", above=0.0, label="strength K0 p2", sample="40 MPa"), logarithmic=True
-        ),
-        "p1": Parameter(Kind("1", label="softening", sample="0"), default=0.0),
-        "p3": Parameter(
-            Kind("1", least=LEAST_RATE_EXPONENT, most=1.0, label="rate exponent", sample="0.13")
-        ),
-        "p4": Parameter(Kind("1", most=0.99, label="strain exponent", sample="0.15"), default=0.0),
-        "yield_limit": Parameter(
-            Kind("Pa", "MPa", least=0.0, label="yield limit", sample="5 MPa"), default=math.nan
-        ),
-    },
-    "unified_steel": {},
-}
 _YOUNG = Parameter(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="20 GPa"))
 _POISSON = Parameter(Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"))
-_NUMBERS = {
-    "carbon": Kind("1", least=0.0, most=2.11, label="carbon content in wt%", sample="0.1"),
-    "threshold": Kind("1", least=0.0, most=1.0, label="share", sample="0.1"),
-    "blend": Kind("1", least=0.0, most=1.0, label="share", sample="0.1"),
-    "coldest": Kind("K", "degC"),
-}
-_CARBON = "carbon"  # wt% of the steel that the numbers are of
+_CARBON = Kind("1", least=0.0, most=2.11, label="carbon content in wt%", sample="0.1")
 FROM_MEMORY = "M"  # status of a number that was not compared with its source
 _TEXTS = ("law", "description", "source", "status", "note")
 _NOTES = ("source", "status", "note")
@@ -97,14 +48,50 @@ _NOTES = ("source", "status", "note")
 
 @dataclass
 class _Reader:
-    """Parameters in the reading, and what is wrong with them."""
+    """Parameters in the reading, and what is wrong with them; see `base.Given`.
+
+    Attributes:
+        data: The file.
+        label: What it is called in messages.
+        carbon: Of the steel of the case, wt%.
+        delta_share: Delta ferrite in its solid over temperature.
+        problems: Found so far.
+    """
 
     data: Mapping[str, Any]
     label: str
+    carbon: float | None = None
+    delta_share: Callable[[Array], Array] | None = None
     problems: list[str] = field(default_factory=list)
 
     def fail(self, key: str, text: str) -> None:
-        self.problems.append(f"{self.label}: {key}: {text}")
+        """Note what is wrong with a key, once."""
+        problem = f"{self.label}: {key}: {text}"
+        self.problems += [] if problem in self.problems else [problem]
+
+    def curves(self, known: Mapping[str, Parameter]) -> dict[str, Any]:
+        """See `base.Given`."""
+        return {
+            key: None
+            if parameter.word and self.data.get(key, parameter.word) == parameter.word
+            else self.curve(key, parameter)
+            for key, parameter in known.items()
+        }
+
+    def numbers(self, known: Mapping[str, Kind]) -> dict[str, Any]:
+        """See `base.Given`."""
+        found = {key: self.number(key, kind) for key, kind in known.items() if key in self.data}
+        return {key: value for key, value in found.items() if value is not None}
+
+    def steel(self) -> tuple[float, Callable[[Array], Array]]:
+        """See `base.Given`."""
+        carbon, delta_share = self.carbon, self.delta_share
+        if "carbon" in self.data or carbon is None:
+            if "carbon" not in self.data:
+                self.fail("carbon", "is missing, in weight percent, such as carbon = 0.1")
+            carbon, delta_share = self.number("carbon", _CARBON), None
+            carbon = 0.1 if carbon is None else carbon
+        return carbon, delta_share or delta_share_of(carbon)
 
     def curve(self, key: str, parameter: Parameter) -> Curve:
         """Return a parameter over temperature; a stand-in if it is faulty."""
@@ -127,15 +114,15 @@ class _Reader:
             return replace(found, logarithmic=parameter.logarithmic)
         return Constant(found)
 
-    def number(self, key: str, default: float) -> float:
-        """Return a single number of the unified law."""
+    def number(self, key: str, kind: Kind) -> float | None:
+        """Return a single number; None where it is not given, or faulty."""
         if key not in self.data:
-            return default
+            return None
         try:
-            return _NUMBERS[key].read(self.data[key])
+            return kind.read(self.data[key])
         except ValueError as error:
             self.fail(key, f"{error} ({shown(self.data[key])})")
-            return default
+            return None
 
     def unknown(self, allowed: tuple[str, ...]) -> None:
         """Note keys that this law does not have."""
@@ -161,7 +148,7 @@ def load_law(
     *,
     carbon: float | None = None,
     delta_share: Callable[[Array], Array] | None = None,
-) -> AnyLaw:
+) -> RadialReturn:
     """Load a law.
 
     Args:
@@ -200,9 +187,7 @@ def law_carbon(name: str, base_dir: str | os.PathLike[str] | None = None) -> flo
         InputError: As `load_law`.
     """
     data, label = _parse(name, Path(base_dir or "."), "law")
-    reader = _Reader(data, label)
-    carbon = reader.number(_CARBON, math.nan)
-    return None if math.isnan(carbon) else carbon
+    return _Reader(data, label).number("carbon", _CARBON)
 
 
 def law_from(
@@ -212,68 +197,19 @@ def law_from(
     *,
     carbon: float | None = None,
     delta_share: Callable[[Array], Array] | None = None,
-) -> AnyLaw:
+) -> RadialReturn:
     """Make the law of a parsed parameter file, see `load_law`; `label` names it in messages."""
-    name = str(data.get("law", ""))
-    reader = _Reader(data, label)
-    if name not in PARAMETERS:
+    name, known = str(data.get("law", "")), RadialReturn.laws
+    if name not in known:
         found = f"({shown(data['law'])}) is not known" if "law" in data else "is missing"
-        raise InputError(
-            f"{label}: law: {found}; one of {choices(PARAMETERS)}{nearest(name, PARAMETERS)}"
-        )
-    if name == "unified_steel":
-        law: AnyLaw = _unified(reader, elasticity, carbon, delta_share)
-    else:
-        reader.unknown((*_TEXTS, _CARBON, *PARAMETERS[name]))
-        reader.number(_CARBON, 0.0)
-        law = _with_curves(reader, name, elasticity)
+        raise InputError(f"{label}: law: {found}; one of {choices(known)}{nearest(name, known)}")
+    law, reader = known[name], _Reader(data, label, carbon, delta_share)
+    reader.unknown((*_TEXTS, "carbon", *law.parameters, *law.numbers))
+    reader.number("carbon", _CARBON)
+    made = law.from_parameters(elasticity, reader)
     if reader.problems:
         raise InputError(reader.problems)
-    return law
-
-
-def _with_curves(reader: _Reader, name: str, elasticity: Elasticity) -> AnyLaw:
-    """Make a law whose parameters are all curves."""
-    automatic = name == "norton_hoff" and reader.data.get("yield_limit", "automatic") == "automatic"
-    curves = {
-        key: reader.curve(key, parameter)
-        for key, parameter in PARAMETERS[name].items()
-        if not (automatic and key == "yield_limit")
-    }
-    if name == "perfectly_plastic":
-        return PerfectlyPlastic(elasticity, **curves)
-    if name == "norton_creep":
-        stress, rate, exponent = (curves[key] for key in ("stress", "rate", "exponent"))
-        return NortonCreep.at_stress(elasticity, stress, rate, exponent)
-    if name == "norton_hoff":
-        strength, p1, p3, p4 = (curves[key] for key in ("strength", "p1", "p3", "p4"))
-        return NortonHoff(elasticity, strength, p1, p3, p4, curves.get("yield_limit"))
-    return ThermoElastic(elasticity)
-
-
-def _unified(
-    reader: _Reader,
-    elasticity: Elasticity,
-    carbon: float | None,
-    delta_share: Callable[[Array], Array] | None,
-) -> UnifiedSteel:
-    """Make the unified law of steel."""
-    reader.unknown((*_TEXTS, *_NUMBERS))
-    if "carbon" in reader.data or carbon is None:
-        if "carbon" not in reader.data:
-            reader.fail("carbon", "is missing, in weight percent, such as carbon = 0.1")
-        carbon = reader.number("carbon", 0.1)
-        delta_share = None
-    if delta_share is None:
-        delta_share = delta_share_of(carbon)
-    return UnifiedSteel(
-        elasticity,
-        carbon,
-        delta_share,
-        threshold=reader.number("threshold", 0.1),
-        blend=reader.number("blend", 0.0),
-        coldest=reader.number("coldest", 973.15),
-    )
+    return made
 
 
 def delta_share_of(carbon: float) -> Callable[[Array], Array]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.parameters import AnyLaw, DeltaShare, load_elasticity, load_law, told_of
+from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.parameters import DeltaShare, load_elasticity, load_law, told_of
 from castfem.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ def build_law(
     steel: Steel,
     law_origin: str = "mechanics.law",
     elasticity_origin: str = "mechanics.elasticity",
-) -> AnyLaw:
+) -> RadialReturn:
     """The law of the slice, with the elasticity and the mush of `table`.
 
     Args:

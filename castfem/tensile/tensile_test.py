@@ -12,11 +12,11 @@ import numpy as np
 from castfem.case.portable import portable
 from castfem.case.tensile import TABLE, TensileCase
 from castfem.constitutive import load_elasticity, load_law
-from castfem.constitutive.analytical import axial_stress, flow_curve
+from castfem.constitutive.analytical import axial_stress
 from castfem.constitutive.base import Array
 from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import STRAIN
-from castfem.constitutive.parameters import AnyLaw, law_from, told_of
+from castfem.constitutive.flow_laws import STRAIN, RadialReturn
+from castfem.constitutive.parameters import law_from, told_of
 from castfem.constitutive.uniaxial import Tension, pull
 from castfem.errors import InputError, RunFailure
 from castfem.output.folder import PROPERTIES_NAME, OutputFolder
@@ -68,7 +68,7 @@ class TensileTest:
         self.thermal = given.expansion * (self.temperature - self.temperature[0])
         self.law = self._law(origin)
 
-    def _law(self, origin: str) -> AnyLaw:
+    def _law(self, origin: str) -> RadialReturn:
         """The law, tried at the temperatures of the test."""
         given = self.given
         try:
@@ -100,7 +100,7 @@ class TensileTest:
         It holds at one temperature.
         """
         level = float(self.temperature[0])
-        curve = flow_curve(self.law, level)
+        curve = self.law.flow_curve(level)
         if curve is None or (self.temperature != level).any():
             return None
         modulus = float(self.law.elasticity.young(np.full(1, level))[0])

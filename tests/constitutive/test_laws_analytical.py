@@ -12,7 +12,7 @@ from castfem.constitutive import (
     PerfectlyPlastic,
     ThermoElastic,
 )
-from castfem.constitutive.analytical import axial_stress, flow_curve
+from castfem.constitutive.analytical import axial_stress
 from castfem.constitutive.curves import modified_norton_hoff, yield_limit
 from castfem.constitutive.uniaxial import pull
 from castfem.values.tables import Constant
@@ -34,7 +34,7 @@ def course(*segments: tuple[float, float], steps: int = 100) -> tuple[np.ndarray
 
 
 def answer(law: NortonHoff | PerfectlyPlastic, strain: np.ndarray, rate: np.ndarray) -> np.ndarray:
-    curve = flow_curve(law, T)
+    curve = law.flow_curve(T)
     assert curve is not None
     return axial_stress(strain, rate, E, curve)
 
@@ -87,10 +87,10 @@ def test_no_answer_for_a_bar_that_is_held() -> None:
 
 
 def test_laws_without_a_closed_form_have_none() -> None:
-    assert flow_curve(NortonCreep.constant(EL, 1e-3, 20e6, 5.0), T) is None
+    assert NortonCreep.constant(EL, 1e-3, 20e6, 5.0).flow_curve(T) is None
     viscous = NortonHoff(
         EL, Constant(3e7), Constant(0.0), Constant(0.1), Constant(0.1), Constant(0.0)
     )
-    assert flow_curve(viscous, T) is None
-    curve = flow_curve(ThermoElastic(EL), T)
+    assert viscous.flow_curve(T) is None
+    curve = ThermoElastic(EL).flow_curve(T)
     assert curve is not None and np.isinf(curve(np.ones(1), 1.0)).all()

@@ -1,0 +1,96 @@
+"""What a new constitutive law costs: its class, and a branch of the kernel where it needs one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from castfem.case import TensileCase, load_any
+from castfem.constitutive import kernel
+from castfem.constitutive.base import Array, Parameter
+from castfem.constitutive.elasticity import Curve
+from castfem.constitutive.flow_laws import FlowCurve, RadialReturn
+from castfem.errors import InputError
+from castfem.output.history import read_history
+from castfem.tensile.tensile_test import run
+from castfem.values.quantities import Kind
+
+TEST = """
+title = "a law of its own"
+[tensile]
+material = {{ {law} }}
+temperature = "1100 degC"
+young = "20 GPa"
+poisson = 0.3
+steps = 50
+[[tensile.segment]]
+rate = "1e-3 1/s"
+duration = "10 s"
+"""
+# At 1100 degC, 200 K above 900 degC.
+SOFTENED = 'law = "softened", level = "60 MPa", rate = "2e-3 1/K"'
+PLASTIC = f'law = "perfectly_plastic", yield_stress = "{60 * math.exp(-0.4)!r} MPa"'
+
+
+@pytest.fixture
+def softened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A law that only the test with this fixture has."""
+    monkeypatch.setattr(RadialReturn, "laws", dict(RadialReturn.laws))
+
+    @dataclass(frozen=True, slots=True)
+    class Softened(RadialReturn):
+        """q <= level exp(-rate (T - 900 degC))."""
+
+        level: Curve
+        rate: float = 1e-3
+
+        name: ClassVar[str] = "softened"
+        parameters: ClassVar[Mapping[str, Parameter]] = {
+            "level": Parameter(Kind("Pa", "MPa", above=0.0, label="stress", sample="20 MPa"))
+        }
+        numbers: ClassVar[Mapping[str, Kind]] = {"rate": Kind("1/K", "1/K", least=0.0)}
+        kind: ClassVar[int] = kernel.PLASTIC
+
+        def _own(self, temperature: Array) -> list[Array]:
+            return [self.level(temperature) * np.exp(-self.rate * (temperature - 1173.15))]
+
+        def flow_curve(self, temperature: float) -> FlowCurve:
+            limit = self._own(np.full(1, temperature))[0][0]
+            return lambda strain, rate: np.full_like(strain, limit)
+
+
+def stress(folder: Path, law: str) -> Array:
+    """Stress over the run of the tensile test with this law, MPa."""
+    path = folder / "test.toml"
+    path.write_text(TEST.format(law=law))
+    case = load_any(path)
+    assert isinstance(case, TensileCase)
+    run(case, folder / law[7:12])
+    history = read_history(folder / law[7:12] / "history.csv")
+    return history["stress"].to_numpy(float)
+
+
+@pytest.mark.usefixtures("softened")
+def test_a_new_law_runs(tmp_path: Path) -> None:
+    """As the yield stress that it has at this temperature, and as its own closed form."""
+    found = stress(tmp_path, SOFTENED)
+    assert found == pytest.approx(stress(tmp_path, PLASTIC), rel=1e-12)
+    assert found[-1] == pytest.approx(60.0 * np.exp(-0.4), rel=1e-12)
+
+
+@pytest.mark.usefixtures("softened")
+def test_a_new_law_is_checked(tmp_path: Path) -> None:
+    for law, words in (
+        ('law = "softned", level = "60 MPa"', r'"softned"\) is not known.*did you mean "?softened'),
+        ('law = "softened"', 'level: is missing; the stress, such as "20 MPa"'),
+        ('law = "softened", level = "60 MPa", rate = "2 K"', r"rate: .*2 K"),
+        ('law = "softened", level = "60 MPa", rates = 1', "rates: unknown key.*did you mean rate"),
+    ):
+        with pytest.raises(InputError, match=words):
+            stress(tmp_path, law)
