@@ -171,7 +171,7 @@ class Summary:
         quantities: Name to result; `solidus` and `liquidus` of the steel are among them.
         references: Comparisons, from `compare`.
         balances: Name of what is conserved to its terms.
-        steps: Counts and sizes [s] of the march.
+        steps: Counts and sizes [s] of the steps.
         wall_time: Stage to seconds.
         zones: The cooling, in casting order.
         mould_exit: Where the mould ends, below the meniscus [m], though the run may end before;

@@ -1,4 +1,4 @@
-"""Figures along the strand: surface temperatures, shell, heat and the march itself."""
+"""Figures along the strand: surface temperatures, shell, heat and the time steps."""
 
 from __future__ import annotations
 
@@ -34,12 +34,16 @@ _MANY = 150  # steps; their Newton iterations would blacken a line plot
 
 
 def probes_with(table: pandas.DataFrame, prefix: str) -> dict[str, str]:
-    """Probe to column, of the columns `prefix_PROBE` that hold any number."""
+    """Probe to column, of the columns `prefix_PROBE` that hold any number.
+
+    A column of the whole slice that begins so is none of them.
+    """
     return {
         name[len(prefix) + 1 :]: name
         for name in map(str, table.columns)
         if name.startswith(f"{prefix}_")
         and name[len(prefix) + 1 :] not in _NO_PROBES
+        and ((known := find(name)) is None or known[1])
         and table[name].notna().any()
     }
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import pandas
 import pytest
 from ranks import needs_mpirun, python_on
 from small_case import write_small
@@ -21,7 +22,7 @@ from castfem.case import load_case
 from castfem.fem import reductions
 from castfem.output.history import read_history
 from castfem.output.summary import Summary, si_unit
-from castfem.plots.history import axis_label
+from castfem.plots.history import axis_label, probes_with
 from castfem.report.headline import CHIEF
 from castfem.results import registry
 from castfem.results.labels import last_quantities
@@ -144,6 +145,15 @@ def test_a_new_quantity_is_one_function(tmp_path: Path, declaring: None) -> None
     assert axis_label(history, "temperature_mean") == "mean temperature [°C]"
 
 
+def test_a_quantity_of_the_slice_is_no_probe(declaring: None) -> None:
+    """Whatever its name begins with."""
+    table = pandas.DataFrame({"shell_mid_face": [1.0, 2.0], "shell_lag": [0.5, 0.5]})
+    assert set(probes_with(table, "shell")) == {"mid_face", "lag"}
+    quantity("shell_lag", unit="mm", label="shell, corner behind mid-face")(lambda sample: 0.0)
+    assert set(probes_with(table, "shell")) == {"mid_face"}
+    assert find("shell_lag") == (declared()[-1], "")
+
+
 @needs_mpirun
 def test_a_new_quantity_may_add_up_over_the_ranks(tmp_path: Path) -> None:
     imports = (
@@ -187,9 +197,3 @@ def test_words_need_no_solver() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert json.loads(done.stdout) == ["shell, mid-face", False]
-
-
-def test_results_do_not_know_the_time_loop() -> None:
-    """Not even for their types: the time loop stands above them."""
-    for file in (ROOT / "castfem" / "results").glob("*.py"):
-        assert "castfem.time_loop" not in file.read_text(encoding="utf-8"), file.name
