@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -17,6 +18,7 @@ def known() -> set[str]:
     return set(re.findall(r"^\| \[(\w+)\] \|", page, re.MULTILINE))
 
 
+@cache
 def told(path: Path) -> tuple[str, str]:
     """Docstring of a module, and all its docstrings and comments."""
     text = path.read_text(encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -37,23 +38,18 @@ def scene_on(
 
 @pytest.mark.parametrize("mush", list(SHARES))
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-@pytest.mark.parametrize("front", [0.043, 0.0555, 0.0777])
-@pytest.mark.parametrize("width", [0.0, 0.004, 0.03])
-def test_resultant_of_a_straight_front(front: float, width: float, cell: str, mush: str) -> None:
+def test_resultant_of_a_straight_front(cell: str, mush: str) -> None:
     """Gamma D times the height, wherever in a cell the front lies and however wide the mush."""
     height = 0.06
     scene = scene_on(box(0.1, height), cell, mush)
-
-    def heat(x: Array, y: Array) -> Array:
-        return np.interp(x, [front - width - 1e-9, front], [1780.0, 1600.0])
-
-    force = nodal_forces(scene, heat)
     x = scene.problem.space.tabulate_dof_coordinates()[:, 0]
-    inside = np.flatnonzero(x < 1e-9)
     # All but what the line of symmetry carries is the shell's and the mush's.
-    shell = np.setdiff1d(np.arange(len(x)), inside)
-    assert force[shell, 0].sum() == pytest.approx(HEAD * height, rel=1e-10)
-    assert np.abs(force.sum(axis=0)).max() < 1e-10 * HEAD * height
+    shell = x >= 1e-9
+    for front, width in product((0.043, 0.0555, 0.0777), (0.0, 0.004, 0.03)):
+        ends = [front - width - 1e-9, front]
+        force = nodal_forces(scene, lambda x, y, at=ends: np.interp(x, at, [1780.0, 1600.0]))
+        assert force[shell, 0].sum() == pytest.approx(HEAD * height, rel=1e-10), (front, width)
+        assert np.abs(force.sum(axis=0)).max() < 1e-10 * HEAD * height, (front, width)
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
