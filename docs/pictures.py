@@ -1,4 +1,4 @@
-"""Makes the pictures of the README and of docs/mould.md: draws them and shrinks the files.
+"""Makes the pictures of README, docs/mould.md and docs/machine.md: draws and shrinks them.
 
 Run it by `.castfem/bin/python docs/pictures.py`, or with the names of the pictures to make.
 """
@@ -14,6 +14,7 @@ from PIL import Image
 from castfem.case import load_case
 from castfem.case.build_mould import build_mould
 from castfem.plots.figures import draw_figures
+from castfem.plots.machine import draw as draw_machine
 from castfem.plots.mould import draw as draw_mould
 from castfem.time_loop import loop
 
@@ -62,6 +63,18 @@ def mould() -> None:
         shrink(Image.open(path).convert("RGB"), "mould")
 
 
+def machine() -> None:
+    """Draw what `castfem machine --run` draws of the slab."""
+    case = load_case(HERE.parent / "cases" / "slab1200" / "thermal.toml")
+    rolls = None if case.machine is None else case.machine.pairs()
+    assert rolls is not None
+    with tempfile.TemporaryDirectory() as folder:
+        solid = loop.run(case, folder).quantities["metallurgical_length"].value
+        path = Path(folder) / "machine.png"
+        draw_machine(rolls, case.section.height, path, mould_end=case.mould_exit(), solid_at=solid)
+        shrink(Image.open(path).convert("RGB"), "machine")
+
+
 def shrink(picture: Image.Image, name: str) -> None:
     """Save a picture at its final size and with few colours."""
     size = (WIDTH, round(picture.height * WIDTH / picture.width))
@@ -73,7 +86,7 @@ def shrink(picture: Image.Image, name: str) -> None:
 
 def main() -> None:
     """Make the pictures named on the command line, or all."""
-    pictures = {"billet": billet, "mould": mould}
+    pictures = {"billet": billet, "mould": mould, "machine": machine}
     for name in sys.argv[1:] or pictures:
         pictures[name]()
 

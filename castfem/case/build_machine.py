@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from castfem.case.machine import thickness_of
 from castfem.machine import Machine
 
 if TYPE_CHECKING:
@@ -12,4 +13,9 @@ if TYPE_CHECKING:
 
 def build_machine(case: Case) -> Machine:
     """Return the machine of a sound case."""
-    return Machine(case.casting.travel, mould_length=case.mould_exit())
+    rolls = None if case.machine is None else case.machine.pairs()
+    if rolls is None:
+        return Machine(case.casting.travel, mould_length=case.mould_exit())
+    thickness = thickness_of(case.section)
+    assert thickness is not None
+    return Machine(case.casting.travel, rolls.line(thickness), case.mould_exit())

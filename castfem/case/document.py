@@ -25,12 +25,13 @@ Keys = tuple[str | int, ...]
 _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
     (("casting",), "superheat", "temperature"),
     (("thermal", "time"), "step", "adaptive"),
+    (("machine",), "rolls", "segment"),
 )
 # A table whose shape or law changes is another table; [mechanics] has more to it than its law.
 _KINDS = ("shape", "law")
 _MANY_SIDED: tuple[Keys, ...] = (("mechanics",),)
 # What may be written in several ways that do not mix.
-_UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"),)
+_UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"), ("machine", "rolls"))
 # A table that one word may stand for, and the key that the word is the value of.
 _ONE_WORD: dict[Keys, str] = {("mould", "contact"): "method"}
 PROPERTY_FILES: tuple[tuple[str, str], ...] = (
@@ -143,12 +144,16 @@ def _syntax(message: str, text: str) -> str:
 def _anchor(data: dict[str, Any], folder: Path) -> None:
     """Make the paths written in a file independent of where castfem is started.
 
-    Those are the names of property files (`PROPERTY_FILES`) and every `file` of a table.
+    Those are the names of property files (`PROPERTY_FILES`), the rolls of a machine and every
+    `file` of a table.
     """
     for table, key in PROPERTY_FILES:
         inner = data.get(table)
         if isinstance(inner, dict) and isinstance(inner.get(key), str):
             inner[key] = anchored_set(inner[key], folder)
+    machine = data.get("machine")
+    if isinstance(machine, dict) and isinstance(machine.get("rolls"), str):
+        machine["rolls"] = os.path.abspath(folder / machine["rolls"])
     _anchor_files(data, folder)
 
 

@@ -10,7 +10,8 @@ from castfem.case.section import Section
 from castfem.case.tensile import TABLE, TensileCase
 
 _INHERITED = (
-    *("Case", "Casting", "Steel", "Mesh", "Mould", "Thermal", "Stepping", "Adaptive", "Output"),
+    *("Case", "Casting", "Steel", "Mesh", "Mould", "Machine", "Thermal", "Stepping", "Adaptive"),
+    "Output",
 )
 
 

@@ -24,6 +24,7 @@ from castfem.case.casting import (
 )
 from castfem.case.cooling import Contact, HeatLaw, Zone
 from castfem.case.document import PROPERTY_FILES, is_path
+from castfem.case.machine import Machine
 from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
 from castfem.case.section import Mesh, Section
@@ -79,6 +80,9 @@ class Case(TableModel):
     )
     mould: Mould | None = Field(
         None, description="the rigid mould; left out: an idealised one, without contact forces"
+    )
+    machine: Machine | None = Field(
+        None, description="the rolls below the mould; left out: a strand that goes straight down"
     )
     coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
     output: Output = Field(default_factory=lambda: Output.model_validate({}))
@@ -160,6 +164,7 @@ class Case(TableModel):
             (tables, "reference"),
             (tables.get("mechanics", {}), "solver"),
             (tables.get("mechanics", {}), "held"),
+            (tables.get("machine", {}), "segment"),
         ):
             if key in table and not table[key]:
                 del table[key]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from castfem.case import effort
 from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
+from castfem.case.machine import machine_doubts
 from castfem.case.model import Case
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
@@ -48,6 +49,7 @@ def doubts(case: Case) -> Iterator[Problem]:
     yield from effort.many(case)
     yield from _cold(case)
     yield from _sprays(case)
+    yield from machine_doubts(case)
     if case.mould is not None:
         yield from _taper(case.mould, case.section)
         yield from _friction(case.mould)

@@ -13,6 +13,7 @@ from pydantic_core import PydanticUndefined
 from castfem.case.base import TableModel
 from castfem.case.casting import Casting, Output, Reference, Steel
 from castfem.case.cooling import HeatLaw, Zone
+from castfem.case.machine import Machine, RollSegment, RollTable
 from castfem.case.mechanics import Coupling, Held, Mechanics, Motions
 from castfem.case.mould import (
     Copper,
@@ -112,6 +113,8 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ('[mould.friction], law = "limited"', Limited),
     ('[mould.friction], law = "tresca"', Tresca),
     ('[mould.friction], law = "viscous"', Viscous),
+    ("[machine]", Machine),
+    ("[[machine.segment]]", RollSegment),
     ("[output]", Output),
     ("[verification]", Verification),
     ("[[reference]]", Reference),
@@ -173,7 +176,7 @@ def _takes(field: FieldInfo) -> str:
     for mark in field.metadata:
         if isinstance(mark, Kind | Curve):
             return _mark(mark, example)
-        if isinstance(mark, TaperMark):
+        if isinstance(mark, TaperMark | RollTable):
             return mark.takes
         if isinstance(mark, NameOf):
             return ", ".join(f'`"{name}"`' for name in mark.register)

@@ -14,6 +14,7 @@ from castfem.case import effort
 from castfem.case.build_mould import check_mould
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
+from castfem.case.machine import check_machine
 from castfem.case.mechanics import Motions
 from castfem.case.model import Case
 from castfem.case.problems import Problem
@@ -44,6 +45,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _mechanics(case)
     yield from check_mould(case.mould, case.section)
     yield from _mould_and_zones(case)
+    yield from check_machine(case)
     yield from _output(case)
     yield from check_verification(case)
 

@@ -252,6 +252,26 @@ def mould(
 
 
 @app.command()
+def machine(
+    case: CaseName,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_machine.png.")
+    ] = None,
+    run: Annotated[
+        Path | None, typer.Option(help="Folder of a run, for where the strand is solid.")
+    ] = None,
+    set_: Overrides = None,
+) -> None:
+    """Print the rolls of a case, and draw its caster."""
+    from castfem.case import load_case
+    from castfem.cli.machine import draw_machine
+
+    path = shipped_cases.find(case)
+    target = output or Path(f"{path.stem}_machine.png")
+    draw_machine(load_case(path, set_ or ()), target, case, run)
+
+
+@app.command()
 def material(
     name: Annotated[
         str, typer.Argument(metavar="NAME", help="A shipped set, or a steel file (.toml).")

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from castfem.machine.travel import Steady, Travel
+
+if TYPE_CHECKING:
+    from castfem.machine.line import Face
 
 GRAVITY = 9.81  # m/s2
 
@@ -14,11 +17,15 @@ GRAVITY = 9.81  # m/s2
 class Line(Protocol):
     """The line along which the strand goes down."""
 
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """Positions at which the curvature begins to change, or does so otherwise, m."""
+
     def height(self, position: float) -> float:
         """Height of the liquid above the middle of the strand at a position, m."""
 
-    def curvature(self, position: float) -> float:
-        """Curvature there, 1/m: 1/R of the face the machine's radius is given of."""
+    def curvature(self, position: float, face: Face | None = None) -> float:
+        """Curvature 1/R of a face there, 1/m; by default of that which the radii are given of."""
 
     def inclination(self, position: float) -> float:
         """Angle to the vertical there, rad."""
@@ -28,11 +35,16 @@ class Line(Protocol):
 class Vertical:
     """A strand that goes straight down."""
 
+    @property
+    def knots(self) -> tuple[float, ...]:
+        """See `Line`."""
+        return ()
+
     def height(self, position: float) -> float:
         """See `Line`."""
         return position
 
-    def curvature(self, position: float) -> float:
+    def curvature(self, position: float, face: Face | None = None) -> float:
         """See `Line`."""
         return 0.0
 
@@ -63,6 +75,11 @@ class Machine:
         """Instants at which the casting speed begins to change, or ends to, s."""
         return self.travel.kinks
 
+    @property
+    def bends(self) -> tuple[float, ...]:
+        """Positions at which the curvature begins to change, or does so otherwise, m."""
+        return self.line.knots
+
     def position(self, time: float) -> float:
         """Position of the slice at `time` (s), m."""
         return self.travel.position(time)
@@ -86,9 +103,9 @@ class Machine:
         """
         return self.line.height(position)
 
-    def curvature(self, position: float) -> float:
-        """Curvature at `position` (m), 1/m: 1/R of the face the machine's radius is given of."""
-        return self.line.curvature(position)
+    def curvature(self, position: float, face: Face | None = None) -> float:
+        """Curvature 1/R of a face at `position` (m), 1/m; by default of that the radii are of."""
+        return self.line.curvature(position, face)
 
     def inclination(self, position: float) -> float:
         """Angle of the strand to the vertical at `position` (m), rad."""

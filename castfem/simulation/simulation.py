@@ -213,7 +213,8 @@ def stations(case: Case) -> list[float]:
 def _milestones(case: Case, machine: Machine, zones: Zones) -> list[float]:
     """Instants to be hit exactly: changes of cooling, mould and speed, stations, output; s."""
     found = [*zones.changes, *machine.kinks]
-    found += [machine.time_at(p) for p in (*stations(case), *case.mould_knots())]
+    bends = machine.bends if case.mechanics is not None else ()
+    found += [machine.time_at(p) for p in (*stations(case), *case.mould_knots(), *bends)]
     if case.output_fields:
         every = case.output.every
         found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]

@@ -1,0 +1,216 @@
+"""The table [machine]: the rolls that guide the strand below its mould.
+
+What reads and checks them (`castfem.machine.rolls`) is imported by a case that has some alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field
+
+from castfem.case.base import TableModel
+from castfem.case.problems import Problem
+from castfem.case.section import Strip
+from castfem.values.quantities import Length, Notation
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
+
+    from castfem.case.model import Case
+    from castfem.machine.rolls import Rolls
+
+_SQUARE = math.radians(0.1)  # how far from 90 degrees a strand counts as horizontal
+_STRAINED = 0.05  # of a face of the bent strand
+_OTHER = 0.1  # of the thickness: how far an aperture may be from it
+
+
+@dataclass(frozen=True, slots=True)
+class RollTable(Notation):
+    """Annotation of a field that takes rolls: a CSV file, or columns."""
+
+    takes: str = 'CSV file: `"rolls.csv"`, or its columns'
+
+    def read(self, given: object) -> Rolls | None:
+        """Return the rolls, or raise ValueError."""
+        from castfem.machine.rolls import Rolls, read_rolls
+
+        if given is None or isinstance(given, Rolls):
+            return given
+        if isinstance(given, str):
+            given = {"file": given}
+        if not isinstance(given, Mapping):
+            raise ValueError('the rolls of a machine are a file, rolls = "rolls.csv", or columns')
+        return read_rolls(given)
+
+    def write(self, value: Rolls | None) -> Any:
+        """Return what reads back to the same rolls."""
+        from castfem.machine.rolls import columns_of
+
+        return None if value is None else columns_of(value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        from castfem.machine.rolls import COLUMNS, KINDS
+
+        column = {"type": "array", "items": {"type": ["number", "string", "boolean"]}}
+        units = {f"{name}_unit": {"type": "string"} for name in COLUMNS if name != "driven"}
+        columns = {
+            "type": "object",
+            "properties": {name: column for name in COLUMNS} | units,
+            "required": [name for name in KINDS if name in ("position", "diameter")],
+            "additionalProperties": False,
+        }
+        file = {
+            "type": "object",
+            "properties": {"file": {"type": "string"}},
+            "required": ["file"],
+            "additionalProperties": False,
+        }
+        return {"anyOf": [{"type": "string"}, file, columns], "description": "rolls, from a file"}
+
+
+class RollSegment(TableModel):
+    """Pairs of rolls of one pitch and diameter."""
+
+    rolls: int = Field(ge=1, strict=True, description="number of pairs", examples=[8])
+    pitch: Length = Field(
+        description="distance along the strand of each pair from the one before",
+        examples=["250 mm"],
+    )
+    diameter: Length = Field(description="diameter of the rolls", examples=["215 mm"])
+    radius: Length | None = Field(
+        None,
+        description="radius of the strand at the last pair, to which 1/R goes linearly from the "
+        "segment before; left out: straight",
+        examples=["8 m"],
+    )
+    aperture: Length | None = Field(
+        None, description="distance of the rolls of a pair; by default the section's height",
+        examples=["222 mm"],
+    )  # fmt: skip
+
+
+class Machine(TableModel):
+    """The rolls below the mould, which bend and straighten the strand: `rolls` or `segment`."""
+
+    rolls: Annotated[Any, RollTable()] = Field(
+        None, description="table of the pairs, see docs/machine.md"
+    )
+    first: Length | None = Field(
+        None,
+        description="of segments: position of the first pair, from the meniscus",
+        examples=["900 mm"],
+    )
+    radius_of: Literal["extrados", "centreline", "intrados"] = Field(
+        "extrados", description="of segments: the face whose radius is given"
+    )
+    segment: tuple[RollSegment, ...] = Field((), description="pairs of one pitch and diameter")
+
+    def pairs(self) -> Rolls | None:
+        """Return the rolls; None while what is needed for them is missing."""
+        if self.rolls is not None or not self.segment or self.first is None:
+            found: Rolls | None = self.rolls
+            return found
+        from castfem.machine.rolls import Segment, expand
+
+        if any(s is None or None in (s.rolls, s.pitch, s.diameter) for s in self.segment):
+            return None
+        parts = [
+            Segment(s.rolls, s.pitch, s.diameter, s.radius or math.inf, s.aperture)
+            for s in self.segment
+        ]
+        return expand(parts, self.first, self.radius_of)
+
+
+def thickness_of(section: Any) -> float | None:
+    """Return the size of a section from extrados to intrados, m; None of one that has none."""
+    for key in ("height", "diameter"):
+        if getattr(section, key, None) is not None:
+            return float(getattr(section, key))
+    return None
+
+
+def check_machine(case: Case) -> Iterator[Problem]:
+    """Yield what keeps [machine] from being one, of a faulty case what can be told."""
+    table = case.machine
+    if table is None:
+        return
+    if table.rolls is None and not table.segment:
+        if not table.model_fields_set & {"rolls", "segment"}:
+            yield Problem(
+                ("machine",),
+                'has no rolls; rolls = "rolls.csv", or first = "900 mm" and [[machine.segment]]',
+            )
+        return
+    if table.rolls is not None and table.segment:
+        yield Problem(("machine",), "rolls and segment exclude each other; give one of the two")
+        return
+    if table.segment and "first" not in table.model_fields_set:
+        yield Problem(
+            ("machine", "first"),
+            'is missing; where the first pair of the segments stands, such as "900 mm"',
+        )
+    if case.section is None:
+        return
+    thickness, rolls = thickness_of(case.section), table.pairs()
+    if thickness is None and isinstance(case.section, Strip):
+        yield Problem(("machine",), "a strip has no thickness that rolls could hold; leave it out")
+    if thickness is None or rolls is None:
+        return
+    from castfem.machine.rolls import faults
+
+    ends = None if case.cooling is None and case.mould is None else _mould_exit(case)
+    key = "rolls" if table.rolls is not None else "segment"
+    for index, text in faults(rolls, thickness, ends):
+        yield Problem(("machine", key), f"{rolls.place(index)}: {text}")
+
+
+def _mould_exit(case: Case) -> float | None:
+    """Where the mould ends; None as well where a faulty case does not tell."""
+    try:
+        return case.mould_exit()
+    except (AttributeError, TypeError):
+        return None
+
+
+def machine_doubts(case: Case) -> Iterator[Problem]:
+    """Yield what rolls of a sound case have that was probably not meant."""
+    table, thickness = case.machine, thickness_of(case.section)
+    rolls = None if table is None else table.pairs()
+    if table is None or rolls is None or thickness is None:
+        return
+    key = "rolls" if table.rolls is not None else "segment"
+    line, last = rolls.line(thickness), rolls.pairs[-1]
+    angle = line.inclination(last.position)
+    if math.isfinite(last.radius):
+        yield Problem(("machine", key), f"the strand is still bent at the last roll, "
+                      f"R = {last.radius:g} m")  # fmt: skip
+    elif angle > 0.0 and abs(angle - 0.5 * math.pi) > _SQUARE:
+        yield Problem(
+            ("machine", key),
+            f"the angles do not close: the strand leaves the last bent roll at "
+            f"{math.degrees(angle):.4g} degrees to the vertical, not at 90; are radii, positions "
+            "and the face of the radii right?",
+        )
+    tightest = min(rolls.pairs, key=lambda pair: pair.radius)
+    strain = 0.5 * thickness / tightest.radius
+    if strain > _STRAINED:
+        yield Problem(
+            ("machine", key),
+            f"R = {tightest.radius:g} m strains the faces of the strand by {100.0 * strain:.3g} %",
+        )
+    for i in range(len(rolls.pairs)):
+        aperture = rolls.aperture(i, thickness)
+        if abs(aperture / thickness - 1.0) > _OTHER:
+            yield Problem(
+                ("machine", key),
+                f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) of a section "
+                f"{1e3 * thickness:g} mm thick",
+            )
+            return

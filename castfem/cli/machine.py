@@ -1,0 +1,133 @@
+"""`castfem machine`: the rolls of a case, what they do to the strand, and a picture of it."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.case import Case
+from castfem.case.machine import thickness_of
+from castfem.cli.drawing import drawing, print_rows
+from castfem.errors import InputError
+
+if TYPE_CHECKING:
+    from castfem.machine.line import Bent
+    from castfem.machine.rolls import Rolls
+
+_SOLID = "metallurgical_length"
+
+
+def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None) -> None:
+    """Print the rolls of a case and draw its caster.
+
+    Args:
+        case: The case.
+        picture: File of the picture.
+        origin: What the user called the case, for messages.
+        run: Folder of a run, for the place where the strand is solid.
+
+    Raises:
+        InputError: The case has no rolls, the run is none, or the picture cannot be written.
+    """
+    from castfem.plots.machine import draw
+
+    rolls = None if case.machine is None else case.machine.pairs()
+    thickness = thickness_of(case.section)
+    if rolls is None or thickness is None:
+        raise InputError(
+            f"{origin}: machine: the table is missing, the strand goes straight down; add "
+            '[machine] with rolls = "rolls.csv" (docs/machine.md)'
+        )
+    solid = None if run is None else solid_at(run)
+    print_rows(machine_rows(rolls, thickness))
+    if run is not None:
+        told = "not in this run" if solid is None else f"at {solid:.4g} m, {_near(rolls, solid)}"
+        print(f"solid throughout: {told} ({run})")
+    print()
+    print("\n".join(roll_lines(rolls, thickness)))
+    with drawing(picture):
+        draw(
+            rolls, thickness, picture, mould_end=case.mould_exit(), solid_at=solid, title=case.title
+        )
+
+
+def solid_at(run: Path) -> float | None:
+    """Return the metallurgical length of a run, m; None of one that ended before.
+
+    Raises:
+        InputError: The folder holds no run that has ended.
+    """
+    from castfem.output.summary import Summary
+
+    summary = Summary.load(run) if run.is_dir() else None
+    if summary is None:
+        raise InputError(f"--run {run}: holds no run that has ended")
+    found = summary.quantities.get(_SOLID)
+    return None if found is None else found.value
+
+
+def _near(rolls: Rolls, position: float) -> str:
+    """The roll above a position."""
+    above = [i for i, pair in enumerate(rolls.pairs, 1) if pair.position <= position]
+    return f"below roll {above[-1]}" if above else "above the first roll"
+
+
+def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
+    """Return label and value of what characterises a machine."""
+    from castfem.machine.phases import phases
+
+    line, pairs = rolls.line(thickness), rolls.pairs
+    drives = [pair for pair in pairs if pair.driven]
+    driven = f", {len(drives)} of them driven" if drives else ""
+    if drives and all(pair.capacity is not None for pair in drives):
+        driven += f" with {1e-3 * sum(pair.capacity or 0.0 for pair in drives):.5g} kN in all"
+    rows = [("pairs of rolls", f"{len(pairs)}{driven}")]
+    for phase in phases(rolls):
+        first, last = pairs[phase.first], pairs[phase.last]
+        text = f"{first.position:.4g} to {last.position:.4g} m, rolls {phase.first + 1} to "
+        text += str(phase.last + 1)
+        if math.isfinite(last.radius):
+            text += f", R = {last.radius:.4g} m of the {rolls.face} at its end"
+        rows.append((phase.kind, text))
+    end = pairs[-1].position
+    rows.append(("inclination", f"{math.degrees(line.inclination(end)):.5g} degrees at the end"))
+    rows.append(("liquid's height", _head(line, end)))
+    return rows
+
+
+def _head(line: Bent, end: float) -> str:
+    """Height of the liquid at the last roll."""
+    height = line.height(end)
+    return f"{height:.4g} m at the last roll, {end:.4g} m along the strand"
+
+
+def roll_lines(rolls: Rolls, thickness: float) -> list[str]:
+    """Return the table of the rolls."""
+    head = (
+        "roll", "position [m]", "pitch [mm]", "diameter [mm]", "clear [mm]", "aperture [mm]",
+        f"R {rolls.face} [m]", "angle [deg]", "height [m]", "drive [kN]",
+    )  # fmt: skip
+    line, rows = rolls.line(thickness), [head]
+    for i, pair in enumerate(rolls.pairs):
+        pitch = pair.position - rolls.pairs[i - 1].position if i else None
+        drive = "yes" if pair.capacity is None else f"{1e-3 * pair.capacity:.4g}"
+        rows.append(
+            (
+                str(i + 1),
+                f"{pair.position:.3f}",
+                "" if pitch is None else f"{1e3 * pitch:.1f}",
+                f"{1e3 * pair.diameter:g}",
+                f"{1e3 * rolls.clearance(i, thickness):.1f}" if i else "",
+                f"{1e3 * rolls.aperture(i, thickness):.1f}",
+                "straight" if math.isinf(pair.radius) else f"{pair.radius:.3f}",
+                f"{math.degrees(line.inclination(pair.position)):.2f}",
+                f"{line.height(pair.position):.3f}",
+                drive if pair.driven else "",
+            )
+        )
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    return [
+        "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,152 @@
+"""Draw a caster from the side: strand, rolls, what they do to it, and where it is solid."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.machine.line import INWARD
+from castfem.machine.phases import phases
+from castfem.machine.rolls import Rolls
+from castfem.plots.style import look, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = npt.NDArray[np.float64]
+
+_COLOURS = {
+    "vertical": "#d9d9d9",
+    "bending": "#e69f00",
+    "arc": "#f0d9b0",
+    "straightening": "#d55e00",
+    "straight": "#d9d9d9",
+}
+_COPPER, _ROLL, _DRIVEN = "#b87333", "#9aa5b1", "#1f4e79"
+_FINE = 5e-3  # m along the strand
+_WIDTH = 11.0  # inches
+
+
+def draw(
+    rolls: Rolls,
+    thickness: float,
+    path: str | os.PathLike[str],
+    *,
+    mould_end: float | None = None,
+    solid_at: float | None = None,
+    title: str = "",
+) -> None:
+    """Draw a machine to a picture file.
+
+    Args:
+        rolls: Its rolls.
+        thickness: Of the section, m.
+        path: Picture; its ending gives the format (png, pdf, svg).
+        mould_end: From the meniscus, m; None without a mould.
+        solid_at: Where the strand is solid throughout, m; None if that is not known.
+        title: Above the picture.
+    """
+    side = _Side(rolls, thickness, 0.0 if solid_at is None else solid_at)
+    with look():
+        span = np.ptp(side.extrados, axis=0) + 1.0
+        figure = new_figure(_WIDTH, float(np.clip(_WIDTH * span[1] / span[0], 4.0, 11.0)) + 0.6)
+        ax = figure.subplots()
+        _strand(ax, side, mould_end)
+        _rolls(ax, side)
+        if solid_at is not None:
+            across = side.across(solid_at, 0.5)
+            ax.plot(*across.T, color="k", linewidth=2.0)
+            ax.annotate(
+                f"solid at {solid_at:.4g} m", across[1], (0, 14), textcoords="offset points",
+                ha="center", fontsize=8.5,
+            )  # fmt: skip
+        ax.set_aspect("equal")
+        ax.set_xlabel("from the mould [m]")
+        ax.set_ylabel("height above the meniscus [m]")
+        ax.legend(loc="upper right")
+        if title:
+            ax.set_title(title)
+        figure.savefig(path, dpi=130)
+
+
+class _Side:
+    """The strand seen from its side: points of its faces by position.
+
+    Args:
+        rolls: What holds it. thickness: Of the section, m. least: Position it goes to at least, m.
+    """
+
+    def __init__(self, rolls: Rolls, thickness: float, least: float) -> None:
+        self.rolls, self.line = rolls, rolls.line(thickness)
+        end = max(rolls.pairs[-1].position + 0.5, least)
+        self.s = np.linspace(0.0, end, max(2, round(end / _FINE)) + 1)
+        angle = np.array([self.line.inclination(float(s)) for s in self.s])
+        self.inward = np.column_stack([np.cos(angle), np.sin(angle)])
+        along = np.column_stack([np.sin(angle), -np.cos(angle)])
+        steps = 0.5 * (along[1:] + along[:-1]) * np.diff(self.s)[:, None]
+        way = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+        thick = np.array([self.line.thickness(float(s)) for s in self.s])[:, None]
+        self.extrados = way - INWARD[self.line.face] * thick * self.inward
+        self.intrados = self.extrados + thick * self.inward
+
+    def at(self, points: Array, position: float) -> Array:
+        """A line's point at a position (2,), m."""
+        return np.array([np.interp(position, self.s, column) for column in points.T])
+
+    def across(self, position: float, beyond: float) -> Array:
+        """Ends (2, 2) of a line across the strand and as far beyond its faces as given, m."""
+        out, inside = self.at(self.extrados, position), self.at(self.intrados, position)
+        normal = self.at(self.inward, position)
+        return np.array([out - beyond * normal, inside + beyond * normal])
+
+    def part(self, start: float, end: float) -> Array:
+        """Outline (n, 2) of the strand between two positions, m."""
+        s = np.concatenate([[start], self.s[(self.s > start) & (self.s < end)], [end]])
+        faces = [
+            np.column_stack([np.interp(s, self.s, column) for column in face.T])
+            for face in (self.extrados, self.intrados)
+        ]
+        return np.concatenate([faces[0], faces[1][::-1]])
+
+
+def _strand(ax: Axes, side: _Side, mould_end: float | None) -> None:
+    """The strand, coloured by what the rolls do to it, and the mould round its top."""
+    pairs, named = side.rolls.pairs, set[str]()
+    first, last = pairs[0].position, pairs[-1].position
+    parts = [
+        (phase.kind, pairs[phase.first].position, pairs[phase.last].position)
+        for phase in phases(side.rolls)
+    ]
+    ends = ((None, 0.0, first), *parts, (None, last, float(side.s[-1])))
+    for kind, start, end in ends:
+        colour = _COLOURS[kind or "vertical"]
+        label = kind if kind in ("bending", "arc", "straightening") and kind not in named else None
+        named |= {label} if label else set()
+        ax.fill(*side.part(start, end).T, color=colour, linewidth=0.0, label=label)
+    if mould_end is None:
+        return
+    for face, outward in ((side.extrados, -1.0), (side.intrados, 1.0)):
+        inside = side.s <= mould_end
+        wall = face[inside] + outward * 0.06 * side.inward[inside]
+        outline = np.concatenate([face[inside], wall[::-1]])
+        name = "mould" if outward < 0.0 else None
+        ax.fill(*outline.T, color=_COPPER, linewidth=0.0, label=name)
+
+
+def _rolls(ax: Axes, side: _Side) -> None:
+    """Every roll, those that are driven darker."""
+    from matplotlib.collections import PatchCollection
+    from matplotlib.patches import Circle, Patch
+
+    drawn: dict[bool, list[Patch]] = {False: [], True: []}
+    for pair in side.rolls.pairs:
+        for centre in side.across(pair.position, 0.5 * pair.diameter):
+            drawn[pair.driven].append(Circle(tuple(centre), 0.5 * pair.diameter))
+    for driven, circles in drawn.items():
+        if circles:
+            colour, label = (_DRIVEN, "driven rolls") if driven else (_ROLL, "rolls")
+            ax.add_collection(PatchCollection(circles, facecolor=colour, edgecolor="none"))
+            ax.plot([], [], "o", color=colour, label=label)

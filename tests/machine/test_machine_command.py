@@ -1,0 +1,53 @@
+"""`castfem machine`: the table, what the rolls do, the picture, the place where all is solid."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from castfem.case import load_case
+from castfem.cli.machine import draw_machine
+from castfem.errors import InputError
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def test_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    draw_machine(load_case(CASES / "slab1200" / "thermal.toml"), tmp_path / "m.png", "slab")
+    told = capsys.readouterr().out
+    assert "pairs of rolls   87, 14 of them driven with 1716.2 kN in all" in told
+    assert "bending          2.322 to 4.11 m, rolls 8 to 15, R = 8.006 m of the extrados" in told
+    assert "inclination      90 degrees at the end" in told
+    rows = [line.split() for line in told.splitlines() if line[:4].strip().isdigit()]
+    assert len(rows) == 87
+    assert rows[7][:5] == ["8", "2.322", "250.0", "215", "35.0"]
+    assert rows[49][5:8] == ["226.1", "8.400", rows[49][7]]
+    assert (tmp_path / "m.png").stat().st_size > 20_000
+    assert "solid" not in told
+
+
+def test_where_the_strand_is_solid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from castfem.output.summary import Quantity, Summary
+
+    case, run = load_case(CASES / "slab1200" / "thermal.toml"), tmp_path / "run"
+    run.mkdir()
+    with pytest.raises(InputError, match=r"--run .*run: holds no run that has ended"):
+        draw_machine(case, tmp_path / "m.png", "slab", run)
+    for found, said in (
+        ({"metallurgical_length": Quantity(20.4, "m", "metallurgical length")}, "below roll 68"),
+        ({}, "not in this run"),
+    ):
+        empty = Summary(
+            title="slab", status="finished", quantities=found, references=(), balances={},
+            steps={}, wall_time={}, zones=(), mould_exit=0.8, unchecked=(),
+        )  # fmt: skip
+        (run / "summary.json").write_text(json.dumps(empty.to_json()))
+        draw_machine(case, tmp_path / "m.png", "slab", run)
+        assert said in capsys.readouterr().out
+
+
+def test_a_billet_has_no_rolls(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"billet: machine: the table is missing"):
+        draw_machine(load_case(CASES / "billet125" / "thermal.toml"), tmp_path / "m.png", "billet")

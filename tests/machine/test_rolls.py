@@ -1,0 +1,218 @@
+"""Rolls in a case: from a CSV file, columns or segments; every mistake is one line."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from castfem.case import Case, load_case
+from castfem.case.build_machine import build_machine
+from castfem.case.load import read_case
+from castfem.errors import InputError
+from castfem.machine.rolls import Rolls
+
+SLAB = Path(__file__).parents[2] / "cases" / "slab1200" / "thermal.toml"
+HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
+ROWS = (
+    "0.9, 150, 222, straight, no,",
+    "1.2, 150, 222, , no,",
+    "1.5, 200, 222, 8, yes, 120",
+    "1.8, 200, 221, 8, yes,",
+)
+SEGMENTS = (
+    'machine={first="0.9 m", segment=[{rolls=5, pitch="200 mm", diameter="150 mm"}, '
+    '{rolls=6, pitch="250 mm", diameter="200 mm", radius="8 m"}, '
+    '{rolls=40, pitch="280 mm", diameter="200 mm", radius="8 m"}, '
+    '{rolls=6, pitch="300 mm", diameter="220 mm"}]}'
+)
+
+
+def case(tmp_path: Path, rows: tuple[str, ...] = ROWS, header: str = HEADER) -> Case:
+    return load_case(written(tmp_path, rows, header))
+
+
+def written(tmp_path: Path, rows: tuple[str, ...] = ROWS, header: str = HEADER) -> Path:
+    (tmp_path / "mine.csv").write_text("\n".join(["# ours", header, *rows]) + "\n")
+    (tmp_path / "mine.toml").write_text(f'extends = "{SLAB}"\n[machine]\nrolls = "mine.csv"\n')
+    return tmp_path / "mine.toml"
+
+
+def rolls_of(what: Case) -> Rolls:
+    assert what.machine is not None
+    found = what.machine.pairs()
+    assert found is not None
+    return found
+
+
+def test_rolls_are_read_with_their_units(tmp_path: Path) -> None:
+    rolls = rolls_of(case(tmp_path))
+    assert [p.position for p in rolls.pairs] == [0.9, 1.2, 1.5, 1.8]
+    assert [p.diameter for p in rolls.pairs] == [0.15, 0.15, 0.2, 0.2]
+    assert [p.radius for p in rolls.pairs] == [math.inf, math.inf, 8.0, 8.0]
+    assert [p.driven for p in rolls.pairs] == [False, False, True, True]
+    assert [p.capacity for p in rolls.pairs] == [None, None, 120e3, None]
+    assert [p.aperture for p in rolls.pairs] == [0.222, 0.222, 0.222, 0.221]
+    inch = rolls_of(case(tmp_path, ("900 mm, 6 inch",), "position [m], diameter [mm]"))
+    assert (inch.pairs[0].position, inch.pairs[0].diameter) == (0.9, pytest.approx(0.1524))
+    assert inch.pairs[0].aperture is None and inch.aperture(0, 0.22) == 0.22
+
+
+def test_a_case_with_rolls_reads_back(tmp_path: Path) -> None:
+    sound = case(tmp_path)
+    (tmp_path / "mine.csv").unlink()  # the resolved case needs it no more
+    (tmp_path / "again.toml").write_text(sound.resolved_toml())
+    again = load_case(tmp_path / "again.toml")
+    assert again == sound
+    assert again.physics_hash() == sound.physics_hash()
+    other = sound.with_({"machine.rolls.diameter": ["150 mm", "150 mm", "200 mm", "210 mm"]})
+    assert rolls_of(other).pairs[3].diameter == 0.21
+    assert other.physics_hash() != sound.physics_hash()
+
+
+def test_segments_expand() -> None:
+    what = load_case(SLAB, ["machine.segment=[]", SEGMENTS])
+    rolls = rolls_of(what)
+    assert len(rolls.pairs) == 57
+    positions = np.array([p.position for p in rolls.pairs])
+    assert positions[0] == 0.9
+    assert np.allclose(np.diff(positions[:5]), 0.2) and np.allclose(np.diff(positions[4:11]), 0.25)
+    chi = np.array([1.0 / p.radius for p in rolls.pairs])
+    assert (chi[:5] == 0.0).all() and chi[-1] == 0.0
+    assert np.allclose(np.diff(chi[4:11]), 0.125 / 6) and np.allclose(chi[10:51], 0.125)
+    assert np.allclose(np.diff(chi[50:]), -0.125 / 6)
+    machine = build_machine(what)
+    angle = machine.inclination(30.0)
+    assert angle == pytest.approx((0.5 * 1.5 + 40 * 0.28 + 0.5 * 1.8) / 8.0, rel=1e-12)
+    again = what.with_({"title": "again"})
+    assert again.machine == what.machine
+
+
+def test_a_case_follows_its_rolls(tmp_path: Path) -> None:
+    machine = build_machine(load_case(SLAB))
+    assert machine.position(100.0) == 2.0
+    assert 10.5 < machine.height(20.0) < 11.5
+    assert machine.curvature(8.0) == pytest.approx(1.0 / 8.006, rel=1e-12)
+    assert machine.mould_length == 0.8
+    assert len(machine.bends) == 11  # ends of bending and straightening, and each roll within
+    plain = build_machine(load_case(SLAB.parents[1] / "billet125" / "thermal.toml"))
+    assert (plain.height(0.3), plain.bends) == (0.3, ())
+
+
+@pytest.mark.parametrize(
+    ("rows", "header", "said"),
+    [
+        (("0.9, 150, 222, x, no,",), HEADER, r"line 3, roll 1: radius_extrados \(x\): "),
+        (("0.9, 150",), HEADER, r"line 3: 2 cells, the header has 6; leave a cell empty"),
+        (("0.9, 0, 222, , no,",), HEADER, r"roll 1: diameter \(0\): must be above 0 mm"),
+        (("0.9, , 222, , no,",), HEADER, r"roll 1: diameter \(\): is empty"),
+        (("0.9, 150, 222, 8, maybe,",), HEADER, r"roll 1: driven \(maybe\): yes or no"),
+        (("0.9, 150, 222, 8, no, 20",), HEADER, r"roll 1: capacity: of a roll that is not driven"),
+        (("0.9, 150, 222, -8, no,",), HEADER, r"radius_extrados \(-8\): must be above 0 m"),
+        ((), HEADER, r"holds no rolls; a header and a row a pair"),
+        (ROWS, HEADER.replace("_extrados", ""), r"line 2: column 'radius': say of which face"),
+        (ROWS, HEADER.replace("diameter", "diametre"), r"line 2: unknown column 'diametre'.*did "
+         "you mean diameter"),
+        (ROWS, HEADER.replace("[mm], ap", "[kg], ap"), r"roll 1: diameter \(150\): .*length"),
+        (ROWS, HEADER.replace("position [m]", "position"), r"name the unit of the column, pos"),
+        (ROWS, HEADER.replace("diameter", "aperture"), r"column 'aperture' stands there twice"),
+        (("0.9, 8",), "position [m], radius_extrados [m]", r"column 'diameter' is missing"),
+    ],
+)  # fmt: skip
+def test_a_file_that_cannot_be_read(
+    tmp_path: Path, rows: tuple[str, ...], header: str, said: str
+) -> None:
+    with pytest.raises(InputError, match=said) as caught:
+        case(tmp_path, rows, header)
+    (line,) = caught.value.problems
+    assert line.startswith(f"{tmp_path / 'mine.toml'}: machine.rolls: '{tmp_path / 'mine.csv'}'")
+
+
+@pytest.mark.parametrize(
+    ("row", "text", "said"),
+    [
+        (0, "0.7, 150, 222, , no,", r"line 3, roll 1: position \(0\.7 m\) lies within the mould, "
+         r"which ends at 0\.8 m"),
+        (1, "0.9, 150, 222, , no,", r"line 4, roll 2: position \(0\.9 m\) does not lie below"),
+        (1, "1.0, 150, 222, , no,", r"line 4, roll 2: diameter \(150 mm\) overlaps the roll before "
+         r"by 50 mm at the intrados, 100 mm below it"),
+        (3, "1.8, 400, 221, 8, yes,", r"line 6, roll 4: diameter .* overlaps the roll before by"),
+        (2, "1.5, 200, 223, 8, yes, 1", r"line 5, roll 3: aperture \(223 mm\) grows from 222 mm"),
+        (2, "1.5, 200, 222, 0.4, yes, 1", r"line 5, roll 3: radius_extrados \(0\.4 m\) is below"),
+    ],
+)  # fmt: skip
+def test_rolls_that_cannot_be_there(tmp_path: Path, row: int, text: str, said: str) -> None:
+    rows = tuple(text if i == row else given for i, given in enumerate(ROWS))
+    with pytest.raises(InputError) as caught:
+        case(tmp_path, rows)
+    lines = caught.value.problems
+    assert any(re.search(said, line) for line in lines), lines
+    assert all(line.startswith(str(tmp_path)) and "\n" not in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("machine={}", r"machine: has no rolls; rolls ="),
+        ('machine={rolls="none.csv"}', r"cannot read the rolls '.*none\.csv': No such file"),
+        ("machine={rolls=3}", r"machine\.rolls: the rolls of a machine are a file"),
+        ('machine={segment=[{rolls=2, pitch="0.3 m", diameter="0.2 m"}]}', r"machine\.first: is "),
+        ('machine={first="1 m", segment=[{rolls=0, pitch="0.3 m", diameter="0.2 m"}]}',
+         r"machine\.segment\.0\.rolls: "),
+        ('machine={first="1 m", segment=[{rolls=2, pitch="0.1 m", diameter="0.2 m"}]}',
+         r"machine\.segment: roll 2: diameter \(200 mm\) overlaps"),
+        ("machine.roll=3", r"machine\.roll: unknown key.*did you mean rolls"),
+    ],
+)  # fmt: skip
+def test_a_table_that_is_no_machine(tmp_path: Path, change: str, said: str) -> None:
+    base = tmp_path / "plain.toml"
+    text = (SLAB.parent / "base.toml").read_text().replace('[machine]\nrolls = "rolls.csv"\n', "")
+    base.write_text(text)
+    with pytest.raises(InputError, match=said):
+        load_case(base, [change])
+
+
+def test_a_strip_has_no_rolls() -> None:
+    strip = SLAB.parents[1] / "verification" / "neumann.toml"
+    with pytest.raises(InputError, match="a strip has no thickness"):
+        load_case(strip, [SEGMENTS])
+
+
+def test_what_is_told_and_not_refused(tmp_path: Path) -> None:
+    """Angles that do not close, a strand still bent at the end, a section that does not fit."""
+    told = read_case(SLAB, [SEGMENTS]).doubts
+    assert any(
+        "the angles do not close: the strand leaves the last bent roll at 92" in t for t in told
+    )
+    assert any(
+        "still bent at the last roll, R = 8 m" in t for t in read_case(written(tmp_path)).doubts
+    )
+    thick = read_case(SLAB, ["section.height=300 mm"]).doubts
+    assert any("roll 1: aperture (229.6 mm) of a section 300 mm thick" in t for t in thick)
+    tight = tuple(row.replace(" 8,", " 2,") for row in ROWS)
+    (tmp_path / "tight").mkdir()
+    assert any(
+        "strains the faces" in t for t in read_case(written(tmp_path / "tight", tight)).doubts
+    )
+    assert read_case(SLAB).doubts == ()
+
+
+def test_a_case_without_rolls_does_not_import_them() -> None:
+    code = (
+        "import sys; from castfem.case import load_case; "
+        "from castfem.case.build_machine import build_machine; "
+        "build_machine(load_case(sys.argv[1])); "
+        "print([m for m in sys.modules if m.startswith('castfem.machine.')])"
+    )
+    billet = SLAB.parents[1] / "billet125" / "thermal.toml"
+    found = subprocess.run(
+        [sys.executable, "-c", code, str(billet)], check=True, capture_output=True, text=True
+    ).stdout
+    assert "castfem.machine.travel" in found
+    for name in ("rolls", "line", "phases"):
+        assert f"castfem.machine.{name}" not in found

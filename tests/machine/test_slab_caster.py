@@ -1,0 +1,188 @@
+"""The demonstration caster has every fact that the thesis tells of its own (VI.1 to VI.4)."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from itertools import accumulate
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from castfem.case import load_case
+from castfem.case.machine import thickness_of
+from castfem.machine.line import Bent
+from castfem.machine.phases import Phase, phases
+from castfem.machine.rolls import Rolls
+from castfem.values.csv_files import read_csv
+
+FOLDER = Path(__file__).parents[2] / "cases" / "slab1200"
+TONNE = 9.80665e3  # N
+
+
+@pytest.fixture(scope="module")
+def rolls() -> Rolls:
+    case = load_case(FOLDER / "thermal.toml")
+    assert case.machine is not None
+    found = case.machine.pairs()
+    assert found is not None
+    assert thickness_of(case.section) == 0.22
+    assert (case.casting.speed, case.section.width) == (0.02, 1.2)
+    assert case.mould_exit() == 0.8
+    return found
+
+
+@pytest.fixture(scope="module")
+def line(rolls: Rolls) -> Bent:
+    return rolls.line(0.22)
+
+
+def position(rolls: Rolls, number: int) -> float:
+    return rolls.pairs[number - 1].position
+
+
+def pitch(rolls: Rolls, number: int) -> float:
+    """From the pair before."""
+    return position(rolls, number) - position(rolls, number - 1)
+
+
+def test_the_files_are_those_of_the_script(tmp_path: Path) -> None:
+    spec = importlib.util.spec_from_file_location("make_rolls", FOLDER / "make_rolls.py")
+    assert spec is not None and spec.loader is not None
+    script: ModuleType = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    script.HERE = tmp_path
+    script.main()
+    for name in ("rolls.csv", "resistance.csv"):
+        assert (tmp_path / name).read_text() == (FOLDER / name).read_text()
+
+
+def test_pairs_and_phases(rolls: Rolls) -> None:
+    """87 pairs, 8 of them vertical, bending over 7 pitches, straightening over #50 to #57."""
+    assert len(rolls.pairs) == 87 and rolls.face == "extrados"
+    assert phases(rolls) == [
+        Phase("vertical", 0, 7),
+        Phase("bending", 7, 14),
+        Phase("arc", 14, 48),
+        Phase("straightening", 48, 56),
+        Phase("straight", 56, 86),
+    ]
+    assert position(rolls, 1) == 0.87
+    assert position(rolls, 8) == pytest.approx(2.3, abs=0.05)  # bending begins at about 2.3 m
+    assert position(rolls, 49) == pytest.approx(14.2, abs=0.1)
+    assert position(rolls, 57) == pytest.approx(16.75, abs=0.1)
+    assert position(rolls, 49) - position(rolls, 15) == pytest.approx(10.2, abs=0.1)
+    assert position(rolls, 62) > position(rolls, 57) + 1.0  # followed to there: 5 pairs beyond
+
+
+def test_pitches_grow_smoothly(rolls: Rolls) -> None:
+    found = np.array([pitch(rolls, i) for i in range(2, 88)])
+    assert found[0] == pytest.approx(0.165, abs=1e-6)
+    assert pitch(rolls, 8) == pytest.approx(0.25, abs=1e-6)
+    for number in (48, 49):
+        assert 0.331 <= pitch(rolls, number) <= 0.345
+        assert pitch(rolls, number) == pytest.approx(0.335, abs=2e-6)
+    assert np.allclose(found[48:], 0.32, atol=2e-6)
+    growth = np.diff(found[:48])
+    assert (growth >= -2e-6).all() and growth.max() < 0.0145
+
+
+def test_diameters_and_clear_distance(rolls: Rolls) -> None:
+    sizes = [pair.diameter for pair in rolls.pairs]
+    assert (min(sizes), max(sizes)) == (0.13, 0.275)
+    assert sizes == sorted(sizes)
+    assert sizes[6] == sizes[7] == 0.215
+    assert rolls.clearance(7, 0.22) == pytest.approx(0.035, abs=1e-6)  # (306)
+    assert min(rolls.clearance(i, 0.22) for i in range(1, 87)) > 0.02
+
+
+def test_radii(rolls: Rolls, line: Bent) -> None:
+    """Bending linear in s to 8006 mm; straightening from 8400 mm, soft first, harder at the end."""
+    chi = [1.0 / pair.radius for pair in rolls.pairs]
+    assert chi[:8] == [0.0] * 8 and chi[56:] == [0.0] * 31
+    start, end = position(rolls, 8), position(rolls, 15)
+    for i in range(9, 15):
+        share = (position(rolls, i) - start) / (end - start)
+        assert chi[i - 1] == pytest.approx(share / 8.006, rel=1e-6)
+    assert [pair.radius for pair in rolls.pairs[14:49]] == [8.006] * 35
+    assert rolls.pairs[49].radius == pytest.approx(8.4, abs=1e-6)
+    powers = [math.log(1.0 - 8.006 * chi[i - 1]) / math.log((i - 49) / 8) for i in range(50, 57)]
+    assert powers == pytest.approx([1.4714] * 7, abs=1e-4)  # 1.47, and 8400 mm at #50
+    changes = -np.diff(chi[48:57])
+    assert (np.diff(changes) > 0.0).all()
+
+
+def test_the_angle_is_square_at_roll_57(rolls: Rolls, line: Bent) -> None:
+    assert math.degrees(line.inclination(position(rolls, 57))) == pytest.approx(90.0, abs=2e-5)
+    assert math.degrees(line.inclination(30.0)) == pytest.approx(90.0, abs=2e-5)
+
+
+def test_apertures_decrease_step_by_step(rolls: Rolls) -> None:
+    """0.1 mm a roll below straightening; a cold thickness of 220 mm at 930 K above cold."""
+    gaps = np.array([pair.aperture for pair in rolls.pairs], float)
+    assert (np.diff(gaps) <= 1e-12).all()
+    assert np.allclose(np.diff(gaps[56:]), -1e-4, atol=1e-9)
+    assert 4 <= np.count_nonzero(np.diff(gaps[:57])) <= 12
+    assert gaps[-1] / (1.0 + 15e-6 * 930.0) == pytest.approx(0.22, abs=1e-4)
+
+
+def resistance() -> tuple[np.ndarray, np.ndarray]:
+    """Position and resistance to there, m and t."""
+    rows = np.array(
+        [[float(c) for c in row.cells] for row in read_csv(FOLDER / "resistance.csv").rows]
+    )
+    return 1e-3 * rows[:, 0], 1e3 * rows[:, 1] / TONNE
+
+
+def test_resistance(rolls: Rolls) -> None:
+    """0.75 t a pair above straightening, 0.79 at #48, 2.3 in it, 0.5 below #67; 60 t at 20 m."""
+    place, total = resistance()
+    assert np.allclose(place, [pair.position for pair in rolls.pairs], atol=1e-9)
+    steps = np.diff(total, prepend=0.0)
+    assert steps[:49].mean() == pytest.approx(0.75, abs=1e-4)
+    assert steps[47] == pytest.approx(0.79, abs=1e-4)
+    assert np.allclose(steps[49:57], 2.3, atol=1e-4) and np.allclose(steps[67:], 0.5, atol=1e-4)
+    assert np.interp(20.0, place, total) == pytest.approx(60.0, abs=0.2)
+    assert total[-1] == pytest.approx(70.0, abs=1e-3)
+    assert 2.8 < steps[51] / steps[47] < 3.0  # that of #52 is almost three times that of #48
+
+
+def effort(extra: float = 0.0) -> list[float]:
+    """Load of each drive, t, if every drive takes what came before it, as far as it can."""
+    case = load_case(FOLDER / "thermal.toml")
+    assert case.machine is not None
+    steps = np.diff(resistance()[1], prepend=0.0)
+    steps[47] += extra
+    left, loads = 0.0, []
+    for pair, step in zip(case.machine.pairs().pairs, steps, strict=True):
+        left += step
+        if pair.driven:
+            loads.append(min(left, pair.capacity / TONNE))
+            left -= loads[-1]
+    return loads
+
+
+def test_drives(rolls: Rolls) -> None:
+    """175 t in all; about 5 t before each above, 5 to 15 t below; a locked #48 fills #50."""
+    driven = [i for i, pair in enumerate(rolls.pairs, 1) if pair.driven]
+    assert {26, 44, 50, 55} < set(driven)
+    forces = [pair.capacity for pair in rolls.pairs if pair.driven]
+    assert sum(f / TONNE for f in forces if f is not None) == pytest.approx(175.0, abs=1e-3)
+    loads = dict(zip(driven, effort(), strict=True))
+    assert all(3.5 < loads[i] < 6.5 for i in driven if i <= 50)
+    assert 11.0 < loads[55] < 15.0
+    assert sum(loads.values()) == pytest.approx(70.0, abs=1e-3)
+    locked = dict(zip(driven, effort(15.0), strict=True))
+    assert locked[50] - loads[50] == pytest.approx(7.38, abs=1e-3)
+    assert locked[55] - loads[55] == pytest.approx(15.0 - 7.38, abs=1e-3)
+    assert locked[60] == pytest.approx(loads[60], abs=1e-9)
+
+
+def test_the_head_down_the_machine(line: Bent) -> None:
+    """Not that of a vertical machine, and at the end that of the bend."""
+    heights = [line.height(s) for s in np.linspace(0.0, 26.0, 131)]
+    assert list(accumulate(heights, max)) == pytest.approx(heights, abs=1e-4)
+    assert line.height(2.3) == pytest.approx(2.3, rel=1e-9)
+    assert 10.5 < line.height(16.75) < 11.5
