@@ -50,6 +50,9 @@ class Given(Protocol):
     def numbers(self, known: Mapping[str, Kind]) -> dict[str, Any]:
         """Return the single numbers that are given."""
 
+    def words(self, known: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
+        """Return the words that are given, of those that each may be."""
+
     def steel(self) -> tuple[float, Callable[[Array], Array]]:
         """Return carbon, wt%, and delta ferrite in the solid over temperature, of file or case."""
 
@@ -82,8 +85,8 @@ class Response:
         stress: At the end of the step, Mandel, Pa, (n, 4).
         tangent: d stress / d strain increment, consistent with the step, Pa, (n, 4, 4).
         state: At the end, (n, states).
-        dissipation: Viscoplastic work over the step, J/m3, (n,); how much of it turns to heat is
-            the caller's affair.
+        dissipation: Viscoplastic work over the step, J/m3, (n,), less what a back stress stores;
+            how much of it turns to heat is the caller's affair.
         flows: Whether the point has flowed in this step, (n,).
     """
 
@@ -125,6 +128,16 @@ class Law(Protocol):
     @property
     def state_names(self) -> tuple[str, ...]:
         """What a point remembers, in the order of the columns of its state."""
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is symmetric."""
+
+    def strain(self, state: Array) -> Array:
+        """Return the equivalent viscoplastic strain (n,) that states (n, states) stand for."""
+
+    def turned(self, state: Array, angle: Array) -> Array:
+        """Return the state of material that is turned by angles (n,), rad, like its stress."""
 
     def initial_state(self, points: int) -> Array:
         """Return the state of material that has never been strained, (n, states)."""

@@ -1,7 +1,8 @@
 """The constitutive laws: what each asks of temperature, and what it makes the kernel do.
 
-All flow is isotropic, incompressible and along the stress deviator (von Mises).  p is the
-equivalent viscoplastic strain, q the equivalent stress; each class states its flow stress.
+All flow is incompressible and along the stress deviator (von Mises), counted from a back stress
+where there is one.  p is the equivalent viscoplastic strain, q the equivalent stress; each class
+states its flow stress.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -9,13 +10,13 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import ClassVar, Self
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from castfem.constitutive import kernel
-from castfem.constitutive.base import Array, Given, MaterialStep, Parameter, Response
+from castfem.constitutive.base import Array, Given, MaterialStep, Parameter, Response, turned
 from castfem.constitutive.curves import Austenite, DeltaFerrite, modified_norton_hoff
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.values.quantities import Kind
@@ -23,6 +24,7 @@ from castfem.values.tables import Constant
 
 STRAIN = "viscoplastic_strain"
 RATE = "flow_curve_rate"
+TENSOR = tuple(f"{STRAIN}_{component}" for component in ("xx", "yy", "xy"))  # xy times sqrt(2)
 LEAST_RATE_EXPONENT = 1e-3
 
 
@@ -37,8 +39,9 @@ _SHARE = Kind("1", least=0.0, most=1.0, label="share", sample="0.1")
 class RadialReturn:
     """What all laws share; `elasticity` comes first in each of them.
 
-    A law with a `name` is known to parameter files by it, with its `parameters` over temperature
-    and its single `numbers`; each is an argument of the class by the same name.
+    A law with a `name` is known to parameter files by it, with its `parameters` over temperature,
+    its single `numbers`, and its `words` with what each may be; each is an argument of the class by
+    the same name.
     """
 
     elasticity: Elasticity
@@ -48,6 +51,7 @@ class RadialReturn:
     name: ClassVar[str] = ""
     parameters: ClassVar[Mapping[str, Parameter]] = {}
     numbers: ClassVar[Mapping[str, Kind]] = {}
+    words: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     kind: ClassVar[int] = kernel.ELASTIC
 
     def __init_subclass__(cls) -> None:
@@ -58,7 +62,10 @@ class RadialReturn:
     @classmethod
     def from_parameters(cls, elasticity: Elasticity, given: Given) -> Self:
         """Return the law of a parameter file."""
-        return cls(elasticity, **given.curves(cls.parameters), **given.numbers(cls.numbers))
+        return cls(
+            elasticity, **given.curves(cls.parameters), **given.numbers(cls.numbers),
+            **given.words(cls.words),
+        )  # fmt: skip
 
     def flow_curve(self, temperature: float) -> FlowCurve | None:
         """Return the stress that flow at a constant rate follows at a temperature, K.
@@ -72,6 +79,39 @@ class RadialReturn:
         """What a point remembers."""
         return (STRAIN,)
 
+    @property
+    def symmetric(self) -> bool:
+        """Whether the tangent is symmetric."""
+        return not self.signed
+
+    @property
+    def signed(self) -> bool:
+        """Whether the state begins with the viscoplastic strain tensor, not with p."""
+        return False
+
+    def strain(self, state: Array) -> Array:
+        """Equivalent viscoplastic strain (n,) of states (n, states), less what has recovered."""
+        if not self.state_names:
+            return np.zeros(len(state))
+        if not self.signed:
+            return np.asarray(state[:, 0])
+        xx, yy, xy = state[:, :3].T
+        square = xx * xx + yy * yy + (xx + yy) ** 2 + xy * xy
+        return np.asarray(np.sqrt(2.0 / 3.0 * square))
+
+    def turned(self, state: Array, angle: Array) -> Array:
+        """The state of material turned by angles (n,) about the casting direction."""
+        if not self.signed:
+            return state
+        xx, yy, xy = state[:, :3].T
+        new = state.copy()
+        new[:, :3] = turned(np.column_stack([xx, yy, -(xx + yy), xy]), angle)[:, (0, 1, 3)]
+        return new
+
+    def fading(self, temperature: Array) -> Array:
+        """Part of the strain that recovers a second, 1/s."""
+        return np.zeros_like(temperature)
+
     def initial_state(self, points: int) -> Array:
         """Return the state of material that has never been strained, (n, states)."""
         return np.zeros((points, len(self.state_names)))
@@ -83,7 +123,8 @@ class RadialReturn:
     def coefficients(self, temperature_old: Array, temperature: Array) -> Array:
         """Return the table of coefficients of a step, (n, columns), see `base.Law`."""
         columns = self.elasticity.coefficients(temperature_old, temperature)
-        columns += self._own(np.minimum(temperature, self.elasticity.solidity.solidus))
+        solid = np.minimum(temperature, self.elasticity.solidity.solidus)
+        columns += [self.fading(solid), *self._own(solid)]
         table = np.empty((len(temperature), len(columns)))
         for column, values in enumerate(columns):
             table[:, column] = values
@@ -106,8 +147,8 @@ class RadialReturn:
         if out is None:
             out = Response.empty(len(stress_old), len(self.state_names))
         kernel.integrate_points(
-            self.kind, coefficients, step.strain_increment, step.thermal_increment,
-            stress_old, state_old, float(step.dt),
+            self.kind, self.signed, coefficients,
+            step.strain_increment, step.thermal_increment, stress_old, state_old, float(step.dt),
             out.stress, out.tangent, out.state, out.dissipation, out.flows,
         )  # fmt: skip
         return out
@@ -208,8 +249,55 @@ class NortonCreep(RadialReturn):
         return [self.ln_factor(temperature), n]
 
 
+_RECOVERY = Parameter(
+    Kind("s", "s", above=0.0, label="recovery time", sample="100 s"), logarithmic=True, word="none"
+)
+
+
 @dataclass(frozen=True, slots=True)
-class NortonHoff(RadialReturn):
+class Hardening(RadialReturn):
+    """A law that hardens by strain: by which, and how that fades.
+
+    Accumulated: by p, which never decreases of itself; a reversed load meets the hardened curve.
+    Signed: by the viscoplastic strain tensor E, with e = sqrt(2/3) E:n its part along the flow n.
+    Where strain multiplies (Norton-Hoff, delta ferrite) a negative e counts as none; where it adds
+    (austenite) the hardening part is a back stress X along E, of the size of Kozlowski's at the
+    equivalent strain of E, and flow is along the deviator of stress less X.  In tension and
+    compression this is Kozlowski's law with its signed strain.
+
+    Attributes:
+        hardening: By which strain.
+        recovery_time: tau over temperature in K, s, of dp = dp_vp - p/tau dt (of E likewise); None
+            for no recovery.
+    """
+
+    hardening: Literal["accumulated", "signed"] = field(default="accumulated", kw_only=True)
+    recovery_time: Curve | None = field(default=None, kw_only=True)
+
+    parameters: ClassVar[Mapping[str, Parameter]] = {"recovery_time": _RECOVERY}
+    words: ClassVar[Mapping[str, tuple[str, ...]]] = {"hardening": ("accumulated", "signed")}
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """The viscoplastic strain: accumulated, or xx, yy and sqrt(2) xy of the tensor."""
+        return TENSOR if self.signed else (STRAIN,)
+
+    @property
+    def signed(self) -> bool:
+        """Whether the state begins with the viscoplastic strain tensor, not with p."""
+        return self.hardening == "signed"
+
+    def fading(self, temperature: Array) -> Array:
+        """1/tau, 1/s."""
+        if self.recovery_time is None:
+            return np.zeros_like(temperature)
+        time = self.recovery_time(temperature)
+        _require(np.all(time > 0.0), "the recovery time must be positive", time)
+        return np.asarray(1.0 / time)
+
+
+@dataclass(frozen=True, slots=True)
+class NortonHoff(Hardening):
     """The modified Norton-Hoff law (163), with its yield limit found or given.
 
         q = C(e, r; T) = K0 p2 sqrt3 exp(-p1 e) (sqrt3 r)^p3 e^p4,    e = p + q/E.
@@ -251,6 +339,7 @@ class NortonHoff(RadialReturn):
 
     name: ClassVar[str] = "norton_hoff"
     parameters: ClassVar[Mapping[str, Parameter]] = {
+        **Hardening.parameters,
         "strength": Parameter(
             Kind("Pa", "MPa", above=0.0, label="strength K0 p2", sample="40 MPa"), logarithmic=True
         ),
@@ -285,7 +374,8 @@ class NortonHoff(RadialReturn):
     @property
     def state_names(self) -> tuple[str, ...]:
         """Viscoplastic strain, and with an automatic yield limit the remembered rate in 1/s."""
-        return (STRAIN, RATE) if self.yield_limit is None else (STRAIN,)
+        strain = TENSOR if self.signed else (STRAIN,)
+        return (*strain, RATE) if self.yield_limit is None else strain
 
     def _own(self, temperature: Array) -> list[Array]:
         strength, exponent = self.strength(temperature), self.p3(temperature)
@@ -307,7 +397,7 @@ class NortonHoff(RadialReturn):
 
 
 @dataclass(frozen=True, slots=True)
-class UnifiedSteel(RadialReturn):
+class UnifiedSteel(Hardening):
     """Kozlowski's model III for austenite and Zhu's power law for delta ferrite.
 
     Austenite: q = f1 p^f2 + (dp/dt / c)^(1/f3);  delta ferrite: q = d (1 + 1000 p)^m (dp/dt)^(1/n).
@@ -315,7 +405,8 @@ class UnifiedSteel(RadialReturn):
     a `blend` the two flow stresses are mixed smoothly (both phases strain alike) while the share
     goes from threshold - blend/2 to threshold + blend/2.
 
-    Hardening is isotropic: p never decreases, reversed loading meets the hardened curve.
+    With accumulated `hardening` p never decreases, and a reversed load meets the hardened curve;
+    signed, f1 p^f2 is a back stress along the strain tensor, which helps a reversed load.
 
     Attributes:
         carbon: wt%.
@@ -343,7 +434,10 @@ class UnifiedSteel(RadialReturn):
     @classmethod
     def from_parameters(cls, elasticity: Elasticity, given: Given) -> Self:
         """See `RadialReturn.from_parameters`; it goes by the carbon of the steel."""
-        return cls(elasticity, *given.steel(), **given.numbers(cls.numbers))
+        carbon, delta_share = given.steel()
+        more: dict[str, Any] = {**given.numbers(cls.numbers), **given.words(cls.words)}
+        more |= given.curves(cls.parameters)
+        return cls(elasticity, carbon=carbon, delta_share=delta_share, **more)
 
     def delta_weight(self, temperature: Array) -> Array:
         """Weight of the delta-ferrite law, 0 to 1."""

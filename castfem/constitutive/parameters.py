@@ -83,6 +83,15 @@ class _Reader:
         found = {key: self.number(key, kind) for key, kind in known.items() if key in self.data}
         return {key: value for key, value in found.items() if value is not None}
 
+    def words(self, known: Mapping[str, tuple[str, ...]]) -> dict[str, Any]:
+        """See `base.Given`."""
+        given = {key: self.data[key] for key in known if key in self.data}
+        for key, word in given.items():
+            if word not in known[key]:
+                near = nearest(str(word), known[key])
+                self.fail(key, f"({shown(word)}) must be one of {choices(known[key])}{near}")
+        return {key: word for key, word in given.items() if word in known[key]}
+
     def steel(self) -> tuple[float, Callable[[Array], Array]]:
         """See `base.Given`."""
         carbon, delta_share = self.carbon, self.delta_share
@@ -204,7 +213,7 @@ def law_from(
         found = f"({shown(data['law'])}) is not known" if "law" in data else "is missing"
         raise InputError(f"{label}: law: {found}; one of {choices(known)}{nearest(name, known)}")
     law, reader = known[name], _Reader(data, label, carbon, delta_share)
-    reader.unknown((*_TEXTS, "carbon", *law.parameters, *law.numbers))
+    reader.unknown((*_TEXTS, "carbon", *law.parameters, *law.numbers, *law.words))
     reader.number("carbon", _CARBON)
     made = law.from_parameters(elasticity, reader)
     if reader.problems:

@@ -74,12 +74,14 @@ class SurfaceStress:
         self._coefficients = self._law.coefficients(before, after)
         self._liquid = liquid
 
-    def _increments(self) -> tuple[Array, Array]:
-        """Strain increments (n, 4), and the old stress turned with the material."""
+    def _increments(self) -> tuple[Array, Array, Array]:
+        """Strain increments (n, 4), and the old stress and state turned with the material."""
+        old = self._old
         if self._step is not None:
             found = self._step().reshape(-1, 5)
             angle = 2.0 * np.arctan(0.5 * found[:, 4])
-            return np.ascontiguousarray(found[:, :4]), turned(self._old.stress, angle)
+            strain = np.ascontiguousarray(found[:, :4])
+            return strain, turned(old.stress, angle), self._law.turned(old.internal, angle)
         motion = self._motion
         change = motion.u.x.array - motion.u_old.x.array
         g = (self._gradients @ change).reshape(-1, 4)
@@ -92,7 +94,7 @@ class SurfaceStress:
                 (g[:, 1] + g[:, 2]) / SQRT2,
             ]
         )
-        return strain, self._old.stress
+        return strain, old.stress, old.internal
 
     def evaluate(self, normal: Array) -> tuple[Array, Array, Array]:
         """Stress along `normal` (n, 2) and its derivatives.
@@ -101,13 +103,13 @@ class SurfaceStress:
             n . sigma n (n,), ferrostatic pressure included; its derivative by the strain (n, 4) and
             by the angle at which the stress turns (n,).
         """
-        self.strain, stress_old = self._increments()
+        self.strain, stress_old, internal = self._increments()
         step = MaterialStep(self.strain, self._thermal, *self._temperatures, self._dt)
         response = self.response
         self._law.integrate(
             step,
             stress_old,
-            self._old.internal,
+            internal,
             coefficients=self._coefficients,
             out=response,
         )

@@ -14,7 +14,7 @@ import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from castfem.constitutive.base import Response, turned
+from castfem.constitutive.base import Response
 from castfem.contact.wall_contact import WallContact
 from castfem.fem.dolfinx_compat import Tabulation
 from castfem.fem.section import Section
@@ -279,8 +279,10 @@ class Kinematics(ABC):
         loads: SurfaceLoads,
         modes: bool,
         contact: WallContact | None = None,
+        symmetric: bool = True,
     ) -> None:
         self._points, self._fields = points, fields
+        self._symmetric = symmetric
         self._prepare(section, contact)
         weights = points.mean.volume.reshape(points.linear.values.shape[:2])
         self.volume = VolumeStiffness(
@@ -303,10 +305,11 @@ class Kinematics(ABC):
         """Change of volume per unit of each motion, see `VolumeStiffness`."""
 
     @abstractmethod
-    def increments(self, stress_old: Array) -> tuple[Array, Array]:
-        """Strain increments of the step (points, 4) and the old stress as the law is to see it.
+    def increments(self) -> tuple[Array, Array | None]:
+        """Strain increments of the step (points, 4), and the angles the material turns by.
 
-        At the points of the mean stress their trace is linear on each cell.
+        At the points of the mean stress their trace is linear on each cell.  The angles (points,)
+        are those by which the law is to see the old stress and state turned; None for none.
         """
 
 
@@ -316,7 +319,7 @@ class SmallStrain(Kinematics):
     constant = True
 
     def _prepare(self, section: Section, contact: WallContact | None) -> None:
-        self.symmetric = contact is None or contact.symmetric
+        self.symmetric = self._symmetric and (contact is None or contact.symmetric)
         x, y = self._points.position.T
         # Strain of each generalized strain at the points, rows [xx, yy, zz, xy] that are not 0.
         self._thickness = np.column_stack([np.ones_like(x), x, y])
@@ -350,7 +353,7 @@ class SmallStrain(Kinematics):
         found = np.concatenate([points.dilation, modes.reshape(*points.dilation.shape[:2], 4)], 2)
         return found, found
 
-    def increments(self, stress_old: Array) -> tuple[Array, Array]:
+    def increments(self) -> tuple[Array, Array | None]:
         """See `Kinematics`."""
         fields = self._fields
         change = fields.u.x.array - fields.u_old.x.array
@@ -358,7 +361,7 @@ class SmallStrain(Kinematics):
         modes = fields.modes.value - fields.modes_old.value
         strain[:, 1] += modes[3]
         strain[:, 2] += self._thickness @ modes[:3]
-        return strain, stress_old
+        return strain, None
 
 
 class LargeStrain(Kinematics):
@@ -428,8 +431,8 @@ class LargeStrain(Kinematics):
         change, work = (np.concatenate(parts, axis=2) for parts in found)
         return change, work
 
-    def increments(self, stress_old: Array) -> tuple[Array, Array]:
-        """See `Kinematics`: midpoint increments, and the stress turned with the material."""
+    def increments(self) -> tuple[Array, Array | None]:
+        """See `Kinematics`: midpoint increments."""
         found = np.concatenate([t.values().reshape(-1, 5) for t in self._steps])
         strain = self._points.level(np.ascontiguousarray(found[:, :4]))
-        return strain, turned(stress_old, 2.0 * np.arctan(0.5 * found[:, 4]))
+        return strain, 2.0 * np.arctan(0.5 * found[:, 4])

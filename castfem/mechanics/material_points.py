@@ -37,6 +37,9 @@ class FedPoints:
         table[at, kernel.YOUNG] = self.young
         table[at, kernel.CARRY_DEVIATOR] = table[at, kernel.CARRY_MEAN] = 0.0
         table[at, kernel.FRESH] = 1.0
+        # What freezes at the very end of a step is no softer than the liquid it was.
+        least = self.young / table[:, kernel.YOUNG]
+        np.maximum(table[:, kernel.SHARE], np.minimum(least, 1.0), out=table[:, kernel.SHARE])
 
 
 class Material:

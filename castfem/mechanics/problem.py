@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 
+from castfem.constitutive.base import turned
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
 from castfem.fem.bordered_system import Border
@@ -110,8 +111,9 @@ class MechanicalProblem:
             self.contact = WallContact(section, slice_.contact, slice_, self.fields)
         kind = LargeStrain if slice_.large_strain else SmallStrain
         self.kinematics = kind(
-            section, self.points, self.fields, self._loads, self.free > 0, self.contact
-        )
+            section, self.points, self.fields, self._loads, self.free > 0, self.contact,
+            slice_.law.symmetric,
+        )  # fmt: skip
         held = [*symmetry_supports(section.groups), *slice_.held]
         self.constraints = Constraints(section, self.space, held, slice_.pin, springs)
         self.liquid: FedLiquid | None = None
@@ -274,9 +276,13 @@ class MechanicalProblem:
         modes = self._motions.modes(self.border.share(local))
         fields.modes.value[:] = modes
         with self.watch.section("kinematics"):
-            strain, stress_old = self.kinematics.increments(self.old.stress)
+            strain, angle = self.kinematics.increments()
         with self.watch.section("law"):
-            self._material.integrate(strain, stress_old, self.old.internal)
+            stress_old, internal = self.old.stress, self.old.internal
+            if angle is not None:
+                stress_old = turned(stress_old, angle)
+                internal = self.slice.law.turned(internal, angle)
+            self._material.integrate(strain, stress_old, internal)
         noise = 0.0
         if self.contact is not None:
             with self.watch.section("contact"):

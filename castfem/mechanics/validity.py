@@ -110,8 +110,6 @@ class Validity:
         f = now.gradient
         seen = ufl.as_vector([f[0, 0], f[0, 1], f[1, 0], f[1, 1], now.thickness, *now.position])
         self._now = Tabulation(mesh, seen, points.deviator.points)
-        names = law.state_names
-        self._flow = names.index("viscoplastic_strain") if "viscoplastic_strain" in names else None
 
     def refusal(self, state: MechanicalState, temperature: Array) -> str:
         """Why a newly found state cannot be kept, empty if it can (collective).
@@ -191,9 +189,7 @@ class Validity:
         """Strain that the solid deviator's points have borne since they froze."""
         shear = self._law.elasticity.moduli(temperature[: len(solid)][solid])[0]
         elastic = equivalent_stress(state.stress[: len(solid)][solid]) / (3.0 * shear)
-        if self._flow is None:
-            return np.asarray(elastic)
-        return np.asarray(elastic + state.internal[: len(solid), self._flow][solid])
+        return np.asarray(elastic + self._law.strain(state.internal[: len(solid)][solid]))
 
     def _squeezed(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
         """Elastic strain along each axis of the mean stress, at solid points of its rule."""

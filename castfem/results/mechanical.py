@@ -126,12 +126,9 @@ class MechanicalSampler:
                 found["von_mises"] = points.at_vertices(equivalent_stress(recovered))
         if "strain" in names:
             found["strain"] = points.at_vertices(self._strain(state))
-        remembered = self.problem.slice.law.state_names
         if "viscoplastic_strain" in names:
-            column = np.zeros(points.split)
-            if "viscoplastic_strain" in remembered:
-                column = state.internal[: points.split, remembered.index("viscoplastic_strain")]
-            found["viscoplastic_strain"] = points.at_vertices(column)
+            flowed = self.problem.slice.law.strain(state.internal[: points.split])
+            found["viscoplastic_strain"] = points.at_vertices(flowed)
         if "pressure" in names:
             found["pressure"] = self._pressure(state)
         if self._gap is not None and state.contact is not None:

@@ -15,7 +15,7 @@ from castfem.constitutive import load_elasticity, load_law
 from castfem.constitutive.analytical import axial_stress
 from castfem.constitutive.base import Array
 from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import STRAIN, RadialReturn
+from castfem.constitutive.flow_laws import RadialReturn
 from castfem.constitutive.parameters import law_from, told_of
 from castfem.constitutive.uniaxial import Tension, pull
 from castfem.errors import InputError, RunFailure
@@ -187,8 +187,6 @@ class _Writer:
         self.test, self.analytical = test, analytical
         self.record: Tension | None = None
         self.last = 0
-        names = test.law.state_names
-        self._flow = names.index(STRAIN) if STRAIN in names else None
         columns = [
             ("time", "s"), ("strain", "-"), ("stress", "MPa"), ("viscoplastic_strain", "-"),
             ("analytical_stress", "MPa"), ("temperature", "degC"), ("work", "MJ/m^3"),
@@ -205,9 +203,9 @@ class _Writer:
 
     def flow(self, k: int) -> float:
         """Viscoplastic strain at step k."""
-        if self.record is None or self._flow is None:
+        if self.record is None:
             return 0.0
-        return float(self.record.state[k, 0, self._flow])
+        return float(self.test.law.strain(self.record.state[k])[0])
 
     def row(self, record: Tension, k: int) -> None:
         """Write row k, before the first one that of the start."""

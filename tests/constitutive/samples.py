@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,12 +19,13 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.flow_laws import RATE, TENSOR, RadialReturn
 from castfem.values.tables import Constant, celsius
 
 Array = npt.NDArray[np.float64]
 ZERO = 273.15
 SOLIDUS, LIQUIDUS = 1723.0, 1775.0
+FADING = celsius([700, 1000, 1400], [1e4, 100.0, 0.1], logarithmic=True)  # s
 STRENGTH = celsius([800, 1000, 1200, 1400], [108e6, 55e6, 30e6, 17e6], logarithmic=True)
 
 
@@ -61,6 +62,29 @@ def every_law() -> dict[str, RadialReturn]:
         "viscous p3=0.02 softening": hoff(el, 30.0, 0.02, 0.6, 0.0),
         "yield given": hoff(el, 3.0, 0.15, 0.2, 10e6),
         "steel": load_law("kozlowski_zhu", el, carbon=0.08),
+        **hardening_laws(el),
+    }
+
+
+def hardening_laws(el: Elasticity) -> dict[str, RadialReturn]:
+    """The laws whose hardening is signed, or fades, or both."""
+    steel = load_law("kozlowski_zhu", el, carbon=0.08)
+    blend = replace(steel, blend=0.2)
+    fitted = load_law("norton_hoff_kozlowski", el)
+    steep = hoff(el, 8.0, 0.02, 0.6)
+    viscous = hoff(el, -10.0, 0.15, 0.1, 0.0)
+    given = hoff(el, 3.0, 0.15, 0.2, 10e6)
+    return {
+        "steel signed": replace(steel, hardening="signed"),
+        "steel recovering": replace(steel, recovery_time=FADING),
+        "steel blend signed recovering": replace(blend, hardening="signed", recovery_time=FADING),
+        "hoff signed": replace(fitted, hardening="signed"),
+        "hoff recovering": replace(fitted, recovery_time=FADING),
+        "hoff p3=0.02 p4=0.6 signed recovering": replace(
+            steep, hardening="signed", recovery_time=FADING
+        ),
+        "viscous signed recovering": replace(viscous, hardening="signed", recovery_time=FADING),
+        "yield given signed": replace(given, hardening="signed"),
     }
 
 
@@ -109,8 +133,20 @@ def random_states(law: RadialReturn, n: int, groups: int, seed: int) -> States:
     state = law.initial_state(n)
     if state.shape[1] > 0:
         state[:, 0] = np.where(rng.random(n) < 0.2, 0.0, 10.0 ** rng.uniform(-8.0, 0.0, n))
-    if state.shape[1] > 1:
-        state[:, 1] = np.where(rng.random(n) < 0.2, 0.0, 10.0 ** rng.uniform(-10.0, 3.0, n))
+    if RATE in law.state_names:
+        rate = np.where(rng.random(n) < 0.2, 0.0, 10.0 ** rng.uniform(-10.0, 3.0, n))
+        state[:, law.state_names.index(RATE)] = rate
+    if law.state_names[:3] == TENSOR:
+        # A third along the stress, a third back, a third anywhere.
+        anywhere = _directions(rng, n)
+        anywhere[:, :3] -= anywhere[:, :3].mean(axis=1)[:, None]
+        deviator = stress - stress[:, :3].mean(axis=1)[:, None] * np.array([1.0, 1.0, 1.0, 0.0])
+        length = np.linalg.norm(deviator, axis=1)[:, None]
+        with np.errstate(invalid="ignore"):
+            aligned = np.where(length > 0.0, deviator / length, anywhere)
+        kind = rng.integers(0, 3, n)[:, None]
+        tensor = np.where(kind == 0, aligned, np.where(kind == 1, -aligned, anywhere))
+        state[:, :3] = state[:, :1] * tensor[:, (0, 1, 3)]
     thermal = np.where(new < SOLIDUS, rng.uniform(-1e-2, 1e-2, n), 0.0)
     return States(old, new, strain, thermal, stress, state, dt, group)
 

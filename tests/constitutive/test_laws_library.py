@@ -40,8 +40,10 @@ def test_every_shipped_law_loads_and_pulls() -> None:
         assert 1e6 < found.axial_stress[-1, 0] < 60e6
     assert kinds == {
         "kozlowski_zhu": UnifiedSteel,
+        "kozlowski_zhu_signed": UnifiedSteel,
         "norton_hoff_kozlowski": NortonHoff,
         "norton_hoff_kozlowski_p1": NortonHoff,
+        "norton_hoff_kozlowski_signed": NortonHoff,
         "weiner_boley": PerfectlyPlastic,
     }
 
@@ -117,6 +119,12 @@ def test_laws_from_data() -> None:
     assert given.yield_limit(np.full(1, 900.0))[0] == 2e6
     assert given.p4(np.full(1, 900.0))[0] == 0.0
     assert isinstance(law_from({"law": "thermo_elastic"}, EL), ThermoElastic)
+    assert given.hardening == "accumulated" and given.state_names == ("viscoplastic_strain",)
+    steel = law_from(
+        {"law": "unified_steel", "carbon": 0.1, "hardening": "signed", "recovery_time": "50 s"}, EL
+    )
+    assert isinstance(steel, UnifiedSteel) and steel.signed
+    assert steel.fading(np.full(1, 900.0))[0] == pytest.approx(0.02)
     table = {
         "temperature": [900, 1100],
         "temperature_unit": "degC",
@@ -138,6 +146,10 @@ def test_laws_from_data() -> None:
         ({"law": "perfectly_plastic", "yeld_stress": "3 MPa"}, ["did you mean yield_stress?"]),
         ({"law": "norton_hoff", "strength": "3 MPa", "p3": 0.1, "p4": 1.5}, ["p4: must not be"]),
         ({"law": "unified_steel"}, ["carbon: is missing"]),
+        ({"law": "norton_hoff", "strength": "3 MPa", "p3": 0.1, "hardening": "sined"}, ["signed?"]),
+        ({"law": "unified_steel", "carbon": 0.1, "recovery_time": "-3 s"}, ["recovery_time: must"]),
+        ({"law": "weiner", "hardening": "signed"}, ["law: "]),
+        ({"law": "thermo_elastic", "hardening": "signed"}, ["hardening: unknown key"]),
         ({"law": "unified_steel", "carbon": 5.0}, ["carbon: must not be above 2.11 (5.0)"]),
     ],
 )

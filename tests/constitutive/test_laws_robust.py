@@ -12,13 +12,12 @@ from castfem.constitutive import MaterialStep, Response, ThermoElastic, equivale
 from castfem.constitutive.base import rotation
 from castfem.constitutive.flow_laws import RadialReturn
 
-from .samples import Array, every_law, random_states
+from .samples import Array, every_law, hardening_laws, random_states, steel_like
 
 LAWS = every_law()
 ALL = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
-FLOWING = pytest.mark.parametrize(
-    "law", [v for k, v in LAWS.items() if k != "elastic"], ids=[k for k in LAWS if k != "elastic"]
-)
+PLAIN = {k: v for k, v in LAWS.items() if k != "elastic" and k not in hardening_laws(steel_like())}
+ACCUMULATING = pytest.mark.parametrize("law", PLAIN.values(), ids=PLAIN.keys())
 
 
 @ALL
@@ -30,12 +29,13 @@ def test_a_hundred_thousand_random_states(law: RadialReturn) -> None:
             assert np.isfinite(part).all()
         assert (found.dissipation >= 0.0).all()
         size = np.abs(found.tangent).max(axis=(1, 2), keepdims=True)
-        assert (np.abs(found.tangent - found.tangent.transpose(0, 2, 1)) <= 1e-13 * size).all()
+        if law.symmetric:
+            assert (np.abs(found.tangent - found.tangent.transpose(0, 2, 1)) <= 1e-13 * size).all()
         flowing += found.flows.sum()
     assert flowing == 0 or flowing > 20_000  # the sample tries both
 
 
-@FLOWING
+@ACCUMULATING
 def test_flow_returns_radially_and_by_as_much_as_strain_says(law: RadialReturn) -> None:
     """Q = trial - 3G dp with the trial stress of Hooke's law, and the direction is kept."""
     elastic = ThermoElastic(law.elasticity)
@@ -129,7 +129,8 @@ def test_turning_everything_turns_the_answer(law: RadialReturn) -> None:
             step.strain_increment @ turn.T, step.thermal_increment, step.temperature_old,
             step.temperature, step.dt,
         )  # fmt: skip
-        other = law.integrate(turned, stress @ turn.T, state)
+        turned_state = law.turned(state, np.full(len(state), 0.7))
+        other = law.integrate(turned, stress @ turn.T, turned_state)
         trial = np.abs(found.tangent).max(axis=(1, 2)) * np.abs(step.strain_increment).max(axis=1)
         scale = (np.abs(stress).max(axis=1) + trial + np.abs(found.stress).max(axis=1))[:, None]
         assert (np.abs(other.stress - found.stress @ turn.T) <= 1e-9 * scale).all()

@@ -10,7 +10,11 @@ import pytest
 from castfem.constitutive.base import rotation
 from castfem.constitutive.curves import norton_relaxation
 from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
+from castfem.constitutive.flow_laws import (
+    NortonCreep,
+    PerfectlyPlastic,
+    UnifiedSteel,
+)
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
 from castfem.values.tables import Constant
@@ -120,13 +124,15 @@ def held_by(gradient: Any) -> tuple[Held, ...]:
     )
 
 
-@pytest.mark.parametrize("flows", ["creep", "plastic"])
+@pytest.mark.parametrize("flows", ["creep", "plastic", "signed"])
 def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
     """Stretched, then turned by 120 degrees while it goes on being stretched along its own axes."""
     stiff = Elasticity.constant(YOUNG, 0.3)
     law: Any = NortonCreep.constant(stiff, 1e-3, 2e7, 5.0)
     if flows == "plastic":
         law = PerfectlyPlastic(stiff, Constant(2e7))
+    elif flows == "signed":  # its back stress must turn with the block
+        law = UnifiedSteel(stiff, 0.1, np.zeros_like, hardening="signed")
     final = np.radians(120.0)
 
     def turn(angle: float) -> Array:
@@ -145,7 +151,7 @@ def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
         )  # fmt: skip
         for time in np.linspace(0.0, 1.0, steps + 1)[1:]:
             scene.step(float(time))
-        return scene.stress, scene.state.internal
+        return scene.stress, law.strain(scene.state.internal)
 
     gaps = []
     for steps in (10, 20, 40):
