@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
 
 from castfem import mould as wall
-from castfem.case.mould import Coulomb, Limited, Mould, Tresca, Viscous
+from castfem.case.mould import Mould
 from castfem.case.problems import Problem
 from castfem.case.section import Section, Strip
 from castfem.values.tables import as_function
 from castfem.values.units import format
-
-if TYPE_CHECKING:
-    from castfem.contact.friction import Friction as FrictionLaw
 
 
 def build_mould(table: Mould, section: Section) -> wall.Mould:
@@ -35,26 +31,6 @@ def build_mould(table: Mould, section: Section) -> wall.Mould:
     tapers = _tapers(table, section)
     temperature = None if table.wall_temperature is None else as_function(table.wall_temperature)
     return wall.Mould(_cavity(table, section, hot), table.length, tapers, temperature, expansion)
-
-
-def build_friction(table: Any) -> FrictionLaw | None:
-    """Return the law that [mould.friction] describes, None for a wall without friction."""
-    from castfem.contact import friction
-
-    if isinstance(table, Coulomb):
-        return friction.Coulomb(table.coefficient)
-    if isinstance(table, Limited):
-        return friction.Coulomb(table.coefficient, yield_stress=table.yield_stress)
-    if isinstance(table, Tresca):
-        return friction.Tresca(table.share, table.yield_stress, table.steepest)
-    if not isinstance(table, Viscous):
-        return None
-    speed, exponent, steepest = table.speed, table.exponent, table.steepest
-    if table.yield_stress is None:
-        return friction.Lubricant(table.stress / speed**exponent, exponent, steepest)
-    share = math.sqrt(3.0) * table.stress / table.yield_stress
-    base = friction.Coulomb(table.coefficient)
-    return friction.Viscous(base, share, table.yield_stress, speed, exponent, steepest)
 
 
 def _expansion(table: Mould) -> wall.Expansion | None:
@@ -113,14 +89,7 @@ def check_mould(table: Mould | None, section: Section) -> Iterator[Problem]:
                 f'a section of shape "{section.tag}" has one taper for all: taper = "1 %/m"',
             )
         )
-    friction = table.friction
-    if isinstance(friction, Viscous) and friction.coefficient and friction.yield_stress is None:
-        found.append(
-            Problem(
-                ("mould", "friction"),
-                'a threshold needs the limit of what comes on top: yield_stress = "10 MPa"',
-            )
-        )
+    found += [] if table.friction is None else table.friction.problems()
     yield from found
     sizes = [getattr(section, name, None) for name in type(section).model_fields]
     needed = [table.length, table.taper, table.condition, table.copper, *sizes]

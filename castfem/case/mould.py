@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from castfem.case.base import TableModel, written
 from castfem.case.mechanics import Share
+from castfem.case.problems import Problem
 from castfem.case.taper import Perimeter, TaperMark
+from castfem.case.variants import Variants
 from castfem.values.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
 from castfem.values.tables import Curve, Table
 from castfem.values.units import nearest
@@ -17,6 +21,8 @@ from castfem.values.units import nearest
 if TYPE_CHECKING:
     from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
     from pydantic_core import CoreSchema
+
+    from castfem.contact.friction import Friction as FrictionLaw
 
 TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
 ExpansionCoefficient = Annotated[float, Kind("1/K", "1/K", above=0.0)]
@@ -98,20 +104,41 @@ class Touch(TableModel):
         )
 
 
-class NoFriction(TableModel):
+class Friction(Variants):
+    """What every friction law has; a new one is a subclass with its own `law` and `build`."""
+
+    tag_key = "law"
+    kinds: ClassVar[dict[str, Any]] = {}
+
+    def build(self) -> FrictionLaw | None:
+        """Return the law as the contact asks it, None for a wall without friction."""
+        return None
+
+    def problems(self) -> Iterator[Problem]:
+        """Yield what its values cannot be together."""
+        yield from ()
+
+
+class NoFriction(Friction):
     """The strand slides freely."""
 
     law: Literal["none"]
 
 
-class Coulomb(TableModel):
+class Coulomb(Friction):
     """Coulomb: the friction stress is at most the coefficient times the pressure (eq. 231)."""
 
     law: Literal["coulomb"]
     coefficient: FrictionCoefficient = Field(description="friction stress over pressure")
 
+    def build(self) -> FrictionLaw:
+        """See `Friction.build`."""
+        from castfem.contact import friction
 
-class Limited(TableModel):
+        return friction.Coulomb(self.coefficient)
+
+
+class Limited(Friction):
     """Coulomb, limited where pressure and friction make the surface yield (eq. 233)."""
 
     law: Literal["limited"]
@@ -120,8 +147,14 @@ class Limited(TableModel):
         description="yield stress p0 of the weaker of the two, sqrt(p^2 + 3 tau^2) <= p0"
     )
 
+    def build(self) -> FrictionLaw:
+        """See `Friction.build`."""
+        from castfem.contact import friction
 
-class Tresca(TableModel):
+        return friction.Coulomb(self.coefficient, yield_stress=self.yield_stress)
+
+
+class Tresca(Friction):
     """Tresca: the friction stress is at most a share of the yield stress (eq. 234, 235)."""
 
     law: Literal["tresca"]
@@ -131,8 +164,14 @@ class Tresca(TableModel):
         1.0, description="the friction stress is at most this many times the pressure"
     )
 
+    def build(self) -> FrictionLaw:
+        """See `Friction.build`."""
+        from castfem.contact import friction
 
-class Viscous(TableModel):
+        return friction.Tresca(self.share, self.yield_stress, self.steepest)
+
+
+class Viscous(Friction):
     """Friction that goes with a power of the sliding speed, beyond a threshold (eq. 236, 237)."""
 
     law: Literal["viscous"]
@@ -150,21 +189,24 @@ class Viscous(TableModel):
         1.0, description="beyond the threshold it is at most this many times the pressure"
     )
 
+    def build(self) -> FrictionLaw:
+        """See `Friction.build`; without a yield stress the given stress has no other limit."""
+        from castfem.contact import friction
 
-def _law(table: Any) -> str | None:
-    if isinstance(table, dict):
-        return table.get("law")
-    return getattr(table, "law", None)
+        speed, exponent, steepest = self.speed, self.exponent, self.steepest
+        if self.yield_stress is None:
+            return friction.Lubricant(self.stress / speed**exponent, exponent, steepest)
+        share = math.sqrt(3.0) * self.stress / self.yield_stress
+        base = friction.Coulomb(self.coefficient)
+        return friction.Viscous(base, share, self.yield_stress, speed, exponent, steepest)
 
-
-Friction = Annotated[
-    Annotated[NoFriction, Tag("none")]
-    | Annotated[Coulomb, Tag("coulomb")]
-    | Annotated[Limited, Tag("limited")]
-    | Annotated[Tresca, Tag("tresca")]
-    | Annotated[Viscous, Tag("viscous")],
-    Discriminator(_law),
-]
+    def problems(self) -> Iterator[Problem]:
+        """See `Friction.problems`."""
+        if self.coefficient and self.yield_stress is None:
+            yield Problem(
+                ("mould", "friction"),
+                'a threshold needs the limit of what comes on top: yield_stress = "10 MPa"',
+            )
 
 
 class Copper(TableModel):

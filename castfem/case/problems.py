@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from castfem.case.base import TableModel
-from castfem.case.variants import Variants
+from castfem.case.variants import Variants, tag_of
 from castfem.support.messages import Path, choices, dotted, shown
 from castfem.values.quantities import Kind
 from castfem.values.tables import Curve
@@ -53,32 +53,12 @@ def from_validation(
     """Return the problems pydantic found in a `root`, their paths those of the document."""
     found = []
     for details in error.errors(include_url=False):
-        path, kind = _path_in(data, details["loc"]), details["type"]
+        path, kind = details["loc"], details["type"]
         value = at(data, path)
         if kind == "too_short" and value:  # pydantic counts the sound entries only
             continue
         found.append(Problem(path, _text(details, path, value, root, data), kind))
     return found
-
-
-def _path_in(data: Any, loc: Path) -> Path:
-    """Drop from pydantic's location the tags of unions, which are no keys of the document."""
-    path: list[str | int] = []
-    for part in loc:
-        if (
-            isinstance(data, Mapping)
-            and part not in data
-            and part
-            in (
-                data.get("law"),
-                data.get("shape"),
-            )
-        ):
-            continue
-        path.append(part)
-        found = at(data, (part,))
-        data = None if found is _MISSING else found
-    return tuple(path)
 
 
 def _text(
@@ -97,13 +77,12 @@ def _text(
     if kind == "missing":
         return _missing(model_at(root, path[:-1], data), path)
     if kind == "union_tag_not_found":
-        tag = "shape" if path == ("section",) else "law"
-        return f"the key '{tag}' is missing; one of {choices(_tags(root, path))}"
+        return (
+            f"the key '{context['discriminator']}' is missing; one of {choices(_tags(root, path))}"
+        )
     if kind == "union_tag_invalid":
-        tag = "shape" if path == ("section",) else "law"
-        name = str(context.get("tag"))
-        tags = _tags(root, path)
-        return f'{tag} = "{name}" is not known; one of {choices(tags)}{nearest(name, tags)}'
+        key, name, tags = context["discriminator"], str(context["tag"]), _tags(root, path)
+        return f'{key} = "{name}" is not known; one of {choices(tags)}{nearest(name, tags)}'
     if kind == "literal_error":
         names = _literals(str(context.get("expected")))
         return f"not possible{given}; one of {choices(names)}{nearest(str(value), names)}"
@@ -167,15 +146,6 @@ def below(root: type[TableModel], name: str) -> list[str]:
         for table, field in root.model_fields.items()
         if any(name in model.model_fields for model in submodels(field.annotation))
     ]
-
-
-def tag_of(model: type[TableModel]) -> str | None:
-    """Return the law or shape a model of a union stands for, None for other models."""
-    for key in ("law", "shape"):
-        field = model.model_fields.get(key)
-        if field is not None and typing.get_origin(field.annotation) is typing.Literal:
-            return str(typing.get_args(field.annotation)[0])
-    return None
 
 
 def _tags(root: type[TableModel], path: Path) -> list[str]:

@@ -15,16 +15,7 @@ from castfem.case.casting import Casting, Output, Reference, Steel
 from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.machine import Machine, RollSegment, RollTable
 from castfem.case.mechanics import Coupling, Held, Mechanics, Motions
-from castfem.case.mould import (
-    Copper,
-    Coulomb,
-    Limited,
-    Mould,
-    NoFriction,
-    Touch,
-    Tresca,
-    Viscous,
-)
+from castfem.case.mould import Copper, Friction, Mould, Touch
 from castfem.case.problems import submodels
 from castfem.case.section import Mesh, Section
 from castfem.case.taper import TaperMark
@@ -108,11 +99,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[mould]", Mould),
     ("[mould.copper]", Copper),
     ("[mould.contact]", Touch),
-    ('[mould.friction], law = "none"', NoFriction),
-    ('[mould.friction], law = "coulomb"', Coulomb),
-    ('[mould.friction], law = "limited"', Limited),
-    ('[mould.friction], law = "tresca"', Tresca),
-    ('[mould.friction], law = "viscous"', Viscous),
+    ("[mould.friction]", Friction),
     ("[machine]", Machine),
     ("[[machine.segment]]", RollSegment),
     ("[output]", Output),

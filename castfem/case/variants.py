@@ -20,15 +20,6 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
 
-def tag_of(model: type[TableModel], key: str) -> str | None:
-    """Return the one value that a key of a model may have; None if it may have others."""
-    field = model.model_fields.get(key)
-    if field is not None and typing.get_origin(field.annotation) is Literal:
-        values = typing.get_args(field.annotation)
-        return str(values[0]) if len(values) == 1 else None
-    return None
-
-
 class Variants(TableModel):
     """Base of a table that is of one of several kinds.
 
@@ -43,7 +34,7 @@ class Variants(TableModel):
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         """Enter a kind under its value of the key."""
         super().__pydantic_init_subclass__(**kwargs)
-        tag = tag_of(cls, cls.tag_key)
+        tag = tag_of(cls)
         if tag is not None:
             cls.kinds[tag] = cls
 
@@ -97,3 +88,11 @@ class Variants(TableModel):
         found = handler(core_schema.tagged_union_schema(choices, discriminator=cls.tag_key))
         found.pop("discriminator", None)  # no word of JSON schema
         return found
+
+
+def tag_of(model: type[TableModel]) -> str | None:
+    """Return the value of the key that a kind stands for; None for a base and other tables."""
+    field = model.model_fields.get(model.tag_key) if issubclass(model, Variants) else None
+    if field is None or typing.get_origin(field.annotation) is not Literal:
+        return None
+    return str(typing.get_args(field.annotation)[0])

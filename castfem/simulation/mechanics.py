@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.case import mechanics as given
-from castfem.case.build_mould import build_friction, build_mould
+from castfem.case.build_mould import build_mould
 from castfem.contact.settings import Contact
 from castfem.errors import InputError
 from castfem.fem.section import Section
@@ -98,7 +98,7 @@ def _contact(case: Case, machine: Machine, section: Section) -> Contact | None:
         position=machine.position,
         method=table.contact.method,
         factor=table.contact.factor,
-        friction=build_friction(table.friction),
+        friction=table.friction.build(),
     )
 
 

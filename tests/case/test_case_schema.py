@@ -10,10 +10,11 @@ import pytest
 from castfem.case import load_any, load_case
 from castfem.case.json_schema import case_schema
 from castfem.case.model import Case
-from castfem.case.problems import submodels, tag_of
+from castfem.case.problems import submodels
 from castfem.case.reference_page import markdown_page
 from castfem.case.shipped_cases import shipped
 from castfem.case.tensile import TensileCase
+from castfem.case.variants import tag_of
 from castfem.cli.starter import starter
 
 ROOT = Path(__file__).parents[2]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from castfem.case import load_case
-from castfem.case.build_mould import build_friction, build_mould
+from castfem.case.build_mould import build_mould
 from castfem.case.json_schema import case_schema
 from castfem.case.mould import Coulomb, Limited, Mould, NoFriction, Tresca, Viscous
 from castfem.case.reference_page import markdown_page
@@ -200,9 +200,9 @@ def test_friction_laws_as_contact_computes_them(write):
     pressure, rate = np.array([1e6]), np.array([0.06])
 
     def law(lines):
-        return build_friction(load_case(write(f"friction = {{ {lines} }}")).mould.friction)
+        return load_case(write(f"friction = {{ {lines} }}")).mould.friction.build()
 
-    assert build_friction(load_case(write()).mould.friction) is None
+    assert load_case(write()).mould.friction.build() is None
     assert law('law = "coulomb", coefficient = 0.3').threshold(pressure)[0] == [3e5]
     limited = law('law = "limited", coefficient = 0.9, yield_stress = "1.25 MPa"')
     assert limited.threshold(pressure)[0] == pytest.approx(0.75e6 / math.sqrt(3.0))
