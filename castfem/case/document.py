@@ -2,7 +2,8 @@
 
 Tables merge deeply: a file adds to and changes what it extends. Arrays (of tables, too) replace.
 Of two keys that exclude each other the later one wins: a file that sets `superheat` drops an
-inherited `temperature`. A table whose kind changes (`shape`) is replaced as a whole.
+inherited `temperature`. A table whose kind changes (`shape`) is replaced as a whole; what it does
+not know of other tables is left out where it was inherited (`castfem.case.shape_keys`).
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from castfem.case import outdated
+from castfem.case import outdated, shape_keys
 from castfem.case.mould import EXAMPLES
 from castfem.support.messages import dotted, shown
 from castfem.values.units import nearest
@@ -53,6 +54,7 @@ class Document:
         origins: Where a key (or the table it stands in) was written: a file, or "--set".
         faults: Full lines about files and overrides that could not be used.
         changes: Dotted keys that were overridden, and their new values.
+        left_out: Full lines about inherited keys that a later setting has done away with.
     """
 
     data: dict[str, Any]
@@ -60,6 +62,7 @@ class Document:
     origins: dict[Keys, str] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
     changes: list[tuple[str, Any]] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
 
     def origin(self, path: Keys) -> str:
         """Return the file in which a key stands, or the table around it if it is missing."""
@@ -88,7 +91,7 @@ def _read(path: Path, label: str, chain: tuple[Path, ...]) -> Document:
             _extend(document, path, base, (*chain, path.resolve()))
     inherited = copy.deepcopy(document.data)
     _merge(document, document.data, data, (), label)
-    outdated.mark(inherited, document.data)
+    end_layer(document, inherited, {label})
     return document
 
 
@@ -108,6 +111,7 @@ def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) 
     inherited = _read(below, os.path.normpath(below), chain)
     document.faults += inherited.faults
     document.data, document.origins = inherited.data, inherited.origins
+    document.left_out = inherited.left_out
 
 
 def _load(path: Path, document: Document) -> dict[str, Any] | None:
@@ -222,6 +226,28 @@ def _forget(document: Document, path: Keys) -> None:
         del document.origins[known]
 
 
+def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[str]) -> None:
+    """Do what can be done only when all keys of a layer (a file, `--set`, a script) are in.
+
+    Args:
+        document: With the keys of the layer.
+        before: Its tables before them.
+        labels: Origins of the layer's keys.
+    """
+    dropped = shape_keys.leave_out(
+        before, document.data, lambda path: document.origin(path) not in labels
+    )
+    if dropped:
+        where = document.origin(("section", "shape"))
+        told = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]
+        shape = document.data["section"]["shape"]
+        document.left_out.append(
+            f'{where}: section.shape: "{shape}" does not know what was inherited, which is left '
+            f"out: {', '.join(told)}"
+        )
+    outdated.mark(before, document.data)
+
+
 def override(
     document: Document, assignments: Iterable[str], meant: Callable[[str], str] = str
 ) -> None:
@@ -250,7 +276,7 @@ def override(
             document.faults.append(f"--set: {key.strip()}: {error}")
             continue
         put(document, full, value, "--set")
-    outdated.mark(before, document.data)
+    end_layer(document, before, {"--set"})
     entitle(document)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from castfem.case import document, key_names, outdated, plausibility, problems, tensile, validation
+from castfem.case import document, key_names, plausibility, problems, tensile, validation
 from castfem.case.base import LENIENT
 from castfem.case.model import Case
 from castfem.case.problems import Problem
@@ -34,7 +34,8 @@ class Reading:
             test, where its material was.
         law: The same for the law of the mechanics ("billet.toml: mechanics.law").
         elasticity: The same for its elasticity.
-        doubts: What a sound case has that was probably not meant, one line each.
+        doubts: What a sound case has that was probably not meant, and what a later setting took out
+            of it, one line each.
         line: Puts where it was written before what was found later.
     """
 
@@ -104,15 +105,17 @@ def changed(
     """
     before = case.document()
     written = document.Document(copy.deepcopy(before), "case")
+    places = {label}
     for key, value in changes.items():
         where = (labels or {}).get(key, label)
+        places.add(where)
         try:
             full = key_names.full_key(Case, written.data, key)
         except ValueError as error:
             written.faults.append(f"{where}: {key}: {error}")
             continue
         document.put(written, full, value, where)
-    outdated.mark(before, written.data)
+    document.end_layer(written, before, places)
     document.entitle(written)
     return _or_raise(_validate(written))
 
@@ -137,7 +140,8 @@ def _validate(written: document.Document) -> Reading:
         f"{written.origin(('mechanics', key))}: mechanics.{key}" for key in ("law", "elasticity")
     )
     odd = plausibility.doubts(case) if isinstance(case, Case) and not lines else ()
-    doubts = tuple(_line(written, problem) for problem in odd)
+    left_out = () if lines else tuple(written.left_out)
+    doubts = (*left_out, *(_line(written, problem) for problem in odd))
     line = partial(_line, written)
     return Reading(case, tuple(dict.fromkeys(lines)), steel, law, elasticity, doubts, line)
 

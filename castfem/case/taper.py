@@ -85,7 +85,8 @@ class Perimeter:
         return {name: taper for name, taper in found.items() if taper is not None}
 
 
-_PARTS = tuple(f.name for f in fields(Perimeter))
+PARTS = tuple(f.name for f in fields(Perimeter))
+"""Keys of a taper given by parts of the perimeter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,12 +99,12 @@ class TaperMark(Notation):
         """Return the tapers, or raise ValueError."""
         if isinstance(given, Perimeter):
             return given
-        if isinstance(given, Mapping) and set(given) & set(_PARTS):
+        if isinstance(given, Mapping) and set(given) & set(PARTS):
             for key in given:
-                if key not in _PARTS:
+                if key not in PARTS:
                     raise ValueError(
-                        f"unknown key '{key}' beside {', '.join(k for k in given if k in _PARTS)}; "
-                        f"allowed: {', '.join(_PARTS)}{nearest(str(key), _PARTS)}"
+                        f"unknown key '{key}' beside {', '.join(k for k in given if k in PARTS)}; "
+                        f"allowed: {', '.join(PARTS)}{nearest(str(key), PARTS)}"
                     )
             return Perimeter(**{key: _named(key, value) for key, value in given.items()})
         return Perimeter(face=_read(given))
@@ -125,7 +126,7 @@ class TaperMark(Notation):
             _object(parabola, required=["top", "exit"]),
             *_CLOSING.__get_pydantic_json_schema__(schema, handler)["anyOf"][1:],
         ]
-        parts = _object({key: {"anyOf": one} for key in _PARTS})
+        parts = _object({key: {"anyOf": one} for key in PARTS})
         return {"anyOf": [*one, parts], "description": "taper of the mould, as (300) defines it"}
 
 
@@ -186,7 +187,7 @@ def _stretch(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> 
     allowed = (*(("to",) if ends else ()), *keys)
     for key in given:
         if key not in allowed:
-            known = ("to", "taper", "top", "exit") if ends else (*keys, *_PARTS, "position", "file")
+            known = ("to", "taper", "top", "exit") if ends else (*keys, *PARTS, "position", "file")
             raise ValueError(f"unknown key '{key}'{nearest(str(key), known)}; a taper is {_FORMS}")
     values = []
     for key in keys:
