@@ -37,6 +37,7 @@ class Reading:
         doubts: What a sound case has that was probably not meant, and what a later setting took out
             of it, one line each.
         line: Puts where it was written before what was found later.
+        origin: File (or "--set") in which a key was written.
     """
 
     case: AnyCase | None
@@ -46,6 +47,7 @@ class Reading:
     elasticity: str = "mechanics.elasticity"
     doubts: tuple[str, ...] = ()
     line: Callable[[Problem], str] = str
+    origin: Callable[[document.Keys], str] = str
 
 
 def load_case(path: str | Path, overrides: Iterable[str] = ()) -> Case:
@@ -143,7 +145,9 @@ def _validate(written: document.Document) -> Reading:
     left_out = () if lines else tuple(written.left_out)
     doubts = (*left_out, *(_line(written, problem) for problem in odd))
     line = partial(_line, written)
-    return Reading(case, tuple(dict.fromkeys(lines)), steel, law, elasticity, doubts, line)
+    return Reading(
+        case, tuple(dict.fromkeys(lines)), steel, law, elasticity, doubts, line, written.origin
+    )
 
 
 def _kind(written: document.Document) -> type[AnyCase]:

@@ -88,6 +88,8 @@ def _text(
         return f"not possible{given}; one of {choices(names)}{nearest(str(value), names)}"
     if kind == "value_error":
         return f"{context['error']}{given}"
+    if kind == "greater_than_equal" and context.get("ge"):
+        return f"must be at least {context['ge']}{given}"
     return f"{_PLAIN.get(kind, details['msg'])}{given}"
 
 

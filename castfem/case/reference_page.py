@@ -63,6 +63,9 @@ beyond.
 third. Tables merge key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Of two
 keys that exclude each other (`superheat` and `temperature`, `step` and `adaptive`) the later one
 wins; a `[section]` of another `shape` replaces the inherited one, and so does any `mould.taper`.
+What was inherited and the new shape does not know (`mesh.corner_size`, sizes and tapers of the
+`[mould]`) is left out, and a warning says so: any shipped case with mechanics may become a round by
+`--set 'section={shape="round", diameter="125 mm"}'`.
 
 On the command line `--set key=value` changes single keys, `--set casting.length="20 m"`. An entry
 of an array is addressed by its index or, if it has one, by its name:

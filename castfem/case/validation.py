@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from castfem.case import effort
+from castfem.case import effort, result_names
 from castfem.case.build_mould import check_mould
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
@@ -47,6 +47,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _mould_and_zones(case)
     yield from check_machine(case)
     yield from _output(case)
+    yield from _references(case)
     yield from check_verification(case)
 
 
@@ -341,6 +342,16 @@ def _output(case: Case) -> Iterator[Problem]:
             )
 
 
+def _references(case: Case) -> Iterator[Problem]:
+    """Yield references that no run could ever be compared with."""
+    for index, reference in enumerate(case.reference or ()):
+        if reference is None or None in (reference.quantity, reference.value):
+            continue
+        fault = result_names.fault(reference.quantity, reference.value)
+        if fault is not None:
+            yield Problem(("reference", index, fault[0]), fault[1])
+
+
 def _mechanics(case: Case) -> Iterator[Problem]:
     table = case.mechanics
     if case.mould is not None and table is None and "mechanics" not in case.model_fields_set:
@@ -356,6 +367,13 @@ def _mechanics(case: Case) -> Iterator[Problem]:
     if table.planes is not None:
         yield from _planes(table.planes, case.section)
         yield from _thinned(table.planes)
+    if table.liquid == "fed" and table.ferrostatic in ("off", "none") and case.mould is not None:
+        yield Problem(
+            ("mechanics", "ferrostatic"),
+            f'("{table.ferrostatic}"): in a mould liquid that is fed resists nothing, and without '
+            "its pressure nothing presses a surface that freezes against the wall; give "
+            'ferrostatic = "full", or liquid = "elastic"',
+        )
     soft = table.liquid_stiffness is not None and table.liquid_stiffness < _SOFTEST
     if soft and table.strain == "large" and case.mould is not None:
         yield Problem(

@@ -165,6 +165,8 @@ def init(name: Annotated[str, typer.Argument(help="Name of the new case file.")]
     from castfem.cli.starter import starter
 
     path = Path(name if name.endswith(".toml") else f"{name}.toml")
+    if not path.name.removesuffix(".toml").strip():
+        raise InputError(f'"{name}": give the new case file a name, such as my_billet.toml')
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(starter(str(path), path.stem.replace("_", " ")))

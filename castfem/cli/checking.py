@@ -63,6 +63,7 @@ def _steel(reading: Reading) -> Steel | None:
         composition=table.composition,
         overrides=table.overrides,
         origin=reading.steel,
+        where=lambda keys: f"{reading.origin(('steel', *keys))}: steel",
     )
 
 

@@ -293,7 +293,8 @@ def take_interval(
     A gap that does not settle cuts an interval back as well, but ends no run.
 
     Raises:
-        RunFailure: At the smallest interval, or where the model ends (`mechanics.validity`).
+        RunFailure: At the smallest interval, where the model ends (`mechanics.validity`), or where
+            nothing is there to bear a load.
     """
     rejected = 0
     while True:
@@ -307,7 +308,7 @@ def take_interval(
             return attempt, rejected
         reason = "the gap does not settle" if attempt.converged else attempt.mechanical.reason
         log.logger.debug("t = %.6g s: interval %.3g s: %s", state.time, taken, reason)
-        if attempt.mechanical.refused and short:
+        if attempt.mechanical.unborne or (attempt.mechanical.refused and short):
             raise RunFailure(f"mechanics: {reason}")
         try:
             control.failed(taken, reason)

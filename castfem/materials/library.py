@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +41,7 @@ def load_steel(
     overrides: Mapping[str, Any] | None = None,
     *,
     origin: str = "steel",
+    where: Callable[[Keys], str] | None = None,
 ) -> Steel:
     """Load a steel.
 
@@ -53,6 +54,7 @@ def load_steel(
             table or a formula replaces the whole property, others are merged into it.
         origin: Where name, composition and overrides were written ("billet.toml: steel"), for
             messages.
+        where: The same of single keys below, ("overrides", "density"); `origin` for all if None.
 
     Raises:
         InputError: With all problems found, one line each.
@@ -68,7 +70,9 @@ def load_steel(
     steel = shop.steel()
     if steel is None:
         asked = composition or {}
-        lines = [_line(p, label, origin, changes, asked) for p in shop.problems]
+        lines = [
+            _line(p, label, where or (lambda _: origin), changes, asked) for p in shop.problems
+        ]
         raise InputError(dict.fromkeys(lines))
     return steel
 
@@ -79,6 +83,8 @@ def _locate(name: str, base: Path, origin: str) -> Path:
         path = base / name
         if path.is_file():
             return path
+        if path.is_dir():
+            raise InputError(f'{origin}.name ("{name}"): is a folder, a file is needed')
         near = nearest(path.name, (p.name for p in path.parent.glob("*.toml")))
         raise InputError(f'{origin}.name ("{name}"): file not found: {path}{near}')
     path = FOLDER / f"{name}.toml"
@@ -188,14 +194,14 @@ def _sound(composition: Mapping[str, Any]) -> Mapping[str, float]:
 def _line(
     problem: Problem,
     label: str,
-    origin: str,
+    where: Callable[[Keys], str],
     changes: Mapping[str, Any],
     asked: Mapping[str, Any],
 ) -> str:
     """Return "where: key: text": where the user wrote it, in the case or in the material file."""
     path: Keys = problem.path
     if path[0] in changes:
-        return f"{origin}.overrides.{dotted(path)}: {problem.text}"
+        return f"{where(('overrides', *path))}.overrides.{dotted(path)}: {problem.text}"
     if path[0] == "composition" and (asked or "is needed" in problem.text):
-        return f"{origin}.{dotted(path)}: {problem.text}"
+        return f"{where(path)}.{dotted(path)}: {problem.text}"
     return f"{label}: {dotted(path)}: {problem.text}"

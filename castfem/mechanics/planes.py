@@ -45,6 +45,17 @@ class Planes(Protocol):
         """External axial force (N), moments of sigma_zz with x and y (N m), and force across."""
 
 
+LOADS = ("force", "moment_x", "moment_y")
+"""Names of the loads from outside, in the order of `Planes.load`."""
+
+
+def loads_at(planes: Planes, time: float) -> dict[str, float]:
+    """Return by name the loads (N, N m) that act on a free motion of the planes at `time` (s)."""
+    closing, load = planes.at(time)[2], planes.load(time)
+    felt = np.abs(closing).sum(axis=1) > 0.0
+    return {name: float(load[i]) for i, name in enumerate(LOADS) if load[i] != 0.0 and felt[i]}
+
+
 @dataclass(frozen=True, slots=True)
 class ScaledMotions:
     """Motions of the planes at one instant, in unknowns that are lengths.

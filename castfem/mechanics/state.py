@@ -79,6 +79,7 @@ class MechanicalResult:
         dissipation: Viscoplastic work over the step at the deviator's points, J/m3.
         flowing: Share of the section's area that flows.
         refused: Whether there was equilibrium, in a state that cannot be kept.
+        unborne: Whether a load meets no shell that could bear it: no shorter step would.
     """
 
     converged: bool
@@ -89,6 +90,7 @@ class MechanicalResult:
     dissipation: Array
     flowing: float
     refused: bool = False
+    unborne: bool = False
 
     def before(self, after: MechanicalResult) -> MechanicalResult:
         """Both, `after` being the later: its state, and the work of both."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from castfem.fem import reductions
+from castfem.mechanics.planes import loads_at
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
-from castfem.mechanics.validity import Validity
+from castfem.mechanics.validity import NO_SHELL, Validity
 
 Array = npt.NDArray[np.float64]
 
@@ -63,14 +66,13 @@ class MechanicalStepper:
         outcome = problem.solve(self._guesses(old))
         newton = outcome.iterations
         if not outcome.converged:
-            nothing = np.zeros(problem.points.split)
-            return MechanicalResult(False, old, newton, outcome.describe(), None, nothing, 0.0)
+            return self._failed(old, newton, outcome.describe(), time, temperature)
         state = self._state(old, time, temperature)
         if self._validity is not None:
             refusal = self._validity.refusal(state, problem.at_points(temperature))
             if refusal:
-                nothing = np.zeros(problem.points.split)
-                return MechanicalResult(False, old, newton, refusal, None, nothing, 0.0, True)
+                failed = self._failed(old, newton, refusal, time, temperature)
+                return replace(failed, refused=True)
         split = problem.points.split
         flowing = float(problem.points.deviator.volume @ problem.response.flows[:split])
         share = reductions.total(self.comm, flowing) / problem.scales.area
@@ -78,6 +80,18 @@ class MechanicalStepper:
         return MechanicalResult(
             True, state, newton, outcome.reason, self._balance(), dissipation, share
         )
+
+    def _failed(
+        self, old: MechanicalState, newton: int, reason: str, time: float, temperature: Array
+    ) -> MechanicalResult:
+        """A step that is not kept; its reason says so where there is no shell for the loads."""
+        unborne = ""
+        if self._validity is not None:
+            loads = loads_at(self.problem.slice.planes, time)
+            unborne = self._validity.unborne(loads, self.problem.at_points(temperature))
+        told = f"{unborne} ({reason.removesuffix(f'; {NO_SHELL}')})" if unborne else reason
+        nothing = np.zeros(self.problem.points.split)
+        return MechanicalResult(False, old, newton, told, None, nothing, 0.0, unborne=bool(unborne))
 
     def _guesses(self, old: MechanicalState) -> list[tuple[Array, Array]]:
         """Where to start: where the last rates lead if they were steady, else one of two."""

@@ -11,6 +11,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ from castfem.constitutive.base import Law, equivalent_stress
 from castfem.fem import dof_values, reductions
 from castfem.fem.dolfinx_compat import Tabulation
 from castfem.forms.finite_strain import deformation
+from castfem.mechanics.planes import LOADS
 from castfem.mechanics.state import MechanicalState
 
 if TYPE_CHECKING:
@@ -35,6 +37,7 @@ Flags = npt.NDArray[np.bool_]
 FOLDED = 0.1  # what is left of the area of a cell that counts as folded
 COMPRESSED = 0.02  # elastic strain of the mean stress: hundreds of MPa, which no hot steel carries
 LOOK = "look at loads, supports, mould and cooling"
+SCANT = 0.01  # of the section: solid that is no shell yet, were it spread all round
 NO_SHELL = "there is no shell yet that could bear a load: let that begin later, or leave it out"
 
 
@@ -110,6 +113,36 @@ class Validity:
         f = now.gradient
         seen = ufl.as_vector([f[0, 0], f[0, 1], f[1, 0], f[1, 1], now.thickness, *now.position])
         self._now = Tabulation(mesh, seen, points.deviator.points)
+
+    def unborne(self, loads: Mapping[str, float], temperature: Array) -> str:
+        """Why no shorter step will bear a load either, empty if one may (collective).
+
+        Where hardly anything is solid, as far as elasticity alone would let it strain: a shorter
+        step has still less that is solid, and what flows strains farther.
+
+        Args:
+            loads: Names of the loads from outside at the end of a step that failed, and what they
+                are: "force" (N), "moment_x", "moment_y" (N m).
+            temperature: At the points then (count,), K.
+        """
+        if not loads:
+            return ""
+        volume, place = self._points.deviator.volume, self._points.deviator.position
+        at = temperature[: len(volume)]
+        solid = at <= self._law.elasticity.solidity.solidus
+        stiff = self._law.elasticity.moduli(at)[2] * volume
+        sums = [volume[solid].sum(), volume.sum(), stiff.sum(), *(stiff @ place**2)]
+        frozen, whole, *bearing = reductions.totals(self._comm, [float(one) for one in sums])
+        far = [np.abs(along).max(initial=0.0) for along in place.T]
+        reach = [1.0, *reductions.largest_of(self._comm, far)]
+        if frozen >= SCANT * whole:
+            return ""
+        for name, load in loads.items():
+            axis = LOADS.index(name)
+            strain = abs(load) * reach[axis] / bearing[axis]
+            if strain > max(1.0 - self._limits.thickness[0], self._limits.strain):
+                return f"mechanics.planes.{name}: {NO_SHELL}"
+        return ""
 
     def refusal(self, state: MechanicalState, temperature: Array) -> str:
         """Why a newly found state cannot be kept, empty if it can (collective).

@@ -366,3 +366,10 @@ def test_byte_order_mark_is_no_error(tmp_path, sound):
     path = tmp_path / "bom.toml"
     path.write_text(sound, encoding="utf-8-sig")
     assert load_case(path).title == "billet"
+
+
+def test_a_count_that_begins_at_one(write, sound):
+    with pytest.raises(InputError, match=r"coupling\.passes: must be at least 1 \(0\)"):
+        load_case(write(sound), ["mechanics.law=norton_hoff_kozlowski", "coupling.passes=0"])
+    with pytest.raises(InputError, match=r"checkpoint_every: must not be negative \(-1\)"):
+        load_case(write(sound), ["output.checkpoint_every=-1"])

@@ -234,7 +234,7 @@ def test_a_word_that_stands_for_no_table_is_told_what_does(write):
 def test_resolved_case_reads_back_equal(write, sound, tmp_path):
     text = sound + (
         '[cooling.surface.emissivity]\ntemperature = ["20 degC", "333 K"]\nvalue = [0.1, 0.3]\n'
-        '[[reference]]\nquantity = "shell"\nvalue = "4.75 mm"\nsource = "x"\n'
+        '[[reference]]\nquantity = "shell_mid_face"\nvalue = "4.75 mm"\nsource = "x"\n'
         '[thermal]\nsolver = { snes_rtol = 1e-9, ksp_type = "preonly" }\n'
     )
     case = load_case(write(text), ["casting.length=1.7 m", "casting.speed=1.1 m/min"])
@@ -294,7 +294,9 @@ def test_from_document(write, sound):
 
 
 def test_references_hold_where_the_run_ends(write, sound):
-    text = sound + '[[reference]]\nquantity = "q"\nvalue = "1 mm"\nsource = "s"\nat = "600 mm"\n'
+    text = (
+        sound + '[[reference]]\nquantity = "gap_max"\nvalue = "1 mm"\nsource = "s"\nat = "600 mm"\n'
+    )
     path = write(text)
     assert [r.si for r in load_case(path).expected()] == [0.001]
     assert load_case(path, ["casting.length=1 m"]).expected() == ()

@@ -70,6 +70,23 @@ def test_init_writes_a_case_that_is_sound(castfem):
     assert "exists already" in again.err
 
 
+@pytest.mark.parametrize("name", ["", ".toml", " "])
+def test_init_without_a_name(castfem, tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    outcome = castfem("init", name)
+    assert outcome.status == 1 and "give the new case file a name" in outcome.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_is_wrong_with_a_steel_names_where_it_was_written(castfem, case_file):
+    outcome = castfem("check", case_file, "--set", "steel.overrides={density=3}")
+    assert outcome.status == 1
+    assert outcome.err.startswith("castfem: --set: steel.overrides.density: a density needs")
+    (case_file.parent / "d.toml").mkdir()
+    outcome = castfem("check", case_file, "--set", f"steel.name={case_file.parent}/d.toml")
+    assert "is a folder" in outcome.err and "did you mean" not in outcome.err
+
+
 def test_init_into_a_missing_folder(castfem):
     outcome = castfem("init", "nowhere/x")
     assert outcome.status == 1

@@ -85,3 +85,12 @@ def test_a_cavity_with_wider_corners() -> None:
         billet("taper_1", *room, "mould.corner_radius=10.2 mm")
     with pytest.raises(InputError, match=r"corner_radius.*at most that"):
         billet("taper_1", "mould.corner_radius=6 mm")
+
+
+@pytest.mark.parametrize("given", ["off", "none"])
+def test_fed_liquid_without_its_pressure_in_a_mould(given: str) -> None:
+    """On cells of 0.8 mm it does not start, or the surface folds before there is a shell."""
+    pressure = f"mechanics.ferrostatic={given}"
+    with pytest.raises(InputError, match=r'mechanics\.ferrostatic: .*full.*liquid = "elastic"'):
+        billet("taper_1", "mechanics.liquid=fed", pressure)
+    billet("taper_1", pressure)

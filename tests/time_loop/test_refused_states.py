@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
-from time_loop.moulded import billet, run
+from mechanics.scenes import SliceScene, box, mapped
+from time_loop.moulded import FED, billet, run
 
+from castfem.constitutive.elasticity import Elasticity, Solidity
+from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.errors import RunFailure
 from castfem.output.history import read_history
 
@@ -18,6 +22,7 @@ SLAB = (
     'mould={length="100 mm", taper="1 %/m"}', "mechanics.liquid_stiffness=1e-5",
     "coupling.interval=1 s",
 )  # fmt: skip
+LAW = ThermoElastic(Elasticity.constant(1e10, 0.3, Solidity.between(1700.0, 1750.0)))
 NO_MOULD = "section.symmetry=half"
 
 
@@ -45,6 +50,31 @@ def test_a_force_beyond_what_the_section_carries(tmp_path: Path, force: str) -> 
 def test_a_moment_beyond_what_the_section_carries(tmp_path: Path, moment: str) -> None:
     told, _ = refused(tmp_path, "idealised", NO_MOULD, f"mechanics.planes.moment_y={moment}")
     assert "times as thick" in told
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "load"), [("half", "moment_y=3 kN m"), ("whole", "moment_x=2 kN m")]
+)
+def test_a_moment_before_there_is_a_shell(tmp_path: Path, symmetry: str, load: str) -> None:
+    """The first window says so: no shorter one has more that could bear it."""
+    changes = (*FED, f"section.symmetry={symmetry}", f"mechanics.planes.{load}")
+    with pytest.raises(RunFailure) as caught:
+        run(billet("taper_1", *changes), tmp_path)
+    assert f"mechanics.planes.{load.partition('=')[0]}: there is no shell yet" in str(caught.value)
+    assert "smallest step" not in str(caught.value)
+
+
+def test_a_load_that_little_would_bear_is_not_blamed() -> None:
+    """Elastic strain alone, in what there is, tells whether a shorter step may do."""
+    scene = SliceScene(mapped(1, 1, box(0.1, 0.1)), LAW, judge=True)
+    judge, count = scene.stepper._validity, scene.problem.points.count
+    assert judge is not None
+    hot, cold = np.full(count, 1800.0), np.full(count, 1000.0)
+    area = 0.1 * 0.1
+    young = LAW.elasticity.moduli(np.array([1800.0]))[2][0]
+    assert judge.unborne({"force": 0.09 * young * area}, hot) == ""
+    assert "planes.force: there is no shell" in judge.unborne({"force": 0.12 * young * area}, hot)
+    assert judge.unborne({"force": 1e12}, cold) == "" == judge.unborne({}, hot)
 
 
 def test_a_slab_that_nothing_holds_below_the_mould(tmp_path: Path) -> None:

@@ -1,0 +1,91 @@
+"""What [[reference]] may compare with: names of the results of a run, and what they measure.
+
+The results are computed far above the case (`castfem.results`), which must not be imported to read
+one; tests hold this list against runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from castfem.values import units
+
+PROBES = ("mid_face", "narrow_face", "corner", "diagonal", "tip", "fillet")
+"""Probes of all shapes; in a half or whole section there are more, their images."""
+AT_PROBES = {
+    "shell": "mm",
+    "liquidus_depth": "mm",
+    "surface_temperature": "degC",
+    "heat_flux": "kW/m^2",
+    "von_mises": "MPa",
+    "displacement": "mm",
+    "size": "mm",
+    "gap": "mm",
+}
+"""Results at a probe, whose name stands behind (shell_mid_face), and a unit of each."""
+WHOLE = {
+    "solidus": "degC",
+    "liquidus": "degC",
+    "position": "m",
+    "time": "s",
+    "heat_removed": "MJ/m",
+    "cooling_power": "kW",
+    "heat_removed_slice": "kJ",
+    "temperature_max": "degC",
+    "von_mises_max": "MPa",
+    "way_von_mises_max": "MPa",
+    "axial_strain": "1",
+    "gap_max": "mm",
+    "mean_contact_pressure_max": "MPa",
+    "contact_pressure_max": "MPa",
+    "contact_share": "percent",
+    "contact_sticking": "percent",
+    "mould_friction": "kN/m",
+    "mould_pull": "kN",
+    "penetration": "um",
+    "mould_heat_removed": "MJ/m",
+    "mould_gap_max": "mm",
+    "mould_contact_least": "percent",
+    "mould_mean_pressure_max": "MPa",
+    "mould_pressure_max": "MPa",
+    "mould_penetration_max": "um",
+    "metallurgical_length": "m",
+    "error_temperature": "mK",
+    "error_temperature_max": "mK",
+    "error_stress": "percent",
+}
+"""Results of the whole slice, and a unit of each."""
+
+
+def unit_of(name: str) -> str | None:
+    """Return a unit that measures a result, "1" for a plain number; None if there is none."""
+    if name in WHOLE:
+        return WHOLE[name]
+    for result, unit in AT_PROBES.items():
+        probe = name.removeprefix(f"{result}_")
+        if probe != name and any(f"{probe}_".startswith(f"{known}_") for known in PROBES):
+            return unit
+    return None
+
+
+def all_names() -> Iterator[str]:
+    """Yield the names, those of probes without the images of symmetry."""
+    yield from WHOLE
+    yield from (f"{result}_{probe}" for result in AT_PROBES for probe in PROBES)
+
+
+def fault(name: str, value: str) -> tuple[str, str] | None:
+    """Return the key of a reference that is wrong and why; None if it can be compared.
+
+    Args:
+        name: Of the result.
+        value: What it is expected to be, with its unit.
+    """
+    unit = unit_of(name)
+    if unit is None:
+        return "quantity", f'("{name}") is no result of a run{units.nearest(name, all_names())}'
+    measured = "1" if unit == "1" else units.parse_any(f"1 {unit}")[1]
+    if units.parse_any(value)[1] == measured:
+        return None
+    wanted = "a plain number" if unit == "1" else f'a unit such as "{unit}"'
+    return "value", f'("{value}") does not measure {name}; it has {wanted}'
