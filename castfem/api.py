@@ -18,6 +18,7 @@ import tempfile
 import weakref
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -54,6 +55,7 @@ def run(
     folder: Path | str | None = None,
     *,
     resume: bool = False,
+    overwrite: bool = False,
     comm: MPI.Intracomm | None = None,
     progress: bool = False,
 ) -> Result:
@@ -61,9 +63,10 @@ def run(
 
     Args:
         case: A case, or what `load` takes.
-        folder: Where the files go (docs/output.md); a run in it is replaced. None takes a temporary
-            folder, which goes when the result is closed or no longer used.
+        folder: Where the files go (docs/output.md); a run of the same physics in it is replaced.
+            None takes a temporary folder, which goes when the result is closed or no longer used.
         resume: Go on from the checkpoint in `folder`.
+        overwrite: Replace a run of another case, too, or one that has come further down.
         comm: Ranks of the run; all when None.
         progress: Draw a bar, or write lines where there is no terminal.
 
@@ -77,20 +80,25 @@ def run(
     """
     from mpi4py import MPI
 
+    from castfem.case import Case
     from castfem.fem.root import on_root
     from castfem.support import log
     from castfem.support.progress import Progress
-    from castfem.time_loop import existing_run, loop
+    from castfem.time_loop import loop
 
     comm = MPI.COMM_WORLD if comm is None else comm
     sound = load(case) if isinstance(case, str | Path) else case
+    if not isinstance(sound, Case):
+        raise InputError(
+            f"castfem.run: a case is needed, its path or the name of a shipped one, not {sound!r}"
+        )
     made = None if folder is not None else on_root(comm, tempfile.mkdtemp)
     # Only rank 0 looks at files; the name of a temporary folder is no concern of the others.
     target = Path(made or folder or ".")
     bar = Progress(0 if progress else -1) if comm.rank == 0 else None
     try:
-        if resume:
-            on_root(comm, lambda: existing_run.check(target, sound, resume=True, overwrite=False))
+        if made is None:
+            on_root(comm, lambda: _may_run_in(target, sound, resume, overwrite))
         summary = loop.run(sound, target, comm=comm, resume=resume, progress=bar)
     except BaseException:
         if made is not None:
@@ -104,6 +112,13 @@ def run(
         # and freeing it is collective.
         gc.collect()
     return Result(target, summary, temporary=made is not None)
+
+
+def _may_run_in(folder: Path, case: Case, resume: bool, overwrite: bool) -> None:
+    """Refuse a folder with a run that would be lost, see `existing_run.check`."""
+    from castfem.time_loop import existing_run
+
+    existing_run.check(folder, case, resume=resume, overwrite=overwrite, script=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -209,6 +224,9 @@ class Result(Closing):
         """
         if time is not None and position is not None:
             raise InputError("fields: give the time or the position, not both")
+        for name, wanted, unit in (("time", time, "s"), ("position", position, "m")):
+            if wanted is not None and not isinstance(wanted, Real):
+                raise InputError(f"fields: {name} must be a number, in {unit} (given: {wanted!r})")
         with self._fields() as file:
             if not len(file.times):
                 raise InputError(f"{self.folder}: the run has written no fields")

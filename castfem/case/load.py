@@ -109,6 +109,9 @@ def changed(
     written = document.Document(copy.deepcopy(before), "case")
     places = {label}
     for key, value in changes.items():
+        if not isinstance(key, str):
+            written.faults.append(f"{label}: {key!r}: the name of a key is needed")
+            continue
         where = (labels or {}).get(key, label)
         places.add(where)
         try:

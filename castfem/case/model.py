@@ -30,6 +30,7 @@ from castfem.case.mould import Mould
 from castfem.case.section import Mesh, Section
 from castfem.case.thermal import Thermal
 from castfem.case.verification import Verification
+from castfem.errors import InputError
 from castfem.mould.taper import stretch_ends
 from castfem.values.tables import Table as TableOfValues
 
@@ -216,4 +217,9 @@ class Case(TableModel):
         """
         from castfem.case.load import changed
 
+        if changes is not None and not isinstance(changes, Mapping):
+            raise InputError(
+                f'with_: keys and values are needed, such as {{"casting.speed": "3 m/min"}} or '
+                f'speed="3 m/min" (given: {changes!r})'
+            )
         return changed(self, {**(changes or {}), **dotted})

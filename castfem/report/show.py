@@ -58,6 +58,9 @@ def show(folder: Path | str, console: Console | None = None, *, figures: bool = 
         _print_last_state(out, path, record)
     if summary is not None:
         _print_summary(out, summary)
+    if summary is not None and not (path / HISTORY_NAME).is_file():
+        text = f"{path / HISTORY_NAME} is missing: no figures over time, and nothing to look at"
+        _print(out, text, style="yellow")
     _print_remarks(out, path, summary)
     _print_effort(out, record, summary)
     if record.status == "failed":
@@ -112,7 +115,7 @@ def _status(record: RunRecord, running: bool) -> str:
     """One line: how the run stands."""
     how = record.status
     if how == "running" and not running:
-        how = "interrupted"
+        how = "ended without a word (killed or aborted)"
     facts = f"on {record.ranks} rank{'s' if record.ranks > 1 else ''}"
     seconds = sum(record.wall_time.values())
     if seconds:

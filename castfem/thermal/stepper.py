@@ -229,6 +229,18 @@ class ThermalStepper:
         found = (back * moved < 0.0) & (size > REBOUND) & (size < DOUBT * error)
         return reductions.any_of(self.comm, bool(found.any())), after.rate
 
+    def _taken_too_much(self, new: ThermalState) -> str:
+        """Say where more heat is taken than there is, and what to do about it (collective)."""
+        places = self.problem.section.vertex_space.tabulate_dof_coordinates()
+        owned = places[: len(new.point.temperature), :2]
+        _, x, y = reductions.peak(self.comm, -new.point.temperature, owned)
+        return (
+            "more heat is taken than there is: below absolute zero at "
+            f"x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm; a given flux does not fall as the steel "
+            'grows cold: let it be less there or end before (law = "flux", over position), or give '
+            "a law that knows the surroundings (contact, convection, spray)"
+        )
+
     def stray(self, old: ThermalState, new: ThermalState) -> str:
         """Why a new state is not what the data allow; "" if it is.
 
@@ -246,7 +258,7 @@ class ThermalStepper:
         slack = BOUND_SLACK + (share * (high - low) if np.isfinite(high - low) else 0.0)
         coldest, hottest = new.extremes
         if coldest <= 0.0:
-            return "more heat is taken than there is: below absolute zero"
+            return self._taken_too_much(new)
         kind, end = ("hotter", high) if hottest > high + slack else ("colder", low)
         if coldest >= low - slack and hottest <= high + slack:
             return ""

@@ -20,22 +20,40 @@ from castfem.support.messages import differences
 _NOT_PHYSICS = ("title", "output", "reference", "verification", "casting.length")
 
 
-def check(folder: Path, case: AnyCase, *, resume: bool, overwrite: bool) -> None:
+_COMMAND = (
+    "choose another with -o",
+    "run without --resume into another folder (-o)",
+    "choose another folder with -o, or --overwrite it",
+)
+_SCRIPT = (
+    "choose another",
+    "run without resume=True, into another folder",
+    "choose another folder, or give overwrite=True",
+)
+
+
+def check(
+    folder: Path, case: AnyCase, *, resume: bool, overwrite: bool, script: bool = False
+) -> None:
     """Refuse a folder whose run is of other physics than the case, or has come further down.
+
+    Args:
+        folder: Where the run shall go.
+        case: What is to be run.
+        resume: Whether it goes on with the run there.
+        overwrite: Whether any run there may be replaced.
+        script: Whether messages speak to a script; otherwise to the command line.
 
     Raises:
         InputError: It is, or has, or it cannot be told; or the folder is a file.
     """
+    other, fresh, replace = _SCRIPT if script else _COMMAND
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
+        raise InputError(f"{folder}: is a file, a folder is needed; {other}")
     file = folder / CASE_NAME
     if overwrite or not file.is_file():
         return
-    mend = (
-        "run without --resume into another folder (-o)"
-        if resume
-        else "choose another folder with -o, or --overwrite it"
-    )
+    mend = fresh if resume else replace
     former = read_case(file)
     if former.problems or former.case is None:
         raise InputError(f"{file}: is not a case of this version of castfem; {mend}")

@@ -144,3 +144,40 @@ def test_resume_names_what_differs(case, tmp_path):
     assert begun.quantities["position"] == pytest.approx(case.casting.length)
     further = castfem.run(case.with_(length="90 mm"), tmp_path / "run", resume=True)
     assert further.quantities["position"] == pytest.approx(0.09)
+
+
+def test_a_run_of_another_case_is_kept(case, tmp_path):
+    castfem.run(case, tmp_path / "run")
+    castfem.run(case, tmp_path / "run")
+    slower = case.with_(speed="3 m/min")
+    with pytest.raises(castfem.InputError, match=r"another case \(casting\.speed.*overwrite=True"):
+        castfem.run(slower, tmp_path / "run")
+    with pytest.raises(castfem.InputError, match=r"has come to 0\.06 m.*overwrite=True"):
+        castfem.run(case.with_(length="30 mm"), tmp_path / "run")
+    assert castfem.Result(tmp_path / "run").case == case
+    castfem.run(slower, tmp_path / "run", overwrite=True)
+    assert castfem.Result(tmp_path / "run").case == slower
+
+
+def test_what_is_of_the_wrong_kind_is_told_in_one_line(case, result):
+    for wrong in (
+        lambda: castfem.run(None),
+        lambda: case.with_({3: "x"}),
+        lambda: case.with_("speed"),
+        lambda: result.fields(position="3 mm"),
+        lambda: result.fields(time="3 s"),
+    ):
+        with pytest.raises(castfem.InputError) as caught:
+            wrong()
+        assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_flux_that_takes_more_heat_than_there_is(case):
+    flux = {"law": "flux", "value": "40 MW/m^2"}
+    changed = case.with_({"cooling.0.surface": [flux], "casting.length": "300 mm"})
+    with pytest.raises(castfem.RunFailure) as caught:
+        castfem.run(changed)
+    told = str(caught.value)
+    assert (
+        "more heat is taken than there is" in told and "at x = " in told and 'law = "flux"' in told
+    )

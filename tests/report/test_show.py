@@ -62,9 +62,16 @@ def test_show_draws_every_figure_and_says_where(finished_run):
 def test_an_interrupted_run_shows_its_last_good_state(tmp_path):
     write_run(tmp_path, finish=False)
     text = printed(tmp_path, figures=False)
-    assert text.startswith("interrupted on 2 ranks")
+    assert text.startswith("ended without a word (killed or aborted) on 2 ranks")
     assert cells_of(text, "position") == ["0.6", "m"]
     assert "last checkpoint at t = 3.2 s, 192 mm below the meniscus" in text
+
+
+def test_a_run_that_has_lost_its_history_says_so(finished_run, tmp_path):
+    folder = shutil.copytree(finished_run, tmp_path / "run")
+    assert "history.csv is missing" not in printed(folder, figures=False)
+    (folder / "history.csv").unlink()
+    assert "history.csv is missing: no figures over time" in printed(folder, figures=False)
 
 
 def test_a_failed_run_says_why_and_where_to_look(tmp_path):
