@@ -1,4 +1,7 @@
-"""A sample: what is read off the slice after a step, in SI."""
+"""A sample: what is read off the slice after a step, in SI.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 
