@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from castfem.case.mechanics import Way
 from castfem.case.model import Case
 from castfem.case.problems import Path, Problem
 from castfem.support.messages import grouped
@@ -85,7 +86,10 @@ def _demands(case: Case) -> Iterator[Demand]:
     if case.mechanics is not None and case.coupling is not None:
         steps = ("intervals", _MOST, _MANY, _MECHANICAL)
         if case.coupling.interval is not None:
-            yield Demand(("coupling", "interval"), case.coupling.interval, *steps)
+            window = case.coupling.interval
+            if isinstance(window, Way):
+                window = window.length / case.casting.length * case.casting.duration
+            yield Demand(("coupling", "interval"), window, *steps)
         if case.coupling.mechanical_step is not None:
             steps = ("mechanical steps", _MOST, _MANY, _MECHANICAL)
             yield Demand(("coupling", "mechanical_step"), case.coupling.mechanical_step, *steps)

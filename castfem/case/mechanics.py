@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.thermal import PetscOption
-from castfem.values.quantities import Kind, PositiveDifference, Time
+from castfem.values.quantities import Kind, Notation, PositiveDifference, Time
 from castfem.values.tables import Curve, CurveOr, Table
+from castfem.values.units import parse_any
+
+if TYPE_CHECKING:
+    from pydantic import GetJsonSchemaHandler
+    from pydantic_core import CoreSchema
 
 FREE = "free"
+_TIME, _LENGTH = Kind("s", "s", above=0.0), Kind("m", "mm", above=0.0)
 
 Share = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="1")]
 Ratio = Annotated[float, Kind("1", above=0.0, most=1.0, label="ratio", sample="1e-5")]
@@ -135,11 +142,49 @@ class Mechanics(TableModel):
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A coupling window that is given by the length of strand that goes by.
+
+    Attributes:
+        length: m.
+    """
+
+    length: float
+
+
+@dataclass(frozen=True, slots=True)
+class WindowMark(Notation):
+    """Annotation of a field that takes a time or a length of strand."""
+
+    takes: str = 'time: `"0.1 s"`, or length: `"5 mm"`'
+
+    def read(self, given: object) -> float | Way:
+        """Return the time in s, or the length; raise ValueError if it is neither."""
+        if isinstance(given, Way):
+            return given
+        try:
+            of_length = isinstance(given, str) and parse_any(given)[1] == "m"
+        except ValueError:
+            of_length = False
+        return Way(_LENGTH.read(given)) if of_length else _TIME.read(given)
+
+    def write(self, value: float | Way) -> Any:
+        """Return what reads back to the same window."""
+        return _LENGTH.write(value.length) if isinstance(value, Way) else _TIME.write(value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [_TIME.json_schema(), _LENGTH.json_schema()]}
+
+
 class Coupling(TableModel):
     """How temperature and mechanics take turns."""
 
-    interval: Time = Field(
-        written("0.1 s"), description="time after which the two exchange what they know"
+    interval: Annotated[float | Way, WindowMark()] = Field(
+        written("0.1 s"),
+        description="time, or length of strand, after which the two exchange what they know",
     )
     mechanical_step: Time | None = Field(
         None,

@@ -14,7 +14,7 @@ from castfem.case.base import TableModel
 from castfem.case.casting import Casting, Output, Reference, Steel
 from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.machine import Machine, RollSegment, RollTable
-from castfem.case.mechanics import Coupling, Held, Mechanics, Motions
+from castfem.case.mechanics import Coupling, Held, Mechanics, Motions, WindowMark
 from castfem.case.mould import Copper, Friction, Mould, Touch
 from castfem.case.problems import submodels
 from castfem.case.section import Mesh, Section
@@ -166,7 +166,7 @@ def _takes(field: FieldInfo) -> str:
     for mark in field.metadata:
         if isinstance(mark, Kind | Curve):
             return _mark(mark, example)
-        if isinstance(mark, TaperMark | RollTable):
+        if isinstance(mark, TaperMark | RollTable | WindowMark):
             return mark.takes
         if isinstance(mark, NameOf):
             return ", ".join(f'`"{name}"`' for name in mark.register)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from castfem.errors import RunFailure
@@ -46,6 +46,7 @@ class StepControl:
         fixed: Step, s, or None for `adaptive`.
         adaptive: Error control, or None for `fixed`.
         order: Power of the step that the error estimate follows.
+        longest: Of a step that begins at a time, s; None for no other limit than these.
     """
 
     def __init__(
@@ -56,6 +57,7 @@ class StepControl:
         fixed: float | None = None,
         adaptive: Adaptive | None = None,
         order: int = 3,
+        longest: Callable[[float], float] | None = None,
     ) -> None:
         if (fixed is None) == (adaptive is None):
             raise ValueError("give a fixed step or an adaptive one")
@@ -67,7 +69,7 @@ class StepControl:
         self._fixed, self._adaptive, self._exponent = fixed, adaptive, 1.0 / order
         self.step = fixed if fixed is not None else adaptive.first  # type: ignore[union-attr]
         self.smallest = adaptive.smallest if adaptive is not None else 1e-6 * self.step
-        self._clipped = False
+        self._longest, self._clipped = longest, False
 
     def next_stop(self, time: float) -> float:
         """The first milestone after `time`, or the end."""
@@ -78,12 +80,13 @@ class StepControl:
         stop = self.next_stop(time)
         stop = stop if limit is None else min(stop, limit)
         left = stop - time
-        self._clipped = left <= self.step * (1 + 1e-9)
+        step = self.step if self._longest is None else min(self.step, self._longest(time))
+        self._clipped = left <= step * (1 + 1e-9)
         if self._clipped:
             return stop
-        if self._adaptive is not None and left < 2 * self.step:
+        if self._adaptive is not None and left < 2 * step:
             return time + 0.5 * left  # two even steps rather than a crumb at the end
-        return time + self.step
+        return time + step
 
     def accepts(self, error: float) -> bool:
         """Whether a step with this estimated error (K) may be kept."""

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from castfem.machine.line import Face
 
 GRAVITY = 9.81  # m/s2
+STANDING = 10.0  # windows of a length at full speed: how long one lasts at most
 
 
 class Line(Protocol):
@@ -95,6 +96,19 @@ class Machine:
     def mean_speed(self, time: float) -> float:
         """Mean casting speed from the meniscus to `time` (s), m/s."""
         return self.travel.mean_speed(time)
+
+    def window_time(self, length: float) -> float:
+        """How long the slice takes for a length (m) at its fastest, s."""
+        return length / self.travel.fastest
+
+    def window(self, time: float, length: float) -> float:
+        """How long the slice takes from `time` (s) for a length (m), s.
+
+        Where the strand creeps or stands, no longer than ten times what it takes at its fastest:
+        the slice cools there, too.
+        """
+        needed = self.time_at(self.position(time) + length) - time
+        return min(needed, STANDING * self.window_time(length))
 
     def height(self, position: float) -> float:
         """Height of the liquid above the middle of the strand at `position` (m), m.

@@ -18,6 +18,10 @@ class Travel(Protocol):
     def kinks(self) -> tuple[float, ...]:
         """Instants at which the acceleration changes, s."""
 
+    @property
+    def fastest(self) -> float:
+        """Largest casting speed, m/s."""
+
     def position(self, time: float) -> float:
         """Position below the meniscus at `time` (s), m."""
 
@@ -46,7 +50,7 @@ class Steady:
     def __init__(self, speed: float) -> None:
         if not 0.0 < speed < math.inf:
             raise ValueError(f"the casting speed must be positive, not {speed:g} m/s")
-        self._speed = speed
+        self._speed = self.fastest = speed
 
     def position(self, time: float) -> float:
         """See `Travel`."""
@@ -97,6 +101,11 @@ class Changing:
     def kinks(self) -> tuple[float, ...]:
         """See `Travel`."""
         return tuple(self._times[1:])
+
+    @property
+    def fastest(self) -> float:
+        """See `Travel`."""
+        return max(self._speeds)
 
     def position(self, time: float) -> float:
         """See `Travel`."""

@@ -11,12 +11,14 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.case.build_machine import build_machine
+from castfem.case.mechanics import Way
 from castfem.coupling.staggered import Coupler
 from castfem.coupling.step_control import Adaptive, StepControl
 from castfem.coupling.subcycling import MechanicalSteps, ThermalSteps
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.root import on_root
 from castfem.fem.section import Section
+from castfem.machine.machine import STANDING
 from castfem.materials.curve import ThermalCurve
 from castfem.simulation import closed_form
 from castfem.simulation.cooling import Zones
@@ -127,31 +129,50 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
     if mechanics is None:
         control = thermal = step_control(case, milestones)
     else:
-        interval = case.coupling.interval
-        control = StepControl(case.casting.duration, milestones, fixed=interval)
+        control = _windows(case, machine, milestones)
         thermal = step_control(case, [])
     steps = ThermalSteps(stepper, thermal)
-    coupler = _coupler(case, steps, mechanics, zones)
+    coupler = _coupler(case, machine, steps, mechanics, zones)
     return Simulation(
         case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupler,
         start_temperature=start, watch=watch, exact=exact,
     )  # fmt: skip
 
 
+def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
+    """Choice of the coupling windows, of equal times or of equal lengths of strand."""
+    duration, given = case.casting.duration, case.coupling.interval
+    if not isinstance(given, Way):
+        return StepControl(duration, milestones, fixed=given)
+    length = given.length
+    return StepControl(
+        duration,
+        milestones,
+        fixed=STANDING * machine.window_time(length),
+        longest=lambda time: machine.window(time, length),
+    )
+
+
 def _coupler(
-    case: Case, steps: ThermalSteps, mechanics: MechanicalStepper | None, zones: Zones
+    case: Case,
+    machine: Machine,
+    steps: ThermalSteps,
+    mechanics: MechanicalStepper | None,
+    zones: Zones,
 ) -> Coupler | None:
     """What takes the intervals of a case with mechanics."""
     if mechanics is None:
         return None
     gap, given = None, case.coupling
+    window = given.interval
+    interval = machine.window_time(window.length) if isinstance(window, Way) else window
     if mechanics.problem.contact is not None:
         from castfem.mechanics.surface_gap import SurfaceGap
 
         gap = SurfaceGap(mechanics.problem.contact, mechanics.problem.points)
     return Coupler(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
-        given.interval, given.passes, given.settled, given.order,
+        interval, given.passes, given.settled, given.order,
     )  # fmt: skip
 
 

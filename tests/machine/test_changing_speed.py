@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 from mpi4py import MPI
@@ -147,3 +148,31 @@ def test_a_speed_that_changes_reads_back(tmp_path: Path) -> None:
     assert again == sound
     assert again.physics_hash() == sound.physics_hash()
     assert sound.casting.duration == WAY.time_at(0.6)
+
+
+def test_coupling_windows_by_length(tmp_path: Path) -> None:
+    """The same run as by time while the speed is constant; equal lengths where it changes."""
+    quick = ("reference=[]", "casting.length=60 mm", "mesh.surface_size=4 mm")
+    by_length = case("taper_1", *quick, "coupling.interval=15 mm")
+    run(by_length, tmp_path / "length")
+    run(case("taper_1", *quick, "coupling.interval=0.25 s"), tmp_path / "time")
+    ours, theirs = (read_history(tmp_path / n / "history.csv") for n in ("length", "time"))
+    assert len(ours) == len(theirs) == 5
+    for column in ("time", "shell_mid_face", "von_mises_max"):
+        assert np.allclose(ours[column], theirs[column], rtol=1e-5, equal_nan=True), column
+    slower = '{time=[0, 1], time_unit="s", value=[3.6, 1.2], unit="m/min"}'
+    run(by_length.with_({"casting.speed": load(slower)}), tmp_path / "slower")
+    table = read_history(tmp_path / "slower" / "history.csv")
+    # The end of the ramp, 40 mm below the meniscus, is hit besides.
+    assert np.allclose(1e3 * table["position"], [0.0, 15.0, 30.0, 40.0, 55.0, 60.0], atol=1e-6)
+    (tmp_path / "again.toml").write_text(by_length.resolved_toml())
+    assert load_case(tmp_path / "again.toml") == by_length
+    with pytest.raises(InputError, match=r"coupling\.interval: must be above 0 mm"):
+        case("taper_1", "coupling.interval=0 mm")
+    with pytest.raises(InputError, match=r"coupling\.interval: .*a time is needed"):
+        case("taper_1", "coupling.interval=3 K")
+
+
+def load(value: str) -> dict[str, object]:
+    found: dict[str, object] = tomllib.loads(f"it = {value}")["it"]
+    return found

@@ -104,6 +104,35 @@ def test_a_case_follows_its_rolls(tmp_path: Path) -> None:
     assert (plain.height(0.3), plain.bends) == (0.3, ())
 
 
+def test_liquid_presses_with_its_height_in_a_bent_machine() -> None:
+    """Not with the way along the strand, in the slice that a coupled run strains."""
+    from mpi4py import MPI
+
+    from castfem.simulation.simulation import build
+
+    bent = SEGMENTS.replace("0.9 m", "0.65 m")
+    coarse = [f"mesh.{name}=14 mm" for name in ("surface_size", "corner_size", "core_size")]
+    coarse += ["mesh.face_size=14 mm", "casting.length=15 m"]
+    what = load_case(SLAB.parents[1] / "billet125" / "taper_1.toml", [bent, *coarse])
+    simulation = build(what, MPI.COMM_SELF)
+    try:
+        machine, steel = simulation.machine, simulation.steel
+        assert simulation.mechanics is not None
+        liquid = simulation.mechanics.problem.slice.ferrostatic
+        assert liquid is not None
+        weight = 9.81 * float(steel.density(steel.liquidus + 1.0))
+        for time in (5.0, 100.0, 240.0):
+            height = machine.height(machine.position(time))
+            assert liquid.head(time) == pytest.approx(weight * height, rel=1e-12)
+        assert machine.height(14.4) < 0.8 * 14.4
+        followed = [bend for bend in machine.bends if bend < 15.0]
+        assert len(followed) == 3
+        for bend in followed:
+            assert simulation.control.next_stop(bend / 0.06 - 0.01) == pytest.approx(bend / 0.06)
+    finally:
+        simulation.destroy()
+
+
 @pytest.mark.parametrize(
     ("rows", "header", "said"),
     [

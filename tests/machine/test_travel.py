@@ -111,3 +111,17 @@ def test_the_head_of_a_vertical_machine_goes_with_the_position() -> None:
     assert Machine(Steady(0.06)).head(7000.0)(10.0) == pytest.approx(7000.0 * 9.81 * 0.6)
     assert machine.height(3.0) == 3.0
     assert machine.curvature(3.0) == machine.inclination(3.0) == 0.0
+
+
+def test_windows_by_length() -> None:
+    """Of equal lengths; where the strand stands, of ten times what they take at full speed."""
+    assert Machine(Steady(0.06)).window(3.7, 0.006) == pytest.approx(0.1, rel=1e-12)
+    machine = Machine(STOP)
+    assert machine.window_time(0.01) == 0.5
+    assert machine.window(10.0, 0.01) == pytest.approx(0.5, rel=1e-12)
+    for time in (32.0, 34.0, 119.0, 150.0):  # on the ramps and beyond them
+        window = machine.window(time, 0.01)
+        gone = machine.position(time + window) - machine.position(time)
+        assert gone == pytest.approx(0.01, rel=1e-12)
+    assert machine.window(60.0, 0.01) == 5.0
+    assert Machine(Changing([0.0, 10.0], [0.02, 0.0])).window(9.9, 0.01) == 5.0
