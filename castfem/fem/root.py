@@ -6,6 +6,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TypeVar
 
 from mpi4py import MPI
@@ -76,9 +77,16 @@ class Together(Closing):
     Args:
         comm: All ranks (collective); a message of its own kind goes between them.
         agreed: Errors that ranks raise together, if they raise them.
+        last_words: Called with the error on rank 0 before that aborts; it alone has the files.
     """
 
-    def __init__(self, comm: MPI.Comm, agreed: tuple[type[BaseException], ...] = ()) -> None:
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        agreed: tuple[type[BaseException], ...] = (),
+        last_words: Callable[[BaseException], None] | None = None,
+    ) -> None:
+        self._last_words = last_words
         self._world, self._kinds = comm, agreed
         self._comm = comm.Dup() if comm.size > 1 else None
         self._met: bool | None = None if comm.size > 1 else True
@@ -90,6 +98,9 @@ class Together(Closing):
         """
         if self._comm is not None and self._met is None:
             if not all_arrive(self._comm):
+                if self._world.rank == 0 and self._last_words is not None:
+                    with suppress(Exception):
+                        self._last_words(error)
                 self._world.Abort(_told_alone(error, self._world.rank))
             own = isinstance(error, self._kinds)
             self._met = bool(self._comm.allreduce(own, op=MPI.LAND))

@@ -207,7 +207,8 @@ def run(
 
     resume = bool(comm.bcast(on_root(comm, begin)))
     # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
-    with output, ExitStack() as freed, Together(comm, (RunFailure, Stopped)) as together:
+    together = Together(comm, (RunFailure, Stopped), lambda error: output.fail(_reason(error)))
+    with output, ExitStack() as freed, together:
         simulation = build(case, comm)
         freed.callback(simulation.destroy)
         _tell_of_idle_ranks(simulation)

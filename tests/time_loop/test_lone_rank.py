@@ -73,6 +73,15 @@ def test_an_error_in_the_mechanics_ends_all(tmp_path: Path) -> None:
     load_checkpoint(tmp_path / "checkpoint.h5")
 
 
+def test_the_rank_of_the_files_leaves_word_before_it_aborts(tmp_path: Path) -> None:
+    """What another rank meets alone it cannot write: `show` calls that killed or aborted."""
+    words = ("law", str(tmp_path), "billet125/taper_1", *SHORT)
+    done = python_on(2, "-c", PATCHED.replace("rank == 1", "rank == 0") + COMMAND, *words)
+    assert done.returncode == 2, done.stderr
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert (record["status"], record["reason"]) == ("failed", "unexpected MemoryError: too much")
+
+
 def test_a_nan_is_a_failure_of_all(tmp_path: Path) -> None:
     """All know of it, cut the step back, and end in order with the last good state on disk."""
     done = failed("nan", "thermal", tmp_path, COMMAND, "thermal.time.step=0.1 s")
