@@ -33,6 +33,8 @@ TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), 
 STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
 RASTER = 2.0**-32  # of the section's size
 REACH = 1e-2  # of the height of surface cells: a wall farther away holds nothing
+# Of the height of surface cells: depth of the first of two Gauss points, those of the mean stress.
+SKIN = 0.5 - 0.5 / 3.0**0.5
 
 
 class WallContact:
@@ -66,6 +68,7 @@ class WallContact:
         self._gradients = facets.operator(ufl.grad(trial), space)
         vertex = section.vertex_space
         self.at_vertices = facets.operator(ufl.TrialFunction(vertex), vertex)
+        self._slopes = facets.operator(ufl.grad(ufl.TrialFunction(vertex)), vertex)
         self._large = solid.large_strain
         self._surface, self._stress = self._geometry(mesh)
         self._given = FacetFields(facets, WIDTH)
@@ -183,15 +186,17 @@ class WallContact:
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
         solidity = solid.law.elasticity.solidity
-        self._molten: Flags = self._hottest(after) > solidity.solidus
+        fed = solid.liquid == "fed"
+        backed = self._below(after) if fed else temperatures[1]
+        self._molten: Flags = np.maximum(temperatures[1], backed) > solidity.solidus
         # Of liquid at the surface, which runs to the wall wherever that is and presses on it.
         self._pool: Array = np.zeros(self.facets.count)
-        if solid.liquid == "fed":
+        if fed:
             fluid = solidity.weight(temperatures[1]) == 0.0
             self._pool = np.where(fluid, self._liquid(after, end), 0.0)
         if self._stress is not None:
             liquid = self._liquid(after, end)
-            if solid.liquid == "fed":
+            if fed:
                 temperatures = self._hottest(before), self._hottest(after)
                 if solid.ferrostatic is not None:
                     liquid = np.asarray(solid.ferrostatic.pressure(temperatures[1], end))
@@ -218,6 +223,13 @@ class WallContact:
         cells = np.asarray(vertex.dofmap.list)[self.facets.cells]
         hottest = local[cells].max(axis=1) if len(cells) else np.zeros(0)
         return np.asarray(np.repeat(hottest, self.facets.per_facet))
+
+    def _below(self, owned: Array) -> Array:
+        """Temperature at the depth of the first points of the mean stress below each point, K."""
+        local = dof_values.with_ghosts(self.section.vertex_space, owned)
+        slope = (self._slopes @ local).reshape(-1, 2)
+        outward = np.einsum("ni,ni->n", slope, self.facets.normal)
+        return np.asarray(self.at_vertices @ local - SKIN * self.facets.height * outward)
 
     def _at_points_from(self, owned: Array) -> Array:
         """Values at the points from those of the owned vertices."""
@@ -326,8 +338,8 @@ class WallContact:
     def _rub(self, seen: Array, along: Array, slip: Array, pressure: Array) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction.
 
-        It acts where a cell is solid as a whole: liquid and mush have nothing that could be held
-        back, and what has just begun to freeze has next to nothing to carry it.
+        It acts on what is solid: liquid and mush have nothing that could be held back.  Where
+        liquid is fed the cell must have solid points below the surface, which carry it.
         """
         assert self.contact.friction is not None
         moved = np.column_stack(

@@ -22,7 +22,7 @@ def course(kept: Kept) -> list[float]:
 def test_axial_strain_does_not_hang_on_the_interval(sets: tuple[str, ...]) -> None:
     """It drifted by so much a step: to +0.09 % at 20 ms, with friction to +0.6 %."""
     coarse, fine = (course(strained(interval, *sets)) for interval in ("0.1 s", "0.02 s"))
-    assert max(max(coarse), max(fine)) < 1e-5
+    assert max(max(coarse), max(fine)) < 2e-5
     assert coarse[-1] == pytest.approx(-0.6e-3, abs=0.1e-3)
     assert fine[-1] == pytest.approx(coarse[-1], abs=0.6e-4)
 
