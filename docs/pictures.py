@@ -1,4 +1,4 @@
-"""Makes the pictures of README, docs/mould.md and docs/machine.md: draws and shrinks them.
+"""Makes the pictures of README, mould.md, machine.md and laws.md in docs: draws, shrinks them.
 
 Run it by `.castfem/bin/python docs/pictures.py`, or with the names of the pictures to make.
 """
@@ -11,11 +11,15 @@ from pathlib import Path
 
 from PIL import Image
 
-from castfem.case import load_case
+from castfem.case import load_any, load_case
 from castfem.case.build_mould import build_mould
+from castfem.case.tensile import TensileCase
+from castfem.constitutive.uniaxial import pull
 from castfem.plots.figures import draw_figures
 from castfem.plots.machine import draw as draw_machine
 from castfem.plots.mould import draw as draw_mould
+from castfem.plots.style import new_figure
+from castfem.tensile.tensile_test import TensileTest
 from castfem.time_loop import loop
 
 HERE = Path(__file__).parent
@@ -75,6 +79,32 @@ def machine() -> None:
         shrink(Image.open(path).convert("RGB"), "machine")
 
 
+def cycles() -> None:
+    """Draw the peak tension of 80 cycles of temperature, with both kinds of hardening."""
+    figure = new_figure(9.0, 3.4)
+    for axes, swing in zip(figure.subplots(1, 2), (75, 125), strict=True):
+        for name, colour in (("kozlowski_zhu", "#0072b2"), ("norton_hoff_kozlowski", "#e39c37")):
+            for law, line in ((name, "--"), (f"{name}_signed", "-")):
+                file = HERE.parent / "cases" / "tensile" / f"cycles_{swing}.toml"
+                case = load_any(file, [f"tensile.material={law}", "output.figures=false"])
+                assert isinstance(case, TensileCase)
+                test = TensileTest(case)
+                found = pull(
+                    test.law, test.time, test.strain, test.temperature, thermal_strain=test.thermal
+                )
+                peak = [1e-6 * found.axial_stress[c, 0].max() for c in test.cycles]
+                axes.plot(range(1, len(peak) + 1), peak, line, color=colour, label=law)
+        axes.set_title(f"{swing} K about 950 degC")
+        axes.set_xlabel("cycle")
+        axes.set_ylim(0.0, 75.0)
+    figure.axes[0].set_ylabel("peak tension [MPa]")
+    figure.axes[0].legend(loc="upper left")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "cycles.png"
+        figure.savefig(path, dpi=150, bbox_inches="tight")
+        shrink(Image.open(path).convert("RGB"), "cycles")
+
+
 def shrink(picture: Image.Image, name: str) -> None:
     """Save a picture at its final size and with few colours."""
     size = (WIDTH, round(picture.height * WIDTH / picture.width))
@@ -86,7 +116,7 @@ def shrink(picture: Image.Image, name: str) -> None:
 
 def main() -> None:
     """Make the pictures named on the command line, or all."""
-    pictures = {"billet": billet, "mould": mould, "machine": machine}
+    pictures = {"billet": billet, "mould": mould, "machine": machine, "cycles": cycles}
     for name in sys.argv[1:] or pictures:
         pictures[name]()
 

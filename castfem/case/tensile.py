@@ -18,6 +18,7 @@ from castfem.values.quantities import Kind, Percent, Time
 from castfem.values.tables import Curve, Table
 
 TABLE = "tensile"
+SAME = 1e-6  # K
 _NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True}
 
 
@@ -85,7 +86,8 @@ class Tensile(TableModel):
         None, description="Poisson's ratio in place of that of the set"
     )
     temperature: TemperatureOfTime = Field(
-        description="of the bar; a table is over the time since the start",
+        description="of the bar; a table is over the time since the start, or since that of each "
+        "cycle",
         examples=["1100 degC"],
     )
     expansion: Expansion = Field(
@@ -97,6 +99,9 @@ class Tensile(TableModel):
         200, strict=True, description="time steps in each segment"
     )
     segment: tuple[Segment, ...] = Field(min_length=1, description="parts of the test, in order")
+    cycles: Annotated[int, AfterValidator(_at_least_one)] = Field(
+        1, strict=True, description="how often the segments and the temperature are gone through"
+    )
 
 
 class TensileOutput(TableModel):
@@ -141,10 +146,27 @@ class TensileCase(TableModel):
 
 def check(case: TensileCase) -> Iterator[Problem]:
     """Yield everything that does not fit together."""
+    yield from _check_cycles(case.tensile)
     for index, reference in enumerate(case.reference or ()):
         if reference is not None and reference.at is not None:
             yield Problem(
                 ("reference", index, "at"),
                 "a tensile test has no position; the quantities stress_1, stress_2 ... hold at the "
                 "ends of its segments",
+            )
+
+
+def _check_cycles(given: Tensile) -> Iterator[Problem]:
+    """Yield whether the temperature comes back after a cycle; None stands for what is faulty."""
+    lengths = [None if part is None else part.duration for part in given.segment or (None,)]
+    if given.cycles is None or given.cycles == 1 or None in lengths:
+        return
+    if isinstance(given.temperature, Table):
+        end = sum(length or 0.0 for length in lengths)
+        change = given.temperature(end) - given.temperature(0.0)
+        if abs(change) > SAME:
+            yield Problem(
+                (TABLE, "temperature"),
+                f"ends a cycle of {end:g} s {change:+.4g} K from where it began; with "
+                f"cycles = {given.cycles} it must come back",
             )

@@ -121,6 +121,8 @@ def describe_test(name: str, case: TensileCase) -> str:
     lines = [f"{name}: sound", f"  {case.title}", f"  law {law}, {table.steps} steps a segment"]
     for segment in table.segment:
         lines.append(f"  {segment.duration:7.4g} s at {segment.rate:.4g} 1/s")
+    if table.cycles > 1:
+        lines.append(f"  all of this {table.cycles} times")
     return "\n".join(lines)
 
 

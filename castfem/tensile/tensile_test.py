@@ -49,6 +49,7 @@ class TensileTest:
         temperature: (n,), K.
         thermal: Thermal strain (n,).
         ends: Index of the last point of each segment.
+        cycles: Points of each cycle.
 
     Raises:
         InputError: The law cannot be had, or not at the temperatures of the test; all problems.
@@ -56,7 +57,7 @@ class TensileTest:
 
     def __init__(self, case: TensileCase, origin: str = TABLE) -> None:
         given = self.given = case.tensile
-        steps, segments = given.steps, given.segment
+        steps, segments = given.steps, given.segment * given.cycles
         ends = np.cumsum([0.0, *(s.duration for s in segments)])
         turns = np.cumsum([0.0, *(s.rate * s.duration for s in segments)])
         at = np.arange(len(segments) * steps + 1) / steps
@@ -64,7 +65,10 @@ class TensileTest:
         self.strain = np.interp(at, np.arange(len(ends)), turns)
         self.rate = np.concatenate([[0.0], np.repeat([s.rate for s in segments], steps)])
         self.ends = [steps * (k + 1) for k in range(len(segments))]
-        self.temperature = as_function(given.temperature)(self.time)
+        once = len(given.segment) * steps  # steps of a cycle
+        self.cycles = [slice(k * once, (k + 1) * once + 1) for k in range(given.cycles)]
+        again = np.concatenate([np.tile(self.time[:once], given.cycles), [self.time[once]]])
+        self.temperature = as_function(given.temperature)(again)
         self.thermal = given.expansion * (self.temperature - self.temperature[0])
         self.law = self._law(origin)
 
@@ -271,7 +275,9 @@ def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
         ),
         "work": Quantity(float(record.work[last, 0]), "MJ/m^3", "viscoplastic work"),
     }
-    if len(writer.test.ends) > 1:
+    if len(writer.test.cycles) > 1:
+        found |= _of_cycles(stress, writer.test.cycles)
+    elif len(writer.test.ends) > 1:
         found |= {
             f"stress_{k}": Quantity(float(stress[end]), "MPa", f"stress, end of segment {k}")
             for k, end in enumerate(writer.test.ends, start=1)
@@ -288,4 +294,24 @@ def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
         found["analytical_worst"] = Quantity(
             float(gap.max()), "percent", "off the analytical, worst"
         )
+    return found
+
+
+SETTLED = 3  # cycle from which on a law that does not harden without end repeats itself
+
+
+def _of_cycles(stress: Array, cycles: list[slice]) -> dict[str, Quantity]:
+    """Largest and smallest stress of some of the cycles that are complete, and their growth."""
+    whole = [c for c in cycles if c.stop <= len(stress)]
+    found = {}
+    for k in sorted({1, SETTLED, len(whole)} & set(range(1, len(whole) + 1))):
+        part = stress[whole[k - 1]]
+        top, low = float(part.max()), float(part.min())
+        found[f"tension_{k}"] = Quantity(top, "MPa", f"largest stress, cycle {k}")
+        found[f"compression_{k}"] = Quantity(low, "MPa", f"smallest stress, cycle {k}")
+    if len(whole) > SETTLED:
+        first, last = (float(stress[c].max()) for c in (whole[SETTLED - 1], whole[-1]))
+        growth = last / first - 1.0 if first > 0.0 else 0.0
+        text = f"growth of the largest stress since cycle {SETTLED}"
+        found["growth"] = Quantity(growth, "percent", text)
     return found

@@ -92,6 +92,7 @@ def test_hash_follows_the_physics_alone(write):
         ("tensile.segment.0.duration=0 s", "must be above 0"),
         ("tensile.segment=[]", "tensile.segment: must not be empty"),
         ("tensile.steps=0", "tensile.steps: must be at least 1 (0)"),
+        ("tensile.cycles=0", "tensile.cycles: must be at least 1 (0)"),
         ("tensile.steps=2.5", "must be a whole number"),
         ("tensile.material=3", "tensile.material: must be the name of a set, a file, or a table"),
         ("tensile.poisson=0.5", "must not be above 0.499"),
@@ -105,6 +106,13 @@ def test_mistakes(write, assignment, said):
     reading = read_case(write(TEST), [assignment])
     assert len(reading.problems) == 1
     assert said in reading.problems[0]
+
+
+def test_the_temperature_of_cycles_comes_back(write):
+    words = ['tensile.temperature={time=["0 s", "10 s"], value=["900 degC", "950 degC"]}']
+    assert not read_case(write(TEST), words).problems
+    (problem,) = read_case(write(TEST), [*words, "tensile.cycles=2"]).problems
+    assert "tensile.temperature: ends a cycle of 10 s +50 K from where it began" in problem
 
 
 def test_missing_keys_are_told_together(write):

@@ -76,6 +76,32 @@ def test_run_again_show_and_other_physics(castfem):
     assert "holds a run of another case" in strand.err
 
 
+@pytest.mark.parametrize("swing", [75, 125])
+@pytest.mark.parametrize("material", ["norton_hoff_kozlowski", "kozlowski_zhu"])
+def test_eighty_cycles(castfem, swing, material):
+    """Held while it is heated and cooled: the signed laws repeat themselves, the others harden."""
+    found = {}
+    for name in (material, f"{material}_signed"):
+        words = ("--set", f"tensile.material={name}", "--set", "output.figures=false")
+        outcome = castfem("run", f"tensile/cycles_{swing}", "-o", name, *words)
+        assert outcome.status == 0, outcome.err
+        summary = json.loads(Path(name, "summary.json").read_text())
+        found[name] = {k: v["value"] for k, v in summary["quantities"].items()}
+        table = read_history(Path(name, "history.csv"))
+        heat = table["temperature"].to_numpy()
+        assert (heat.min(), heat.max()) == (950.0 - swing, 950.0 + swing)
+        last = table["stress"].to_numpy()[-65:]
+        assert found[name]["tension_80"] == pytest.approx(last.max(), rel=1e-9)
+        assert not table["total_strain"].any()
+    plain, signed = found[material], found[f"{material}_signed"]
+    assert signed["tension_80"] == pytest.approx(signed["tension_3"], rel=1e-3)
+    assert signed["compression_80"] == pytest.approx(signed["compression_3"], rel=1e-3)
+    assert abs(signed["growth"]) < 0.1
+    assert plain["growth"] > 30.0
+    # The first peak is that of steel which has hardened once only: the laws are one to 10 %.
+    assert signed["tension_1"] == pytest.approx(plain["tension_1"], rel=0.1)
+
+
 def test_steel_that_relaxes(castfem):
     """Held at its strain: drawn over time, no analytical answer, the stress falls."""
     words = ["--set", "tensile.material=kozlowski_zhu", "--set", "tensile.carbon=0.1"]

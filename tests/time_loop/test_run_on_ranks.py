@@ -54,6 +54,21 @@ def assert_same(one: pandas.DataFrame, other: pandas.DataFrame) -> None:
 
 
 @needs_mpirun
+def test_ranks_and_a_pause_do_not_show_in_a_signed_state(tmp_path: Path) -> None:
+    """The strain tensor goes through the checkpoint and to other ranks like all that is kept."""
+    signed = (*IDEALISED, "mechanics.law=kozlowski_zhu_signed")
+    run(tmp_path / "whole", 1, "idealised", signed)
+    short = (*signed, "casting.length=120 mm")
+    run(tmp_path / "parts", 2, "idealised", short)
+    tensor = load_checkpoint(tmp_path / "parts" / "checkpoint.h5")[1]["internal_deviator"]
+    assert tensor.shape[2] == 3
+    assert np.abs(tensor).max() > 1e-5
+    run(tmp_path / "parts", 3, "idealised", signed, "--resume")
+    whole, parts = (read_history(tmp_path / name / "history.csv") for name in ("whole", "parts"))
+    assert_same(whole, parts)
+
+
+@needs_mpirun
 def test_ranks_do_not_show(tmp_path: Path) -> None:
     for ranks in (1, 3):
         run(tmp_path / str(ranks), ranks, "idealised", IDEALISED)
