@@ -18,6 +18,7 @@ import numpy.typing as npt
 from castfem.values.quantities import Kind
 
 if TYPE_CHECKING:
+    from castfem.constitutive.data_range import DataRange
     from castfem.constitutive.elasticity import Elasticity
 
 Array = npt.NDArray[np.float64]
@@ -124,6 +125,10 @@ class Law(Protocol):
     @property
     def elasticity(self) -> Elasticity:
         """Elastic part; flow leaves the volume unchanged, so the mean stress is its alone."""
+
+    @property
+    def data(self) -> DataRange | None:
+        """What the numbers of the law rest on; None if that is not said."""
 
     @property
     def state_names(self) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ import numpy as np
 from castfem.constitutive import kernel
 from castfem.constitutive.base import Array, Given, MaterialStep, Parameter, Response, turned
 from castfem.constitutive.curves import Austenite, DeltaFerrite, modified_norton_hoff
+from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.values.quantities import Kind
 from castfem.values.tables import Constant
@@ -45,6 +46,8 @@ class RadialReturn:
     """
 
     elasticity: Elasticity
+    data: DataRange | None = field(default=None, kw_only=True)
+    """What the numbers of the law rest on; None if that is not said."""
 
     laws: ClassVar[dict[str, type[RadialReturn]]] = {}
     """All laws by the name that a parameter file gives them."""

@@ -14,7 +14,8 @@ A file names its law and gives each parameter as a single value or as a table ov
 
 Every parameter may say where it comes from (`source`), how sure that is (`status`: F read in the
 source, M from memory and not yet checked against the page, C computed, U the user's own) and a
-`note`.
+`note`. A table [data] says which temperatures and strain rates the numbers rest on, lowest and
+highest; a run tells how much of its shell is beyond.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from castfem.constitutive.base import Array, Parameter
+from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity, Solidity
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.errors import InputError
@@ -42,7 +44,11 @@ _YOUNG = Parameter(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample=
 _POISSON = Parameter(Kind("1", least=0.0, most=0.499, label="Poisson's ratio", sample="0.3"))
 _CARBON = Kind("1", least=0.0, most=2.11, label="carbon content in wt%", sample="0.1")
 FROM_MEMORY = "M"  # status of a number that was not compared with its source
-_TEXTS = ("law", "description", "source", "status", "note")
+_TEXTS = ("law", "description", "source", "status", "note", "data")
+_DATA = {
+    "temperature": Kind("K", "degC"),
+    "rate": Kind("1/s", "1/s", least=0.0, label="strain rate", sample="1e-3 1/s"),
+}
 _NOTES = ("source", "status", "note")
 
 
@@ -133,6 +139,26 @@ class _Reader:
             self.fail(key, f"{error} ({shown(self.data[key])})")
             return None
 
+    def data_range(self) -> DataRange | None:
+        """Return what the data of the law cover: the table [data]."""
+        given = self.data.get("data")
+        if given is None:
+            return None
+        if not isinstance(given, Mapping) or set(given) - set(_NOTES) != set(_DATA):
+            self.fail("data", f"must be a table with {choices(_DATA)}, each lowest and highest")
+            return None
+        ends: dict[str, tuple[float, float]] = {}
+        for key, kind in _DATA.items():
+            try:
+                low, high = (kind.read(value) for value in given[key])
+            except (TypeError, ValueError) as error:
+                self.fail(f"data.{key}", f"must be lowest and highest: {error}")
+                continue
+            if not low < high:
+                self.fail(f"data.{key}", "the lowest must be below the highest")
+            ends[key] = low, high
+        return DataRange(**ends) if len(ends) == len(_DATA) else None
+
     def unknown(self, allowed: tuple[str, ...]) -> None:
         """Note keys that this law does not have."""
         for key in self.data:
@@ -215,7 +241,7 @@ def law_from(
     law, reader = known[name], _Reader(data, label, carbon, delta_share)
     reader.unknown((*_TEXTS, "carbon", *law.parameters, *law.numbers, *law.words))
     reader.number("carbon", _CARBON)
-    made = law.from_parameters(elasticity, reader)
+    made = replace(law.from_parameters(elasticity, reader), data=reader.data_range())
     if reader.problems:
         raise InputError(reader.problems)
     return made

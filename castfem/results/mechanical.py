@@ -12,9 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from castfem.constitutive.base import equivalent_stress
+from castfem.constitutive.base import equivalent_strain, equivalent_stress
 from castfem.contact.summary import summary
-from castfem.fem import reductions
+from castfem.fem import dof_values, reductions
 from castfem.fem.line_probes import LineProbes, Profile
 from castfem.mechanics.state import MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 SQRT2 = 2.0**0.5
+HARDLY = 0.05  # share of the section that is solid before its shell is spoken of
+INSTANT = 1e-3  # s: over which the motion of the planes is differentiated
 FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
 LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
 
@@ -83,7 +85,37 @@ class MechanicalSampler:
             contact=contact,
             gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
             pressure=self._pressed(state),
+            beyond=self._beyond(state),
         )
+
+    def _beyond(self, state: MechanicalState) -> dict[str, float]:
+        """Share of the solid beyond the data of its law, by kind (collective)."""
+        law, points = self.problem.slice.law, self.problem.points
+        if law.data is None:
+            return {}
+        heat = self.problem.at_points(state.temperature)[: points.split]
+        solid, area = heat <= law.elasticity.solidity.solidus, points.deviator.volume
+        beyond = law.data.beyond(heat, equivalent_strain(self._strain_rate(state)))
+        parts = [area[solid & flags].sum() for flags in beyond.values()]
+        whole, shell, *found = reductions.totals(
+            self.section.comm, [area.sum(), area[solid].sum(), *parts]
+        )
+        if shell < HARDLY * whole:
+            return {}
+        return {kind: float(part / shell) for kind, part in zip(beyond, found, strict=True)}
+
+    def _strain_rate(self, state: MechanicalState) -> Array:
+        """Rate of strain over the last step at the deviator's points, Mandel (split, 4), 1/s."""
+        points, planes = self.problem.points, self.problem.slice.planes
+        found = points.strain @ dof_values.with_ghosts(self.problem.space, state.rate)
+        ends = []
+        for time, scalars in (
+            (state.time, state.scalars),
+            (state.time - INSTANT, state.scalars - INSTANT * state.scalar_rate),
+        ):
+            offset, directions, _ = planes.at(time)
+            ends.append(offset + directions @ scalars)
+        return self._with_modes(found, np.asarray((ends[0] - ends[1]) / INSTANT))
 
     def _pressed(self, state: MechanicalState) -> dict[str, float]:
         """Contact pressure around the start of each probe, Pa; empty without a mould."""
@@ -157,9 +189,14 @@ class MechanicalSampler:
     def _strain(self, state: MechanicalState) -> Array:
         """Strain (37) of the undeformed slice at the deviator's points, Mandel (split, 4)."""
         points = self.problem.points
-        strain = (points.strain @ state.displacement).reshape(-1, 4)[: points.split]
+        return self._with_modes(points.strain @ state.displacement, state.modes)
+
+    def _with_modes(self, values: Array, modes: Array) -> Array:
+        """Strain in the plane at all points, with that of the planes, at the deviator's."""
+        points = self.problem.points
+        strain = values.reshape(-1, 4)[: points.split]
         x, y = points.deviator.position.T
-        a0, a1, a2, across = state.modes
+        a0, a1, a2, across = modes
         strain[:, 1] += across
         strain[:, 2] += a0 + a1 * x + a2 * y
         return np.asarray(strain)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from castfem.results.registry import quantity
@@ -127,3 +127,64 @@ def force_error(sample: Sample) -> float:
     """Largest relative error of a node's forces or of the axial force."""
     balance = sample.strained.balance
     return 0.0 if balance is None else max(balance.forces_error, balance.axial_error)
+
+
+def _beyond_at(kind: str) -> Callable[[Sample], str]:
+    """Where most of the shell was beyond the data, behind their limit."""
+
+    def where(sample: Sample) -> str:
+        assert sample.simulation.mechanics is not None
+        data = sample.simulation.mechanics.problem.slice.law.data
+        assert data is not None
+        share, position = sample.beyond_data.worst.get(kind, (0.0, 0.0))
+        at = f", {1e3 * position:.6g} mm below the meniscus" if share > 0.0 else ""
+        return f"{data.limit(kind)}{at}"
+
+    return where
+
+
+def _beyond(sample: Sample, kind: str) -> float:
+    """Largest share so far; none before there is a shell."""
+    return sample.beyond_data.worst.get(kind, (0.0, 0.0))[0]
+
+
+@quantity(
+    "colder_than_data",
+    unit="percent",
+    label="most of the shell colder than the law's data",
+    column=False,
+    place=_beyond_at("colder"),
+    needs=("mechanics", "law_data"),
+)
+def colder_than_data(sample: Sample) -> float:
+    """Largest share of the shell on the way that was colder than the data of its law.
+
+    It is counted from when a twentieth of the section is solid, like the two that follow.
+    """
+    return _beyond(sample, "colder")
+
+
+@quantity(
+    "hotter_than_data",
+    unit="percent",
+    label="most of the shell hotter than the law's data",
+    column=False,
+    place=_beyond_at("hotter"),
+    needs=("mechanics", "law_data"),
+)
+def hotter_than_data(sample: Sample) -> float:
+    """Largest share of the shell on the way that was hotter than the data of its law."""
+    return _beyond(sample, "hotter")
+
+
+@quantity(
+    "faster_than_data",
+    unit="percent",
+    label="most of the shell strained faster than the law's data",
+    column=False,
+    place=_beyond_at("faster"),
+    needs=("mechanics", "law_data"),
+)
+def faster_than_data(sample: Sample) -> float:
+    """Largest share of the shell on the way that was strained faster than the data of its law."""
+    return _beyond(sample, "faster")

@@ -1,10 +1,11 @@
-"""The worst of a slice on its way: of its contact in the mould, and of its stress."""
+"""The worst of a slice on its way: of its contact in the mould, its stress, its law's data."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
+from castfem.constitutive.data_range import KINDS
 from castfem.mould.mould import is_below
 
 if TYPE_CHECKING:
@@ -84,3 +85,38 @@ class LargestStress:
         """Take up what `memory` gave; an older checkpoint has nothing of it."""
         for name in ("stress", "position", "x", "y"):
             setattr(self, name, memory.get(f"strained_{name}") or 0.0)
+
+
+@dataclass(slots=True)
+class BeyondData:
+    """The largest share of the shell on the way beyond the data of its law, and where it was.
+
+    Attributes:
+        worst: By kind (`castfem.constitutive.data_range.KINDS`) the share, and the position of the
+            slice below the meniscus, m.
+    """
+
+    worst: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def note(self, sample: Sample) -> None:
+        """Take in one more interval."""
+        beyond = {} if sample.mechanics is None else sample.mechanics.beyond
+        for kind, share in beyond.items():
+            if kind not in self.worst or share > self.worst[kind][0]:
+                self.worst[kind] = share, sample.position
+
+    def memory(self) -> dict[str, float | None]:
+        """What a checkpoint must hold of it."""
+        names = ("share", "position")
+        return {
+            f"{kind}_{name}": value
+            for kind, values in self.worst.items()
+            for name, value in zip(names, values, strict=True)
+        }
+
+    def recall(self, memory: dict[str, float | None]) -> None:
+        """Take up what `memory` gave; an older checkpoint has nothing of it."""
+        for kind in KINDS:
+            share, position = memory.get(f"{kind}_share"), memory.get(f"{kind}_position")
+            if share is not None and position is not None:
+                self.worst[kind] = share, position

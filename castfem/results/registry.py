@@ -37,6 +37,9 @@ Each = Literal["", "probe", "centred_probe"]
 # What a quantity may need of a simulation. A mould goes with mechanics, friction with a mould.
 NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     "mechanics": lambda simulation: simulation.mechanics is not None,
+    "law_data": lambda simulation: (
+        simulation.mechanics is not None and simulation.mechanics.problem.slice.law.data is not None
+    ),
     "mould": lambda simulation: simulation.case.mould is not None,
     "friction": lambda simulation: _has_friction(simulation),
 }

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from castfem.results.mould_extremes import LargestStress, MouldExtremes
+from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtremes
 
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
@@ -36,6 +36,8 @@ class MechanicalSample:
         gap: To the wall at the start of each probe, m, NaN where there is none, as below the end
             of the mould; empty without a mould.
         pressure: Contact pressure there, a mean over a length of the surface, Pa; likewise.
+        beyond: Share of the solid that is colder, hotter, strained faster than the data of the law;
+            empty where the law does not say, or while there is hardly a shell.
     """
 
     newton: int
@@ -52,6 +54,7 @@ class MechanicalSample:
     contact: ContactSummary | None
     gap: dict[str, float]
     pressure: dict[str, float]
+    beyond: dict[str, float]
 
 
 @dataclass(slots=True)
@@ -69,9 +72,9 @@ class Sample:
         removed: Heat removed from the whole section since the meniscus, J per m of strand.
         temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
         mechanics: The strained slice; None in a simulation without mechanics.
-        largest_stress: On the way to here. metallurgical_length: Where the last vertex passed the
-            solidus, m; None while liquid is left. extremes: Of the contact in the mould so far;
-            None without a mould.
+        largest_stress: On the way to here. beyond_data: Likewise. metallurgical_length: Where the
+            last vertex passed the solidus, m; None while liquid is left. extremes: Of the contact
+            in the mould so far; None without a mould.
     """
 
     simulation: Simulation
@@ -90,6 +93,7 @@ class Sample:
     balance: float
     mechanics: MechanicalSample | None = None
     largest_stress: LargestStress = field(default_factory=LargestStress)
+    beyond_data: BeyondData = field(default_factory=BeyondData)
     metallurgical_length: float | None = None
     extremes: MouldExtremes | None = None
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from castfem.coupling.staggered import StrandState
 from castfem.coupling.subcycling import Leg
 from castfem.fem import reductions
-from castfem.results.mould_extremes import LargestStress, MouldExtremes
+from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtremes
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import Simulation
 from castfem.thermal.stepper import ThermalState
@@ -45,6 +45,7 @@ class Sampler:
     metallurgical_length: float | None = None
     extremes: MouldExtremes | None = None
     largest_stress: LargestStress = field(default_factory=LargestStress)
+    beyond_data: BeyondData = field(default_factory=BeyondData)
     _hottest: float = np.inf
     _time: float = 0.0
     _surface: dict[str, int] = field(default_factory=dict)
@@ -113,6 +114,8 @@ class Sampler:
         )
         self.largest_stress.note(sample)
         sample.largest_stress = replace(self.largest_stress)
+        self.beyond_data.note(sample)
+        sample.beyond_data = BeyondData(dict(self.beyond_data.worst))
         if self.extremes is not None:
             self.extremes.note(sample)
             sample.extremes = replace(self.extremes)
@@ -134,6 +137,7 @@ class Sampler:
             "time": self._time,
             **({} if self.extremes is None else self.extremes.memory()),
             **({} if self.mechanics is None else self.largest_stress.memory()),
+            **self.beyond_data.memory(),
         }
 
     def recall(self, memory: dict[str, float | None]) -> None:
@@ -145,6 +149,7 @@ class Sampler:
         if self.extremes is not None:
             self.extremes.recall(memory)
         self.largest_stress.recall(memory)
+        self.beyond_data.recall(memory)
 
     def heat_gained(self, state: ThermalState) -> float:
         """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""

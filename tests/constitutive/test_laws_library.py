@@ -148,6 +148,11 @@ def test_laws_from_data() -> None:
         ({"law": "unified_steel"}, ["carbon: is missing"]),
         ({"law": "norton_hoff", "strength": "3 MPa", "p3": 0.1, "hardening": "sined"}, ["signed?"]),
         ({"law": "unified_steel", "carbon": 0.1, "recovery_time": "-3 s"}, ["recovery_time: must"]),
+        (
+            {"law": "thermo_elastic", "data": {"temperature": ["9 degC", "2 degC"], "rate": [1]}},
+            ["data.temperature: the lowest must be below", "data.rate: must be lowest and highest"],
+        ),
+        ({"law": "thermo_elastic", "data": {"rate": 3}}, ["data: must be a table with"]),
         ({"law": "weiner", "hardening": "signed"}, ["law: "]),
         ({"law": "thermo_elastic", "hardening": "signed"}, ["hardening: unknown key"]),
         ({"law": "unified_steel", "carbon": 5.0}, ["carbon: must not be above 2.11 (5.0)"]),
