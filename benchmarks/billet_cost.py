@@ -74,8 +74,8 @@ def march(mould: str, changes: Sequence[str]) -> dict[str, Any]:
         one.run()
     found: dict[str, Any] = {
         "cells": scene.section.mesh.topology.index_map(2).size_global,
-        "intervals": one.run_state.counts.intervals,
-        "passes": one.run_state.counts.passes or one.run_state.counts.intervals,
+        "intervals": one.run_state.counts.windows,
+        "passes": one.run_state.counts.coupling_iterations or one.run_state.counts.windows,
         "cut": one.run_state.counts.cut_back,
         "newton": one.run_state.counts.newton_mechanics,
         "seconds": process_time() - start,

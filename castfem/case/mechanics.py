@@ -180,34 +180,35 @@ class WindowMark(Notation):
 
 
 class Coupling(TableModel):
-    """How temperature and mechanics take turns."""
+    """How the thermal and the mechanical problem are coupled."""
 
     interval: Annotated[float | Way, WindowMark()] = Field(
         written("0.1 s"),
-        description="time, or length of strand, after which the two exchange what they know",
+        description="coupling window: time, or length of strand, after which the two exchange "
+        "temperatures, gap and viscoplastic work",
     )
     mechanical_step: Time | None = Field(
         None,
-        description="longest step of the mechanics within an interval; by default it takes one",
+        description="longest step of the mechanics within a window; by default they take one",
         examples=["50 ms"],
     )
     order: Literal["thermal_first", "mechanics_first"] = Field(
         "thermal_first",
         description="who goes first; mechanics_first strains the slice as if it went on cooling "
-        "as in the interval before (thesis, Fig. 84)",
+        "as in the window before (thesis, Fig. 84)",
     )
     passes: int = Field(
         8,
         ge=1,
         strict=True,
-        description="largest number of passes through an interval: it is repeated until the gap to "
-        "the mould settles, and cut back if it does not; 1: neither, but intervals "
-        "that want it are counted",
+        description="largest number of coupling iterations in a window: it is repeated until "
+        "the gap to the mould converges, and cut back if it does not; 1: neither, but windows "
+        "whose gap has not converged are counted",
     )
     settled: PositiveDifference = Field(
         written("1 K"),
-        description="change of the surface temperature by the gap found instead of the one taken, "
-        "below which the gap has settled",
+        description="tolerance of the coupling iterations: the gap has converged when the gap just "
+        "computed would change the surface temperature by less",
     )
     follow_shape: bool = Field(
         True,

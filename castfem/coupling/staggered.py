@@ -1,4 +1,4 @@
-"""The intervals in which temperature and mechanics take turns.
+"""Staggered coupling of temperature and mechanics, one coupling window of time after the other.
 
 Nothing here keeps a state of its own: each step goes from a committed state to a new one, or leaves
 the old one as it was.
@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.coupling.step_control import StepControl
-from castfem.coupling.subcycling import Leg, MechanicalSteps, ThermalSteps
+from castfem.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
 from castfem.errors import RunFailure
 from castfem.fem import reductions
 from castfem.support import log
@@ -31,8 +31,8 @@ Array = npt.NDArray[np.float64]
 
 FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
 TINY = 1e-300
-SHORTEST = 0.05  # of the interval: cut back no further for a gap that does not settle, or for a
-# state beyond the range of the model: a shorter interval ends there, too
+SHORTEST = 0.05  # of the window: cut back no further for a gap that does not converge, or for a
+# state beyond the range of the model: a shorter window ends there, too
 COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
 
 
@@ -42,9 +42,9 @@ class StrandState:
 
     Attributes:
         thermal: Temperatures. mechanical: Displacement, stress...; None without mechanics.
-        heating: Heat of the viscoplastic work of the last interval, which warms the next, at the
+        heating: Heat of the viscoplastic work of the last window, which warms the next, at the
             owned vertices (owned,), J/m3; empty without.
-        trend: Rate of temperature in the last interval (owned,), K/s: what mechanics that go first
+        trend: Rate of temperature in the last window (owned,), K/s: what mechanics that go first
             know of the next; empty where they do not.
     """
 
@@ -60,27 +60,33 @@ class StrandState:
 
 
 @dataclass(frozen=True, slots=True)
-class Interval:
-    """One attempted interval.
+class CouplingWindow:
+    """One attempted coupling window.
 
     Attributes:
-        converged: Whether both sides succeeded. state: The new state, or the old one.
-        leg: The thermal steps. mechanical: The mechanical steps. passes: Through the interval.
-        settled: Whether the gap has settled, if it was to.
+        converged: Whether both solvers converged. state: The new state, or the old one.
+        substeps: The thermal steps. mechanical: The mechanical steps.
+        iterations: Of the coupling; 1 if the window was not repeated.
+        gap_converged: Whether the iterations of the gap converged, if there were to be some.
     """
 
     converged: bool
     state: StrandState
-    leg: Leg
+    substeps: SubSteps
     mechanical: MechanicalResult
-    passes: int
-    settled: bool = True
+    iterations: int
+    gap_converged: bool = True
 
-    def before(self, after: Interval) -> Interval:
-        """The same interval repeated: `after`, with the work of both counted."""
+    def before(self, after: CouplingWindow) -> CouplingWindow:
+        """The same window repeated: `after`, with the work of both counted."""
         mechanical = replace(after.mechanical, newton=self.newton + after.newton)
-        leg = replace(after.leg, newton=self.leg.newton + after.leg.newton)
-        return replace(after, leg=leg, mechanical=mechanical, passes=self.passes + after.passes)
+        substeps = replace(after.substeps, newton=self.substeps.newton + after.substeps.newton)
+        return replace(
+            after,
+            substeps=substeps,
+            mechanical=mechanical,
+            iterations=self.iterations + after.iterations,
+        )
 
     @property
     def newton(self) -> int:
@@ -140,23 +146,24 @@ class Relaxation:
         return np.where(reached, tried + self._factor * residual, found)
 
 
-class Coupler:
-    """Takes intervals, thermal first (thesis IV): the shell of an instant is cooled, then strained.
+class StaggeredCoupling:
+    """Staggered coupling, thermal first (thesis IV): in each window the slice cools, then strains.
 
-    What the strained slice tells the heat of the next interval are its form, the gap to the wall
-    and the work that was dissipated. With more than one pass an interval is repeated with the mean
-    gap of its beginning and its end, until that settles; one that does not is cut back, for a
-    shorter interval leaves the gap less to say.
+    The mechanics hand to the thermal problem of the next window the deformed section, the gap to
+    the wall and the dissipated work. With more than one iteration a window is repeated with the
+    mean gap of its beginning and its end, until that converges; where it does not, the window is
+    cut back, for the gap changes less over a shorter one.
 
     Args:
         thermal: Thermal steps. mechanics: Mechanical steps.
-        dissipation: Share of the viscoplastic work that heats the next interval.
-        surface: Told the gaps. gap: Finds them; None without a mould.
-        interval: Length of an interval that is not cut back, s.
-        passes: Largest number of passes through an interval. settled: The gap has settled when the
-            one that was found would change the temperature of the surface by less, K.
+        dissipation: Share of the viscoplastic work that heats the next window.
+        surface: Given the gaps. gap: Computes them; None without a mould.
+        window: Length of a window that is not cut back, s.
+        max_iterations: Of the coupling, in one window.
+        tolerance: The gap has converged when the one that was computed would change the
+            temperature of the surface by less, K.
         order: "thermal_first", or "mechanics_first": strained as if it went on cooling as in the
-            interval before, and held its temperature in the first (297)-(299), Fig. 84.
+            window before, and held its temperature in the first (297)-(299), Fig. 84.
     """
 
     def __init__(
@@ -166,17 +173,17 @@ class Coupler:
         dissipation: float,
         surface: CooledSurface,
         gap: SurfaceGap | None,
-        interval: float,
-        passes: int = 1,
-        settled: float = 1.0,
+        window: float,
+        max_iterations: int = 1,
+        tolerance: float = 1.0,
         order: str = "thermal_first",
     ) -> None:
         self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
-        self.surface, self.gap, self.interval = surface, gap, interval
-        self.passes, self.settled, self.order = passes, settled, order
+        self.surface, self.gap, self.window = surface, gap, window
+        self.max_iterations, self.tolerance, self.order = max_iterations, tolerance, order
 
-    def take(self, old: StrandState, end: float) -> Interval:
-        """One interval from `old` to `end` (s); `old` is left untouched.
+    def take(self, old: StrandState, end: float) -> CouplingWindow:
+        """One window from `old` to `end` (s); `old` is left untouched.
 
         Raises:
             RunFailure: If no thermal step is short enough.
@@ -190,26 +197,26 @@ class Coupler:
         repeats = begun is not None and self.order == "thermal_first"
         learnt = self.thermal.control.step
         relaxed = Relaxation(self.mechanics.comm, self.surface.perimeter_share())
-        taken = self._pass(old, end, gap)
+        taken = self._iterate(old, end, gap)
         while taken.converged and repeats:
             assert begun is not None and gap is not None and taken.state.mechanical is not None
             ended = self.gap_of(taken.state.mechanical)
             assert ended is not None
             mean = 0.5 * (begun + ended)
-            if self._misjudged(old.time, taken.state, gap, mean) <= self.settled:
+            if self._misjudged(old.time, taken.state, gap, mean) <= self.tolerance:
                 break
-            if taken.passes == self.passes:
-                taken = replace(taken, settled=False)
+            if taken.iterations == self.max_iterations:
+                taken = replace(taken, gap_converged=False)
                 break
             self.thermal.control.step = learnt
             gap = relaxed(gap, mean)
-            taken = taken.before(self._pass(old, end, gap))
-        if not (taken.converged and taken.settled):
+            taken = taken.before(self._iterate(old, end, gap))
+        if not (taken.converged and taken.gap_converged):
             self.thermal.control.step = learnt
         return taken if taken.converged else replace(taken, state=given)
 
-    def _pass(self, old: StrandState, end: float, gap: Array | None) -> Interval:
-        """Once through an interval, with one gap at each vertex."""
+    def _iterate(self, old: StrandState, end: float, gap: Array | None) -> CouplingWindow:
+        """One iteration of the coupling, with one gap at each vertex."""
         assert old.mechanical is not None
         first, instants = None, self.mechanics.instants(old.time, end)
         if self.order == "mechanics_first":
@@ -219,17 +226,17 @@ class Coupler:
                 gap = self.gap_of(first.state)
         if gap is not None:
             self.surface.set_gap(gap)
-        leg, course = self.thermal.through(old.thermal, instants)
+        substeps, course = self.thermal.through(old.thermal, instants)
         result = first or self.mechanics.through(old.mechanical, course)
         if not result.converged:
-            return Interval(False, old, leg, result, 1)
+            return CouplingWindow(False, old, substeps, result, 1)
         duration = end - old.time
         trend: Array = np.zeros(0)
         if first is not None:
-            cooled = leg.state.point.temperature - old.thermal.point.temperature
+            cooled = substeps.state.point.temperature - old.thermal.point.temperature
             trend = np.asarray(cooled / duration)
-        state = StrandState(leg.state, result.state, self._heating(result), trend)
-        return Interval(True, state, leg, result, 1)
+        state = StrandState(substeps.state, result.state, self._heating(result), trend)
+        return CouplingWindow(True, state, substeps, result, 1)
 
     def _follow_shape(self, state: MechanicalState) -> None:
         """Let heat flow through the slice as it was strained, unless the case leaves that out."""
@@ -259,7 +266,7 @@ class Coupler:
         """How far the surface is off, K, since the gap taken was not the one that was found.
 
         The difference of the fluxes cools a thick body of the steel that is there for the length of
-        the interval (Carslaw and Jaeger, Conduction of Heat in Solids, 2.9). (Collective.)
+        the window (Carslaw and Jaeger, Conduction of Heat in Solids, 2.9). (Collective.)
         """
         point, surface = state.thermal.point, self.surface
         fluxes = [surface.flux_across(gap, point.temperature, begun) for gap in (taken, found)]
@@ -270,7 +277,7 @@ class Coupler:
         return reductions.largest(self.mechanics.comm, cooled)
 
     def _heating(self, result: MechanicalResult) -> Array:
-        """Heat of the viscoplastic work of an interval (owned,), J/m3."""
+        """Heat of the viscoplastic work of a window (owned,), J/m3."""
         if not self.dissipation:
             return np.zeros(0)
         problem = self.thermal.stepper.problem
@@ -285,29 +292,29 @@ class Coupler:
         return StrandState(thermal, mechanical, np.zeros(owned), trend)
 
 
-def take_interval(
-    coupler: Coupler, state: StrandState, control: StepControl
-) -> tuple[Interval, int]:
-    """An interval that succeeds, cut back as often as it takes, and how often that was.
+def take_window(
+    coupling: StaggeredCoupling, state: StrandState, control: StepControl
+) -> tuple[CouplingWindow, int]:
+    """A window that succeeds, cut back as often as it takes, and how often that was.
 
-    A gap that does not settle cuts an interval back as well, but ends no run.
+    A gap that does not converge cuts a window back as well, but ends no run.
 
     Raises:
-        RunFailure: At the smallest interval, where the model ends (`mechanics.validity`), or where
+        RunFailure: At the smallest window, where the model ends (`mechanics.validity`), or where
             nothing is there to bear a load.
     """
     rejected = 0
     while True:
         end = control.propose(state.time)
         taken = end - state.time
-        attempt = coupler.take(state, end)
-        short = taken < SHORTEST * coupler.interval
-        kept = coupler.passes == 1 or short
-        if attempt.converged and (attempt.settled or kept):
+        attempt = coupling.take(state, end)
+        short = taken < SHORTEST * coupling.window
+        kept = coupling.max_iterations == 1 or short
+        if attempt.converged and (attempt.gap_converged or kept):
             control.learn(taken, 0.0)
             return attempt, rejected
-        reason = "the gap does not settle" if attempt.converged else attempt.mechanical.reason
-        log.logger.debug("t = %.6g s: interval %.3g s: %s", state.time, taken, reason)
+        reason = "the gap does not converge" if attempt.converged else attempt.mechanical.reason
+        log.logger.debug("t = %.6g s: coupling window %.3g s: %s", state.time, taken, reason)
         if attempt.mechanical.unborne or (attempt.mechanical.refused and short):
             raise RunFailure(f"mechanics: {reason}")
         try:

@@ -1,4 +1,4 @@
-"""The steps of each side within an interval: of the temperature, and of the mechanics."""
+"""Subcycling: the thermal and the mechanical steps within one coupling window."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Moment = tuple[float, Array]  # a time, s, and temperatures of the owned vertice
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class SubSteps:
     """Thermal steps that were taken one after another.
 
     Attributes:
@@ -46,10 +46,10 @@ class Leg:
     rejected: int
     limited: int
 
-    def __add__(self, after: Leg) -> Leg:
+    def __add__(self, after: SubSteps) -> SubSteps:
         """Both, `after` being the later."""
         worse = max(self.balance, after.balance, key=abs)
-        return Leg(
+        return SubSteps(
             after.state, after.step, self.newton + after.newton, worse, self.steps + after.steps,
             self.rejected + after.rejected, self.limited + after.limited,
         )  # fmt: skip
@@ -65,7 +65,7 @@ class ThermalSteps:
     def __init__(self, stepper: ThermalStepper, control: StepControl) -> None:
         self.stepper, self.control = stepper, control
 
-    def one(self, state: ThermalState, stop: float | None = None) -> Leg:
+    def one(self, state: ThermalState, stop: float | None = None) -> SubSteps:
         """One step, not past `stop` (s).
 
         Raises:
@@ -90,22 +90,24 @@ class ThermalSteps:
                 if self.control.accepts(result.error):
                     break
             rejected += 1
-        return Leg(
+        return SubSteps(
             result.state, dt, result.newton, result.balance, 1, rejected, int(result.limited)
         )
 
-    def to(self, state: ThermalState, end: float) -> Leg:
+    def to(self, state: ThermalState, end: float) -> SubSteps:
         """As many steps as it takes to `end` (s).
 
         Raises:
             RunFailure: At the smallest step.
         """
-        leg = self.one(state, end)
-        while not same_instant(leg.state.time, end, self.control.end):
-            leg += self.one(leg.state, end)
-        return leg
+        substeps = self.one(state, end)
+        while not same_instant(substeps.state.time, end, self.control.end):
+            substeps += self.one(substeps.state, end)
+        return substeps
 
-    def through(self, state: ThermalState, instants: Sequence[float]) -> tuple[Leg, list[Moment]]:
+    def through(
+        self, state: ThermalState, instants: Sequence[float]
+    ) -> tuple[SubSteps, list[Moment]]:
         """As many steps as it takes to the last of some instants (s), all of which are hit.
 
         Returns:
@@ -114,12 +116,12 @@ class ThermalSteps:
         Raises:
             RunFailure: At the smallest step.
         """
-        leg = self.to(state, instants[0])
-        course = [(instants[0], leg.state.point.temperature)]
+        substeps = self.to(state, instants[0])
+        course = [(instants[0], substeps.state.point.temperature)]
         for end in instants[1:]:
-            leg += self.to(leg.state, end)
-            course.append((end, leg.state.point.temperature))
-        return leg, course
+            substeps += self.to(substeps.state, end)
+            course.append((end, substeps.state.point.temperature))
+        return substeps, course
 
 
 class MechanicalSteps:
@@ -127,7 +129,7 @@ class MechanicalSteps:
 
     Args:
         stepper: Takes one step.
-        longest: Length of a step, s, at most; None for one step an interval.
+        longest: Length of a step, s, at most; None for one step a window.
     """
 
     def __init__(self, stepper: MechanicalStepper, longest: float | None = None) -> None:
@@ -139,7 +141,7 @@ class MechanicalSteps:
         return self.stepper.comm
 
     def instants(self, start: float, end: float) -> list[float]:
-        """Where the steps of an interval end, s."""
+        """Where the steps of a window end, s."""
         duration, count = end - start, 1
         if self.longest is not None:
             count = max(1, math.ceil(duration / self.longest * (1.0 - ROUNDING)))

@@ -33,7 +33,7 @@ class MouldExtremes:
     heat: float = 0.0
 
     def note(self, sample: Sample) -> None:
-        """Take in one more interval."""
+        """Take in one more coupling window."""
         if is_below(sample.position, self.length):
             return
         self.heat = sample.removed
@@ -71,7 +71,7 @@ class LargestStress:
     y: float = 0.0
 
     def note(self, sample: Sample) -> None:
-        """Take in one more interval."""
+        """Take in one more coupling window."""
         mechanics = sample.mechanics
         if mechanics is not None and mechanics.peak > self.stress:
             self.stress, self.position = mechanics.peak, sample.position

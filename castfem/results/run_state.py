@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +13,17 @@ from castfem.results.sample import Sample
 from castfem.results.thermal import Sampler
 
 if TYPE_CHECKING:
-    from castfem.coupling.subcycling import Leg
+    from castfem.coupling.subcycling import SubSteps
     from castfem.mechanics.checkpoint import Archive
     from castfem.mechanics.state import MechanicalResult
     from castfem.output.summary import Quantity
     from castfem.simulation.simulation import Simulation
+
+
+STORED = {
+    "windows": "intervals", "coupling_iterations": "passes", "gap_not_converged": "unsettled",
+}  # fmt: skip
+"""Counts that a checkpoint holds under other names, which it has had from the beginning."""
 
 
 @dataclass(slots=True)
@@ -26,9 +33,9 @@ class Counts:
     Attributes:
         steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
             the second-order scheme left the physical bounds, or would have come back.
-        intervals: Of temperature and mechanics. cut_back: Tried and not kept.
-        passes: Through intervals that were kept, repeated ones included. unsettled: Repeated as
-            often as allowed, as short as sensible, and the gap still changed.
+        windows: Of the coupling. cut_back: Tried and not kept.
+        coupling_iterations: In windows that were kept. gap_not_converged: Windows repeated as often
+            as allowed, as short as sensible, whose gap still changed.
         newton: Newton iterations of the temperature, those of what was not kept included.
         newton_mechanics: Likewise of the mechanics.
     """
@@ -36,17 +43,27 @@ class Counts:
     steps: int = 0
     rejected: int = 0
     limited: int = 0
-    intervals: int = 0
+    windows: int = 0
     cut_back: int = 0
-    passes: int = 0
-    unsettled: int = 0
+    coupling_iterations: int = 0
+    gap_not_converged: int = 0
     newton: int = 0
     newton_mechanics: int = 0
 
     @property
     def taken(self) -> int:
-        """Commits so far: intervals, or thermal steps in a simulation without mechanics."""
-        return self.intervals or self.steps
+        """Commits so far: coupling windows, or thermal steps in a simulation without mechanics."""
+        return self.windows or self.steps
+
+    def stored(self) -> dict[str, int]:
+        """The counts by their names in a checkpoint."""
+        return {STORED.get(name, name): count for name, count in asdict(self).items()}
+
+    @classmethod
+    def restored(cls, counts: Mapping[str, int]) -> Counts:
+        """The inverse of `stored`."""
+        names = {key: name for name, key in STORED.items()}
+        return cls(**{names.get(key, key): count for key, count in counts.items()})
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +121,8 @@ class RunState:
         thermal = simulation.stepper.initial(simulation.start_temperature)
         state = (
             StrandState(thermal, None, np.zeros(0))
-            if simulation.coupler is None
-            else simulation.coupler.start(thermal)
+            if simulation.coupling is None
+            else simulation.coupling.start(thermal)
         )
         archive = None
         if simulation.mechanics is not None:
@@ -124,10 +141,10 @@ class RunState:
         """How far the run has come, for run.json: time in s, position in m, thermal steps."""
         return {"time": self.state.time, "position": self.position, "step": self.counts.steps}
 
-    def take_sample(self, leg: Leg | None, mechanical: MechanicalResult | None) -> Sample:
+    def take_sample(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> Sample:
         """Take a sample of the committed state, and of the step that led to it (collective)."""
         self.restored = None
-        self.sample = self.sampler.read(self.state, leg, mechanical)
+        self.sample = self.sampler.read(self.state, substeps, mechanical)
         return self.sample
 
     def remember(self) -> None:

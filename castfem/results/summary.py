@@ -70,14 +70,14 @@ def _steps(run: RunState) -> dict[str, float]:
     }
     if simulation.mechanics is not None:
         found |= {
-            "intervals": counts.intervals,
+            "intervals": counts.windows,
             "intervals cut back": counts.cut_back,
             "Newton iterations, mechanics": counts.newton_mechanics,
         }
-        if simulation.coupler is not None and simulation.coupler.gap is not None:
+        if simulation.coupling is not None and simulation.coupling.gap is not None:
             found |= {
-                "passes through intervals": counts.passes,
-                "intervals not settled": counts.unsettled,
+                "passes through intervals": counts.coupling_iterations,
+                "intervals not settled": counts.gap_not_converged,
             }
     return {name: float(count) for name, count in found.items()}
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.coupling.staggered import StrandState
-from castfem.coupling.subcycling import Leg
+from castfem.coupling.subcycling import SubSteps
 from castfem.fem import reductions
 from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtremes
 from castfem.results.sample import Sample
@@ -76,13 +76,16 @@ class Sampler:
                 self._surface[name] = dof
 
     def read(
-        self, strand: StrandState, leg: Leg | None, mechanical: MechanicalResult | None = None
+        self,
+        strand: StrandState,
+        substeps: SubSteps | None,
+        mechanical: MechanicalResult | None = None,
     ) -> Sample:
         """Read everything off the committed state (collective).
 
         Args:
             strand: The state.
-            leg: Thermal steps that led to it; None at the start.
+            substeps: Thermal steps that led to it; None at the start.
             mechanical: The mechanical step that led to it, likewise.
         """
         simulation, state = self.simulation, strand.thermal
@@ -92,15 +95,15 @@ class Sampler:
             profiles = self.mechanics.displaced(profiles, strand.mechanical)
         steel = simulation.steel
         self._note_closing(state, state.extremes[1])
-        balance = 0.0 if leg is None else leg.balance
+        balance = 0.0 if substeps is None else substeps.balance
         self.worst_balance = max(self.worst_balance, abs(balance))
         sample = Sample(
             simulation=simulation,
             state=strand,
             time=state.time,
             position=simulation.machine.position(state.time),
-            step=0.0 if leg is None else leg.step,
-            newton=0 if leg is None else leg.newton,
+            step=0.0 if substeps is None else substeps.step,
+            newton=0 if substeps is None else substeps.newton,
             profiles=profiles,
             shell={n: p.isotherm_depth(steel.solidus) for n, p in profiles.items()},
             liquidus={n: p.isotherm_depth(steel.liquidus) for n, p in profiles.items()},

@@ -12,7 +12,7 @@ import numpy as np
 
 from castfem.case.build_machine import build_machine
 from castfem.case.mechanics import Way
-from castfem.coupling.staggered import Coupler
+from castfem.coupling.staggered import StaggeredCoupling
 from castfem.coupling.step_control import Adaptive, StepControl
 from castfem.coupling.subcycling import MechanicalSteps, ThermalSteps
 from castfem.fem.line_probes import LineProbes
@@ -50,9 +50,9 @@ class Simulation:
         steel: Its steel. section: The distributed mesh.
         stepper: Thermal time stepping (with the problem and its curve).
         zones: The machine's cooling. probes: Lines at which results are read.
-        control: Choice of the step: thermal, or with mechanics the interval of both.
+        control: Choice of the step: thermal, or with mechanics the coupling window.
         steps: Thermal steps. mechanics: The mechanical step; None for a case without.
-        coupler: Takes intervals of both; likewise.
+        coupling: Takes windows of both; likewise.
         start_temperature: At the meniscus, K. watch: Where the time goes.
         exact: The closed form it is held against, if the case names one.
     """
@@ -67,7 +67,7 @@ class Simulation:
     control: StepControl
     steps: ThermalSteps
     mechanics: MechanicalStepper | None
-    coupler: Coupler | None
+    coupling: StaggeredCoupling | None
     start_temperature: float
     watch: Stopwatch
     exact: ClosedForm | None = None
@@ -132,9 +132,9 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         control = _windows(case, machine, milestones)
         thermal = step_control(case, [])
     steps = ThermalSteps(stepper, thermal)
-    coupler = _coupler(case, machine, steps, mechanics, zones)
+    coupling = _coupling(case, machine, steps, mechanics, zones)
     return Simulation(
-        case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupler,
+        case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupling,
         start_temperature=start, watch=watch, exact=exact,
     )  # fmt: skip
 
@@ -153,26 +153,26 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
     )
 
 
-def _coupler(
+def _coupling(
     case: Case,
     machine: Machine,
     steps: ThermalSteps,
     mechanics: MechanicalStepper | None,
     zones: Zones,
-) -> Coupler | None:
-    """What takes the intervals of a case with mechanics."""
+) -> StaggeredCoupling | None:
+    """The coupling of a case with mechanics."""
     if mechanics is None:
         return None
     gap, given = None, case.coupling
     window = given.interval
-    interval = machine.window_time(window.length) if isinstance(window, Way) else window
+    duration = machine.window_time(window.length) if isinstance(window, Way) else window
     if mechanics.problem.contact is not None:
         from castfem.mechanics.surface_gap import SurfaceGap
 
         gap = SurfaceGap(mechanics.problem.contact, mechanics.problem.points)
-    return Coupler(
+    return StaggeredCoupling(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
-        interval, given.passes, given.settled, given.order,
+        duration, given.passes, given.settled, given.order,
     )  # fmt: skip
 
 

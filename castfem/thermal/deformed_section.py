@@ -20,7 +20,7 @@ FOLDED = 0.1
 
 
 class Shape:
-    """Where the slice was at the end of the interval before (thesis IV): form and thickness.
+    """Where the slice was at the end of the coupling window before (thesis IV): form and thickness.
 
     Args:
         section: The section.

@@ -72,7 +72,7 @@ class Contact:
         wall: Temperature of the mould's wall, K; a number or a function of time.
         gap_conductivity: k_g, W/mK.
         gap: d, m; a number or one per surface node.
-        follows: Whether the gap is that of the mechanics, which set it before each interval.
+        follows: Whether the gap is that of the mechanics, which set it before each coupling window.
         beside: What else crosses the gap.
     """
 

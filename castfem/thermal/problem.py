@@ -5,8 +5,8 @@ With the vertex rule of `forms.heat` the stage reads, for the enthalpies H (J/m3
     M (H - H_base) + tau [ L theta(H) + w q(T(H)) - M s ] = 0,
 
 M the vertices' areas, L the Laplacian of the section, w their shares of the perimeter, s heat
-generated inside.  L is assembled once, or once an interval in a slice that moves; a Newton step
-only scales its columns by dtheta/dH.  On rectangles and Delaunay triangles, and where the flux
+generated inside.  L is assembled once, or once a coupling window in a slice that moves; a Newton
+step only scales its columns by dtheta/dH.  On rectangles and Delaunay triangles, and where the flux
 grows with the temperature, the Jacobian is an M-matrix with dominant columns for every step and
 every freezing range, so the stage has one solution; where the flux falls (boiling) a long stage may
 have several, see `branch`.  Newton's method on H (not on T) has no difficulty with isothermal

@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.case.portable import portable
-from castfem.coupling.staggered import Interval, take_interval
+from castfem.coupling.staggered import CouplingWindow, take_window
 from castfem.coupling.step_control import same_instant
-from castfem.coupling.subcycling import Leg
+from castfem.coupling.subcycling import SubSteps
 from castfem.errors import CastfemError, RunFailure
 from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
@@ -94,7 +94,7 @@ class TimeLoop:
             run.zone = zone
 
     def advance(self) -> None:
-        """Take one step, or with mechanics one interval: try, cut back if need be, commit.
+        """Take one step, or with mechanics one coupling window: try, cut back if need be, commit.
 
         Raises:
             RunFailure: At the smallest step.
@@ -108,26 +108,26 @@ class TimeLoop:
         after = self._iterations()
         counts.newton += after[0] - before[0]
         counts.newton_mechanics += after[1] - before[1]
-        if isinstance(found, Interval):
-            leg, result, run.state = found.leg, found.mechanical, found.state
-            counts.intervals += 1
+        if isinstance(found, CouplingWindow):
+            substeps, result, run.state = found.substeps, found.mechanical, found.state
+            counts.windows += 1
             counts.cut_back += failed
-            counts.passes += found.passes
-            counts.unsettled += not found.settled
+            counts.coupling_iterations += found.iterations
+            counts.gap_not_converged += not found.gap_converged
         else:
-            leg, result = found, None
-            run.state = replace(run.state, thermal=leg.state)
-        counts.steps += leg.steps
-        counts.rejected += leg.rejected
-        counts.limited += leg.limited
-        self._record(leg, result)
+            substeps, result = found, None
+            run.state = replace(run.state, thermal=substeps.state)
+        counts.steps += substeps.steps
+        counts.rejected += substeps.rejected
+        counts.limited += substeps.limited
+        self._record(substeps, result)
 
-    def _attempt(self) -> tuple[Leg | Interval, int]:
-        """A thermal step or an interval that can be kept, and how many intervals could not."""
+    def _attempt(self) -> tuple[SubSteps | CouplingWindow, int]:
+        """A thermal step or a coupling window that can be kept, and how many windows could not."""
         simulation = self.simulation
-        if simulation.coupler is None:
+        if simulation.coupling is None:
             return simulation.steps.one(self.run_state.state.thermal), 0
-        return take_interval(simulation.coupler, self.run_state.state, simulation.control)
+        return take_window(simulation.coupling, self.run_state.state, simulation.control)
 
     def _iterations(self) -> tuple[int, int]:
         """Newton iterations in this process, of temperature and mechanics."""
@@ -139,10 +139,10 @@ class TimeLoop:
         run = self.run_state
         return f"{1e3 * run.position:.4g} mm below the meniscus ({run.state.time:.4g} s)"
 
-    def _record(self, leg: Leg | None, mechanical: MechanicalResult | None) -> None:
+    def _record(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
         run = self.run_state
         with self.simulation.watch.section("results"):
-            sample = run.take_sample(leg, mechanical)
+            sample = run.take_sample(substeps, mechanical)
             self._keep_snapshot(sample)
         if self.recorder is not None:
             with self.simulation.watch.section("output"):

@@ -78,7 +78,7 @@ class Recorder:
                 f"the run has come to {come:g} m; give at least that, or run without "
                 "--resume into another folder"
             )
-        taken = Counts(**self.checkpoint[0]["counts"]).taken
+        taken = Counts.restored(self.checkpoint[0]["counts"]).taken
         self._history = History.resume(
             self.folder / HISTORY_NAME, time, columns(self.simulation), rows=taken + 1
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -46,7 +45,7 @@ def description(run: RunState) -> dict[str, Any]:
         # Without end where a flux is given, which JSON has no number for.
         "allowed": [a if np.isfinite(a) else None for a in thermal.allowed or ()],
         "fed": thermal.fed,
-        "counts": asdict(run.counts),
+        "counts": run.counts.stored(),
         "step": run.simulation.control.step,
         "substep": run.simulation.steps.control.step,
         "zone": run.zone,
@@ -82,7 +81,7 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
         for name in ("heating", "trend")
     )
     run.state = StrandState(thermal, mechanical, heating, trend)
-    run.counts = Counts(**meta["counts"])
+    run.counts = Counts.restored(meta["counts"])
     run.simulation.control.step = meta["step"]
     run.simulation.steps.control.step = meta["substep"]
     run.zone = meta["zone"]

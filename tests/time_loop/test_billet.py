@@ -209,9 +209,9 @@ def test_order_decides_through_which_gap_heat_flows(
 
     class Gaps:
         def step(self, run: RunState, sample: Sample) -> None:
-            coupler, state = run.simulation.coupler, run.state.mechanical
-            assert coupler is not None and state is not None
-            gap = coupler.gap_of(state)
+            coupling, state = run.simulation.coupling, run.state.mechanical
+            assert coupling is not None and state is not None
+            gap = coupling.gap_of(state)
             assert gap is not None
             found.append(gap)
 

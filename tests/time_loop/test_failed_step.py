@@ -14,7 +14,7 @@ import pytest
 from time_loop.moulded import Kept, billet
 
 from castfem.contact.state import OPEN, SLIP
-from castfem.coupling.staggered import Coupler, Interval, StrandState
+from castfem.coupling.staggered import CouplingWindow, StaggeredCoupling, StrandState
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.results.run_state import RunState
@@ -28,7 +28,7 @@ RUBBING = (
     "casting.length=210 mm", "coupling.interval=0.5 s", "mesh.surface_size=3 mm",
     "mesh.corner_size=3 mm", "mesh.face_size=14 mm",
 )  # fmt: skip
-BEFORE, WHEN = 3.0, 3.5  # s: the interval whose first attempt fails, the corner half open
+BEFORE, WHEN = 3.0, 3.5  # s: the window whose first attempt fails, the corner half open
 Bits = dict[str, bytes]
 
 
@@ -41,7 +41,7 @@ def bits(part: Any, name: str = "state") -> Bits:
 
 
 class Attempts:
-    """Watches the coupler, and spoils its first attempt to come to `WHEN`.
+    """Watches the coupling, and spoils its first attempt to come to `WHEN`.
 
     Args:
         patch: For the time of the march.
@@ -59,27 +59,29 @@ class Attempts:
         self.before: list[Bits] = []
         self.after: list[Bits] = []
         self.given: list[StrandState] = []
-        self._spoil, self._patch, self._take = spoil, patch, Coupler.take
-        patch.setattr(Coupler, "take", lambda coupler, old, end: self.take(coupler, old, end))
+        self._spoil, self._patch, self._take = spoil, patch, StaggeredCoupling.take
+        patch.setattr(
+            StaggeredCoupling, "take", lambda coupling, old, end: self.take(coupling, old, end)
+        )
 
-    def take(self, coupler: Coupler, old: StrandState, end: float) -> Interval:
+    def take(self, coupling: StaggeredCoupling, old: StrandState, end: float) -> CouplingWindow:
         if len(self.given) < len(self.before):
             self.given.append(old)
         if self.before or end != WHEN:
-            return self._take(coupler, old, end)
+            return self._take(coupling, old, end)
         self.before.append(bits(old))
-        found = self._fail(coupler, old, end)
+        found = self._fail(coupling, old, end)
         self.after.append(bits(old))
         assert not found.converged and found.state is old
         return found
 
-    def _fail(self, coupler: Coupler, old: StrandState, end: float) -> Interval:
+    def _fail(self, coupling: StaggeredCoupling, old: StrandState, end: float) -> CouplingWindow:
         if self._spoil is None:
-            nothing: Any = SimpleNamespace(reason="spoilt", refused=False)
-            return Interval(False, old, nothing, nothing, 1)
+            nothing: Any = SimpleNamespace(reason="spoilt", refused=False, unborne=False)
+            return CouplingWindow(False, old, nothing, nothing, 1)
         with self._patch.context() as patch:
             self._spoil(patch)
-            return self._take(coupler, old, end)
+            return self._take(coupling, old, end)
 
 
 def untried(patch: pytest.MonkeyPatch) -> None:
@@ -94,6 +96,7 @@ def untried(patch: pytest.MonkeyPatch) -> None:
             reason="spoilt",
             dissipation=nothing,
             refused=False,
+            unborne=False,
         )
 
     patch.setattr(MechanicalStepper, "step", step)
@@ -128,7 +131,7 @@ def found_and_lost(patch: pytest.MonkeyPatch) -> None:
 
 
 def repeated(patch: pytest.MonkeyPatch) -> None:
-    """A first pass is good, its gap is not that of the heat, and the pass after it fails."""
+    """A first iteration is good, but its gap is not converged, and the iteration after it fails."""
     step, calls = MechanicalStepper.step, []
 
     def second(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
@@ -139,7 +142,7 @@ def repeated(patch: pytest.MonkeyPatch) -> None:
         return replace(result, converged=False, state=old, reason="spoilt", balance=None)
 
     patch.setattr(MechanicalStepper, "step", second)
-    patch.setattr(Coupler, "_misjudged", lambda *given: np.inf)
+    patch.setattr(StaggeredCoupling, "_misjudged", lambda *given: np.inf)
 
 
 class Undisturbed(Kept):
@@ -158,7 +161,7 @@ class Undisturbed(Kept):
 
 @pytest.fixture(scope="module")
 def undisturbed() -> Iterator[Undisturbed]:
-    """The run that takes the same intervals."""
+    """The run that takes the same windows."""
     scene = build(billet("taper_0", *RUBBING), MPI.COMM_SELF)
     with pytest.MonkeyPatch.context() as patch:
         Attempts(patch, None)
