@@ -152,6 +152,9 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
         carbon = law_carbon(case.mechanics.law)
         of = "" if carbon is None else f" (numbers of a steel of {carbon:g} %C)"
         lines.append(f"  mechanics: {Path(case.mechanics.law).stem}{of}, {walls}")
+    if case.machine is not None and (rolls := case.machine.pairs()) is not None:
+        first, last = rolls.pairs[0].position, rolls.pairs[-1].position
+        lines.append(f"  {len(rolls.pairs)} pairs of rolls, {first:g} to {last:g} m")
     for span in case.zones():
         laws = ", ".join(law.tag for _, law in span.laws) or "insulated"
         lines.append(f"  {span.start:7.3f} - {span.end:7.3f} m  {span.name}: {laws}")

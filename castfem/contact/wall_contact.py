@@ -33,6 +33,7 @@ TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), 
 STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
 RASTER = 2.0**-32  # of the section's size
 REACH = 1e-2  # of the height of surface cells: a wall farther away holds nothing
+LEAK = 1e-4  # m: a gap across which liquid that comes to the surface still runs to the wall
 # Of the height of surface cells: depth of the first of two Gauss points, those of the mean stress.
 SKIN = 0.5 - 0.5 / 3.0**0.5
 
@@ -191,9 +192,11 @@ class WallContact:
         self._molten: Flags = np.maximum(temperatures[1], backed) > solidity.solidus
         # Of liquid at the surface, which runs to the wall wherever that is and presses on it.
         self._pool: Array = np.zeros(self.facets.count)
+        self._opened: Flags = np.zeros(self.facets.count, dtype=bool)
         if fed:
             fluid = solidity.weight(temperatures[1]) == 0.0
             self._pool = np.where(fluid, self._liquid(after, end), 0.0)
+            self._opened = fluid & (temperatures[0] <= solidity.solidus) & (old.gap > LEAK)
         if self._stress is not None:
             liquid = self._liquid(after, end)
             if fed:
@@ -201,6 +204,22 @@ class WallContact:
                 if solid.ferrostatic is not None:
                     liquid = np.asarray(solid.ferrostatic.pressure(temperatures[1], end))
             self._stress.begin(old, temperatures, self._dt, solid, liquid)
+
+    def breakout(self) -> str:
+        """Where the shell melts open off the wall in a step; empty if nowhere (collective).
+
+        Fed liquid would run out there until the wall or its own freezing stops it, which is another
+        model's.
+        """
+        gap = np.where(self._opened, self._old.gap, -np.inf)
+        if reductions.largest(self.section.comm, gap) == -np.inf:
+            return ""
+        widest, x, y = reductions.peak(self.section.comm, gap, self.facets.position)
+        return (
+            f"a breakout: the shell melts open at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm, "
+            + (f"{1e3 * widest:.3g} mm off the wall" if np.isfinite(widest) else "below the mould")
+            + "; keep the mould nearer (taper), or cool more"
+        )
 
     def _liquid(self, temperature: Array, end: float) -> Array:
         """Ferrostatic pressure at the points that nothing holds but the wall (n,), Pa."""

@@ -31,6 +31,7 @@ WIDTH = 7.2  # inches
 _LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN, _EDGE = 0.8, 0.2, 0.52, 0.48, 0.14, 0.04  # inches
 _ROOM = 0.1  # inches around a legend
 _LONG = 2.0  # m; from here on positions are in metres
+_TICKS_APART = 0.06  # of the axis
 _WHITE = 250  # of 255; what is brighter is the paper
 
 
@@ -241,6 +242,29 @@ def dress(axes: list[Axes], course: Course) -> None:
     to_time, to_position = _clocks(course)
     top = axes[0].secondary_xaxis(1.0 + strip, functions=(to_time, to_position))
     top.set_xlabel("time since the meniscus [s]")
+    if not _is_steady(course):
+        top.set_xticks(_apart(course, to_position))
+
+
+def _is_steady(course: Course) -> bool:
+    """Whether the slice goes at one speed."""
+    way, time = course.position - course.position[0], course.time - course.time[0]
+    steady = time / time[-1] * way[-1] if time[-1] > 0.0 else way
+    return bool(np.allclose(way, steady, rtol=0.0, atol=1e-6 * way[-1]))
+
+
+def _apart(course: Course, to_position: Callable[[Any], Any]) -> list[float]:
+    """Round times that stand apart on the axis: many lie where the strand stands."""
+    from matplotlib.ticker import MaxNLocator
+
+    ends = float(course.time[0]), float(course.time[-1])
+    times = [float(t) for t in MaxNLocator(9).tick_values(*ends) if ends[0] <= t <= ends[1]]
+    room = _TICKS_APART * float(np.ptp(course.abscissa))
+    kept: list[float] = []
+    for time in times:
+        if not kept or to_position(time) - to_position(kept[-1]) >= room:
+            kept.append(time)
+    return kept
 
 
 def _clocks(course: Course) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:

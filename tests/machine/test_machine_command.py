@@ -51,3 +51,10 @@ def test_where_the_strand_is_solid(tmp_path: Path, capsys: pytest.CaptureFixture
 def test_a_billet_has_no_rolls(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"billet: machine: the table is missing"):
         draw_machine(load_case(CASES / "billet125" / "thermal.toml"), tmp_path / "m.png", "billet")
+
+
+def test_check_tells_of_the_rolls() -> None:
+    from castfem.cli.checking import check_case
+
+    told = check_case("slab", CASES / "slab1200" / "thermal.toml", ())
+    assert "  87 pairs of rolls, 0.87 to 26.4324 m" in told.splitlines()

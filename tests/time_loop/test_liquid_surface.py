@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+
+from mpi4py import MPI
 
 import numpy as np
 import pytest
-from time_loop.moulded import Kept, marched
+from time_loop.moulded import CASES, COARSE, Kept, marched
 from time_loop.test_beam_blank import BEAM_BLANK
 
 from castfem.case import load_case
+from castfem.simulation.simulation import build
 
 HALF = 0.08
 DENSITY = 7400.0
@@ -127,3 +131,28 @@ def test_a_surface_frozen_from_the_first_instant(tmp_path: Path) -> None:
         assert mechanics is not None and mechanics.balance is not None
         assert mechanics.contact is not None and mechanics.contact.penetration < 1e-5
         assert mechanics.balance.forces_error < 1e-6 and mechanics.balance.axial_error < 1e-6
+
+
+def test_a_shell_that_melts_open_off_its_wall_is_a_breakout() -> None:
+    """Told by place and gap; not where the wall is near, nor of liquid that was never solid."""
+    case = load_case(CASES / "taper_minus_3.toml", COARSE)
+    made = build(case, MPI.COMM_SELF)
+    problem, steel = made.mechanics.problem, made.steel  # type: ignore[union-attr]
+    try:
+        contact, owned = problem.contact, made.section.owned
+        assert contact is not None
+        solid, liquid = (np.full(owned, steel.solidus + by) for by in (-20.0, 5.0))
+        fresh = contact.initial()
+        off = replace(fresh, gap=np.full_like(fresh.gap, 1.2e-3))
+        contact.begin(off, 1.0, 1.1, solid, liquid)
+        assert "a breakout: the shell melts open at x = " in contact.breakout()
+        assert "1.2 mm off the wall" in contact.breakout()
+        for state, before in ((replace(off, gap=off.gap / 100.0), solid), (off, liquid)):
+            contact.begin(state, 1.0, 1.1, before, liquid)
+            assert contact.breakout() == ""
+        hot = made.stepper.initial(steel.solidus + 5.0).point.temperature
+        old = replace(made.mechanics.initial(1.0, solid), contact=off)  # type: ignore[union-attr]
+        result = made.mechanics.step(old, 1.1, hot)  # type: ignore[union-attr]
+        assert result.refused and "breakout" in result.reason
+    finally:
+        made.destroy()
