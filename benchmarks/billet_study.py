@@ -153,7 +153,7 @@ def peaks(output: Output) -> None:
     for label in PEAKS:
         line: dict[str, Any] = {"input": label}
         for mould in PEAKED:
-            # The ideal mould rubs on nothing.
+            # The ideal mould has no friction.
             alone = label.removesuffix(" and friction 0.3")
             bare = PEAKS[0] if label.startswith("friction") else alone
             row = by_input[mould].get(bare if mould == "idealised" else label)

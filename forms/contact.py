@@ -189,10 +189,10 @@ def in_plane(vector: Expr) -> Expr:
 def virtual_work(
     action: WallAction, surface: Surface, virtual: Direction, travel: Expr, ds: ufl.Measure
 ) -> ufl.Form:
-    """-Int t . v da, to be added to the work of the stress (274), with a pull along the strand.
+    """-Int t . v da, to be added to the work of the stress (274), with resistance to withdrawal.
 
     In the plane v is the motion's own, and the area that of the slice.  Along the strand, friction
-    of the wall over the travel L of a step is handed down the strand as a pull (38),
+    of the wall over the travel L of a step is handed down the strand as withdrawal resistance (38),
     N(z) = N(z - L) - L int tau_s ds, and a virtual thickening of the slice draws the strand above
     it back by L times that; s is length of surface, whatever the slice's own thickness.
 
@@ -244,5 +244,7 @@ def stiffness(
 
     thicker = thickening(surface.place(), virtual)
     tilting = virtual.modes[1] * moved[0] + virtual.modes[2] * moved[1]
-    pull = (length * change[2] + longer * traction[2]) * thicker + length * traction[2] * tilting
-    return -(work - travel * pull) * ds
+    resistance = (length * change[2] + longer * traction[2]) * thicker + length * traction[
+        2
+    ] * tilting
+    return -(work - travel * resistance) * ds

@@ -1,4 +1,4 @@
-"""The table [mould]: the rigid mould, how the strand touches it and how it rubs against it."""
+"""The table [mould]: the rigid mould, its contact with the strand and its friction."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class OneWord:
         return {"anyOf": [{"enum": list(self.words)}, handler(schema)]}
 
 
-class Touch(TableModel):
+class ContactSettings(TableModel):
     """How the strand is kept out of the wall: penalty (eq. 239) or Nitsche's method."""
 
     method: Literal["penalty", "nitsche"] = Field(
@@ -261,8 +261,10 @@ class Mould(TableModel):
         default_factory=lambda: Copper.model_validate({}),
         description="thermal expansion of a mould given cold",
     )
-    contact: Annotated[Touch, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])] = (
-        Field(default_factory=lambda: Touch.model_validate({}), description="contact method")
+    contact: Annotated[
+        ContactSettings, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])
+    ] = Field(
+        default_factory=lambda: ContactSettings.model_validate({}), description="contact method"
     )
     friction: Annotated[Friction, OneWord("law", ("none",), EXAMPLES["friction"])] = Field(
         default_factory=lambda: NoFriction(law="none"), description="friction law"

@@ -15,7 +15,7 @@ from castfem.case.casting import Casting, Output, Reference, Steel
 from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.machine import Machine, RollSegment, RollTable
 from castfem.case.mechanics import Coupling, Held, Mechanics, Motions, WindowMark
-from castfem.case.mould import Copper, Friction, Mould, Touch
+from castfem.case.mould import ContactSettings, Copper, Friction, Mould
 from castfem.case.problems import submodels
 from castfem.case.section import Mesh, Section
 from castfem.case.taper import TaperMark
@@ -101,7 +101,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[coupling]", Coupling),
     ("[mould]", Mould),
     ("[mould.copper]", Copper),
-    ("[mould.contact]", Touch),
+    ("[mould.contact]", ContactSettings),
     ("[mould.friction]", Friction),
     ("[machine]", Machine),
     ("[[machine.segment]]", RollSegment),

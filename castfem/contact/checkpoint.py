@@ -46,7 +46,7 @@ class ContactArchive:
                 for where, piece in pieces:
                     whole[where] = piece
                 found[f"contact_{name}"] = whole
-        found["contact_pull"] = state.pull.copy() if self._comm.rank == 0 else None
+        found["contact_pull"] = state.withdrawal_resistance.copy() if self._comm.rank == 0 else None
         return found
 
     def _empty(self, values: Array) -> bool:
@@ -67,4 +67,4 @@ class ContactArchive:
             if f"contact_{name}" in arrays:
                 mine = np.asarray(arrays[f"contact_{name}"])[self._where]
                 rows[name] = mine.reshape(model.shape).astype(model.dtype)
-        return ContactState(pull=np.array(arrays["contact_pull"], float), **rows)
+        return ContactState(withdrawal_resistance=np.array(arrays["contact_pull"], float), **rows)

@@ -19,8 +19,8 @@ class ContactState:
 
     Attributes:
         friction: On the strand, in the plane along (-n_y, n_x) and along the strand (n, 2), Pa.
-        pull: Axial force that friction has handed down the strand so far, N, and its moments with
-            x and y, N m, (3,).
+        withdrawal_resistance: Axial force of the friction that has acted on the strand so far, N,
+            and its moments with x and y, N m, (3,).
         stress: At the points, Mandel (n, 4), Pa; no rows with the penalty, which needs none.
         internal: What the law remembers there (n, states); likewise.
         place: Where the points are now (n, 2), m. normal: Of the wall there (n, 2).
@@ -31,7 +31,7 @@ class ContactState:
     """
 
     friction: Array
-    pull: Array
+    withdrawal_resistance: Array
     stress: Array
     internal: Array
     place: Array
@@ -43,12 +43,12 @@ class ContactState:
 
 
 @dataclass(slots=True)
-class Touch:
+class ContactEvaluation:
     """Contact at one set of unknowns, by facet point; most names are those of `ContactState`.
 
     Attributes:
         slides: Whether points slide. stretch: Length of surface over undeformed length.
-        seen: What the forms see (n, columns). strain: Increment (n, 4), of Nitsche's law.
+        coefficients: What the forms see (n, columns). strain: Increment (n, 4), of Nitsche's law.
     """
 
     place: Array
@@ -58,7 +58,7 @@ class Touch:
     friction: Array
     slides: Flags
     stretch: Array
-    seen: Array
+    coefficients: Array
     strain: Array
 
 

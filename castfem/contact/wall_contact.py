@@ -18,7 +18,7 @@ from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.settings import Contact
-from castfem.contact.state import OPEN, SLIP, STICK, ContactState, Flags, Touch
+from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState, Flags
 from castfem.contact.surface_stress import SurfaceStress
 from castfem.fem import dof_values, reductions
 from castfem.fem.section import Section
@@ -32,7 +32,7 @@ Array = npt.NDArray[np.float64]
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
 RASTER = 2.0**-32  # of the section's size
-REACH = 1e-2  # of the height of surface cells: a wall farther away holds nothing
+HOLDING_GAP = 1e-2  # of the height of surface cells: a wall farther away holds nothing
 LEAK = 1e-4  # m: a gap across which liquid that comes to the surface still runs to the wall
 # Of the height of surface cells: depth of the first of two Gauss points, those of the mean stress.
 SKIN = 0.5 - 0.5 / 3.0**0.5
@@ -73,7 +73,7 @@ class WallContact:
         self._large = solid.large_strain
         self._surface, self._stress = self._geometry(mesh)
         self._given = FacetFields(facets, WIDTH)
-        self._action = self._seen()
+        self._action = self._wall_action()
         self._travel = fem.Constant(mesh, np.float64(0.0))
         self._size = max(1e-300, reductions.largest(section.comm, np.abs(facets.position)))
         length, area = reductions.totals(
@@ -82,7 +82,7 @@ class WallContact:
         # One for all points: uniform pressure is then a uniform penetration (patch test).
         self._height = area / length
         self._mode_work: fem.Form | None = None
-        self.now: Touch | None = None
+        self.now: ContactEvaluation | None = None
 
     def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
         """Geometry the forms see, and Nitsche's stress."""
@@ -112,7 +112,7 @@ class WallContact:
             self._action, self._surface, by, virtual, self._travel, self.facets.measure
         )
 
-    def _seen(self) -> forms.WallAction:
+    def _wall_action(self) -> forms.WallAction:
         """What the forms see."""
         f, nitsche = self._given.function, self._stress is not None
         return forms.WallAction(
@@ -126,7 +126,10 @@ class WallContact:
         )
 
     def work_on(self, directions: Array) -> Array:
-        """Work of the wall on directions (4, k) of the generalized strains, less the pull."""
+        """Work of the wall on directions (4, k) of the generalized strains.
+
+        That of the friction on the strand so far is taken off.
+        """
         if not directions.shape[1]:
             return np.zeros(0)
         if self._mode_work is None:
@@ -136,8 +139,8 @@ class WallContact:
         for i, direction in enumerate(directions.T):
             self._motion.one.value[:] = direction
             work[i] = fem.assemble_scalar(self._mode_work)
-        handed = directions[:3].T @ self._old.pull
-        return reductions.totals(self.section.comm, work) - handed
+        resistance = directions[:3].T @ self._old.withdrawal_resistance
+        return reductions.totals(self.section.comm, work) - resistance
 
     # A step.
 
@@ -147,7 +150,7 @@ class WallContact:
         rows = 0 if self._stress is None else n
         return ContactState(
             friction=np.zeros((n, 2)),
-            pull=np.zeros(3),
+            withdrawal_resistance=np.zeros(3),
             stress=np.zeros((rows, 4)),
             internal=law.initial_state(rows),
             place=self.facets.position.copy(),
@@ -172,7 +175,7 @@ class WallContact:
         """
         contact, solid = self.contact, self._solid
         self._old, self._dt = old, end - start
-        self._held: Flags = np.zeros(self.facets.count, dtype=bool)
+        self._kept_closed: Flags = np.zeros(self.facets.count, dtype=bool)
         self._position = contact.position(end)
         travelled = self._position - contact.position(start)
         self._travel.value = travelled
@@ -265,7 +268,7 @@ class WallContact:
         place, moved = self._where(motion.u.x.array, motion.modes.value)
         before = self._where(motion.u_old.x.array, motion.modes_old.value)[1]
         strand, stretch = self.facing(motion.u.x.array, motion.modes.value)
-        n, gap, bend = self._meet(moved, strand)
+        n, gap, curvature = self._gap_to_wall(moved, strand)
         near = np.minimum(gap, self._size)
         stress: Array | float = 0.0
         if self._stress is not None:
@@ -279,38 +282,40 @@ class WallContact:
         if self._stress is not None:
             drawn[wets] = -self.stiffness[wets] * near[wets]
             by_strain[wets], by_turn[wets] = 0.0, 0.0
-        pressure = np.where(self._held | wets, drawn, pressure)
+        pressure = np.where(self._kept_closed | wets, drawn, pressure)
         # What just touches holds, too: a block laid on a wall would have no support at first.
-        closed = (drawn >= 0.0) | self._held | wets
-        seen: Array = np.zeros((self.facets.count, WIDTH))
-        seen[:, NORMAL], seen[:, STIFFNESS] = n, self.stiffness * closed
+        closed = (drawn >= 0.0) | self._kept_closed | wets
+        coefficients: Array = np.zeros((self.facets.count, WIDTH))
+        coefficients[:, NORMAL], coefficients[:, STIFFNESS] = n, self.stiffness * closed
         if self._stress is not None:
-            seen[:, BY_STRAIN] = by_strain * closed[:, None]
-            seen[:, BY_TURN] = by_turn * closed
+            coefficients[:, BY_STRAIN] = by_strain * closed[:, None]
+            coefficients[:, BY_TURN] = by_turn * closed
         # The pool's pressure along the strand's own normal balances that inside to the last digit:
         # along the wall's, the difference would push a surface without stiffness round its arcs.
         borne = pressure[:, None] * n + pool[:, None] * strand
-        seen[:, TRACTION.start : 2] = -borne
+        coefficients[:, TRACTION.start : 2] = -borne
         # Along a hollow wall the pressure turns against what slides.
         along = np.column_stack([-n[:, 1], n[:, 0]])
-        seen[:, BY_SLIP.start : BY_SLIP.stop - 1] = -(bend * pressure)[:, None] * along
-        seen[:, BY_PRESSURE.start : 5] = -n
+        coefficients[:, BY_SLIP.start : BY_SLIP.stop - 1] = -(curvature * pressure)[:, None] * along
+        coefficients[:, BY_PRESSURE.start : 5] = -n
         slides: Flags = closed
         friction: Array = np.zeros((self.facets.count, 2))
         if self.contact.friction is not None:
-            slides, friction = self._rub(seen, along, moved - before, pressure)
-        self._given.fill(seen)
+            slides, friction = self._with_friction(coefficients, along, moved - before, pressure)
+        self._given.fill(coefficients)
         if wets.any():
             n = n.copy()
             found = np.copysign(np.hypot(*borne.T), np.einsum("ni,ni->n", borne, n))
             pressure = np.where(wets, found, pressure)
             n[wets] = borne[wets] / pressure[wets, None]
         strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
-        self.now = Touch(place, n, gap, pressure, friction, slides, stretch, seen, strain)
+        self.now = ContactEvaluation(
+            place, n, gap, pressure, friction, slides, stretch, coefficients, strain
+        )
         far = float(np.abs(moved).max(initial=0.0))
         return self._rounding * reductions.largest(self.section.comm, np.array([far]))
 
-    def _meet(self, moved: Array, strand: Array) -> tuple[Array, Array, Array]:
+    def _gap_to_wall(self, moved: Array, strand: Array) -> tuple[Array, Array, Array]:
         """Normal of the wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
 
         The wall is met from places on a fine raster, and the rest of the way added: the distance
@@ -318,13 +323,13 @@ class WallContact:
         """
         start, raster = self.facets.position, self._size * RASTER
         near = np.round((start + moved) / raster) * raster
-        reach = self.contact.wall.reach(near, strand, self._position)
-        n = np.asarray(reach.normal)
+        met_wall = self.contact.wall.gap_function(near, strand, self._position)
+        n = np.asarray(met_wall.normal)
         rest = (start - near) + moved
         facing = np.einsum("ni,ni->n", n, strand)
-        gap = np.asarray(reach.gap) * facing - np.einsum("ni,ni->n", n, rest)
+        gap = np.asarray(met_wall.gap) * facing - np.einsum("ni,ni->n", n, rest)
         met = np.isfinite(gap)
-        return n, np.where(met, gap, np.inf), np.where(met, reach.bend, 0.0)
+        return n, np.where(met, gap, np.inf), np.where(met, met_wall.curvature, 0.0)
 
     def _where(self, u: Array, modes: Array) -> tuple[Array, Array]:
         """Place and displacement of the points (n, 2), m."""
@@ -354,10 +359,12 @@ class WallContact:
         stretch = np.hypot(*turned.T)
         return turned / stretch[:, None], stretch
 
-    def _rub(self, seen: Array, along: Array, slip: Array, pressure: Array) -> tuple[Flags, Array]:
+    def _with_friction(
+        self, coefficients: Array, along: Array, slip: Array, pressure: Array
+    ) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction.
 
-        It acts on what is solid: liquid and mush have nothing that could be held back.  Where
+        It acts on what is solid: liquid and mushy zone have nothing that could be held back.  Where
         liquid is fed the cell must have solid points below the surface, which carry it.
         """
         assert self.contact.friction is not None
@@ -370,10 +377,10 @@ class WallContact:
             part[self._molten] = 0.0
         frame = np.zeros((len(along), 3, 2))
         frame[:, :2, 0], frame[:, 2, 1] = along, 1.0
-        seen[:, TRACTION] += np.einsum("nij,nj->ni", frame, answer.traction)
-        seen[:, BY_PRESSURE] += np.einsum("nij,nj->ni", frame, answer.by_pressure)
+        coefficients[:, TRACTION] += np.einsum("nij,nj->ni", frame, answer.traction)
+        coefficients[:, BY_PRESSURE] += np.einsum("nij,nj->ni", frame, answer.by_pressure)
         by_slip = -self.stiffness[:, None] * answer.by_trial[:, :, 0]
-        seen[:, BY_SLIP] += np.einsum("nij,nj->ni", frame, by_slip)
+        coefficients[:, BY_SLIP] += np.einsum("nij,nj->ni", frame, by_slip)
         return answer.slides, answer.traction
 
     def hold(self, on: bool) -> bool:
@@ -384,14 +391,14 @@ class WallContact:
         Returns:
             Whether there is anything to keep.
         """
-        self._held = np.zeros(self.facets.count, dtype=bool)
+        self._kept_closed = np.zeros(self.facets.count, dtype=bool)
         if on:
             u, modes = self._motion.u_old.x.array, self._motion.modes_old.value
-            _, gap, _ = self._meet(self._where(u, modes)[1], self.facing(u, modes)[0])
-            self._held = (self._old.pressure > 0.0) & (gap < REACH * self._height)
-        return reductions.largest(self.section.comm, self._held.astype(float)) > 0.0
+            _, gap, _ = self._gap_to_wall(self._where(u, modes)[1], self.facing(u, modes)[0])
+            self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
+        return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 
-    def kink(self, base: Touch) -> float:
+    def kink(self, base: ContactEvaluation) -> float:
         """How far the pressure is from what its tangent at `base` foresaw for the motion since (N).
 
         Friction is left out: a surface that turns round against it has gone too far.
@@ -402,11 +409,11 @@ class WallContact:
         """
         now = self.now
         assert now is not None
-        moved = np.einsum("ni,ni->n", base.seen[:, NORMAL], now.place - base.place)
-        foreseen = base.pressure + base.seen[:, STIFFNESS] * moved
+        moved = np.einsum("ni,ni->n", base.coefficients[:, NORMAL], now.place - base.place)
+        foreseen = base.pressure + base.coefficients[:, STIFFNESS] * moved
         if len(now.strain):
             change = now.strain - base.strain
-            foreseen -= np.einsum("ni,ni->n", base.seen[:, BY_STRAIN], change)
+            foreseen -= np.einsum("ni,ni->n", base.coefficients[:, BY_STRAIN], change)
         weights = self.facets.weight * now.stretch
         return reductions.total(
             self.section.comm, float(weights @ (moved * (now.pressure - foreseen)))
@@ -432,7 +439,7 @@ class WallContact:
         stress = None if self._stress is None else self._stress.response
         return ContactState(
             friction=now.friction.copy(),
-            pull=self._old.pull - self._handed_down(now),
+            withdrawal_resistance=self._old.withdrawal_resistance - self._step_resistance(now),
             stress=np.zeros((0, 4)) if stress is None else stress.stress.copy(),
             internal=self._old.internal if stress is None else stress.state.copy(),
             place=now.place,
@@ -443,8 +450,8 @@ class WallContact:
             weight=weight,
         )
 
-    def _handed_down(self, now: Touch) -> Array:
-        """What friction over the travel of the step takes from the pull (3,), N and N m."""
+    def _step_resistance(self, now: ContactEvaluation) -> Array:
+        """Friction over the travel of the step, its force and moments (3,), N and N m."""
         if self.contact.friction is None:
             return np.zeros(3)
         lever = self._lever(now.place)

@@ -340,7 +340,7 @@ class MechanicalProblem:
         dofs = self.constraints.prescribed
         nodal[dofs] = local[dofs] - self._target[dofs]
         if (springs := self.constraints.springs) is not None:
-            nodal[springs.dofs] += springs.pull(local)
+            nodal[springs.dofs] += springs.force(local)
         return self.border.join(nodal, self.trial.balance)
 
     def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:

@@ -85,7 +85,7 @@ class Springs:
         """Prepare a step from displacements `old` (owned, ...), m, of steel of modulus `young`."""
         self._old, self._stiffness = old[self.dofs], self._share * young
 
-    def pull(self, local: Array) -> Array:
+    def force(self, local: Array) -> Array:
         """What must be out of balance for the springs to hold it (k,), N/m."""
         return np.asarray(self._stiffness * (local[self.dofs] - self._old))
 

@@ -57,5 +57,5 @@ class SurfaceGap:
         mean = np.column_stack([self._gathered(weights * c) for c in normal.T])[self.dofs]
         mean /= np.maximum(np.hypot(*mean.T), 1e-300)[:, None]
         place = self._places + self._points.moved(state.displacement, state.modes)[self.dofs]
-        reach = contact.contact.wall.reach(place, mean, position)
-        return np.asarray(reach.gap) * np.einsum("ni,ni->n", reach.normal, mean)
+        met = contact.contact.wall.gap_function(place, mean, position)
+        return np.asarray(met.gap) * np.einsum("ni,ni->n", met.normal, mean)

@@ -3,7 +3,7 @@
 Lengths in m, tapers in 1/m (1 %/m is 0.01), temperatures in K.
 
     mould = Mould(RectangleCavity(0.125, 0.125, 0.005), 0.6, same(Taper.single(0.01, 0.6)))
-    gap = mould.reach(points, normals, position=0.3).gap
+    gap = mould.gap_function(points, normals, position=0.3).gap
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from castfem.mould.contour import Contour
 from castfem.mould.mould import Expansion, Mould, Zone
 from castfem.mould.segments import Circular, Parabolic, Segment, Straight
 from castfem.mould.taper import Course, Displaced, Stretch, Taper, taper_between
-from castfem.mould.wall import PlaneWall, Reach, Wall
+from castfem.mould.wall import GapFunction, PlaneWall, Wall
 
 __all__ = [
     "Cavity",
@@ -33,10 +33,10 @@ __all__ = [
     "Displaced",
     "Expansion",
     "FreeCavity",
+    "GapFunction",
     "Mould",
     "Parabolic",
     "PlaneWall",
-    "Reach",
     "RectangleCavity",
     "RoundCavity",
     "Segment",

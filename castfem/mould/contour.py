@@ -17,7 +17,7 @@ from castfem.mould.segments import (
     Straight,
     Straights,
 )
-from castfem.mould.wall import Reach
+from castfem.mould.wall import GapFunction
 
 _SLACK = 1e-9
 """Length by which segments overlap at their joints, over the size of the contour."""
@@ -50,18 +50,18 @@ class Contour:
         self._groups = _gathered(self.segments)
         self._behind = _gathered(self.prolonged)
 
-    def reach(self, points: Array, normals: Array) -> Reach:
+    def gap_function(self, points: Array, normals: Array) -> GapFunction:
         """Return where points (n, 2) meet the contour along their unit normals (n, 2)."""
         p = np.ascontiguousarray(np.asarray(points, dtype=float).T)
         m = np.ascontiguousarray(np.asarray(normals, dtype=float).T)
-        gap, nx, ny, bend = self._nearest(self._groups, p, m)
+        gap, nx, ny, curvature = self._nearest(self._groups, p, m)
         missed = ~np.isfinite(gap)
         if self._behind and missed.any():
             found = self._nearest(self._behind, p[:, missed], m[:, missed])
-            gap[missed], nx[missed], ny[missed], bend[missed] = found
+            gap[missed], nx[missed], ny[missed], curvature[missed] = found
             missed = ~np.isfinite(gap)
-        nx[missed], ny[missed], bend[missed] = m[0, missed], m[1, missed], 0.0
-        return Reach(gap, np.stack([nx, ny], axis=1), bend)
+        nx[missed], ny[missed], curvature[missed] = m[0, missed], m[1, missed], 0.0
+        return GapFunction(gap, np.stack([nx, ny], axis=1), curvature)
 
     def outline(self, fine: int = 33) -> Array:
         """Return points (n, 2) along the contour, closed if it is, m."""
@@ -72,12 +72,12 @@ class Contour:
         """Return the crossing (n,) of least distance among all segments of the groups."""
         with np.errstate(invalid="ignore", over="ignore"):  # of points that are not finite
             crossings = [group.cross(p, m, self._slack) for group in groups]
-        d, nx, ny, bend = (
+        d, nx, ny, curvature = (
             np.concatenate(parts) if len(parts) > 1 else parts[0]
             for parts in zip(*crossings, strict=True)
         )
         nearest = np.abs(d).argmin(axis=0), np.arange(d.shape[1])
-        return d[nearest], nx[nearest], ny[nearest], bend[nearest]
+        return d[nearest], nx[nearest], ny[nearest], curvature[nearest]
 
 
 def _gathered(segments: Sequence[Segment]) -> list[_Group]:

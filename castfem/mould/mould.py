@@ -14,7 +14,7 @@ from castfem.mould.cavity import Cavity, Tapers
 from castfem.mould.contour import Contour
 from castfem.mould.segments import Array
 from castfem.mould.taper import stretch_ends, taper_between
-from castfem.mould.wall import Reach
+from castfem.mould.wall import GapFunction
 from castfem.values.tables import Constant, Table
 
 _ROUNDING = 1e-9
@@ -104,11 +104,11 @@ class Mould:
         for position in stretch_ends(tapers.courses, length):
             self.contour(position)
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
         """Return where points of the strand meet the wall; see `Wall`."""
         if is_below(position, self.length):
-            return Reach(np.full(len(points), np.inf), np.array(normals, dtype=float))
-        return self.contour(position).reach(points, normals)
+            return GapFunction(np.full(len(points), np.inf), np.array(normals, dtype=float))
+        return self.contour(position).gap_function(points, normals)
 
     def temperature(self, position: float) -> float:
         """Return the temperature of the wall's face, K.

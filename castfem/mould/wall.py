@@ -1,4 +1,4 @@
-"""What a strand's surface knows of a wall: how far it is and which way it faces.
+"""The gap function: how far a wall is from the strand's surface, and which way it faces.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -15,7 +15,7 @@ from castfem.mould.segments import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reach:
+class GapFunction:
     """Where n points of the strand's surface meet the wall along their outward normals.
 
     A displacement u of a point changes its gap by -(normal . u) / (normal . strand normal).
@@ -26,19 +26,19 @@ class Reach:
             where no wall lies that way.
         normal: Unit normal (n, 2) of the wall where it is met, pointing out of the cavity, so
             that normal . strand normal > 0; where no wall is met, the strand's own normal.
-        bend: Curvature of the wall there (n,), 1/m, or of all of it: how fast its normal turns
+        curvature: Of the wall there (n,), 1/m, or of all of it: how fast its normal turns
             along (-normal_y, normal_x); positive where the cavity is hollow.
     """
 
     gap: Array
     normal: Array
-    bend: Array | float = 0.0
+    curvature: Array | float = 0.0
 
 
 class Wall(Protocol):
     """A rigid wall the strand passes."""
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
         """Return where points meet the wall.
 
         Args:
@@ -68,7 +68,7 @@ class PlaneWall:
         if not 0.0 < math.hypot(*self.normal) < math.inf:
             raise ValueError(f"the normal of a plane wall must have a direction, not {self.normal}")
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
         """Return where points meet the wall; see `Wall`."""
         p, m = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
         n = np.array(self.normal) / math.hypot(*self.normal)
@@ -78,4 +78,4 @@ class PlaneWall:
         height = (np.array(self.point) - p) @ n - self.closing * position
         gap = np.where(facing, height / np.where(facing, cosine, 1.0), np.inf)
         gap[np.isnan(gap)] = np.inf
-        return Reach(gap, np.where(np.isfinite(gap)[:, None], n, m))
+        return GapFunction(gap, np.where(np.isfinite(gap)[:, None], n, m))

@@ -81,7 +81,9 @@ class MechanicalSampler:
             strain=float(state.modes[0]),
             balance=None if result is None else result.balance,
             load=float(self.problem.slice.planes.load(state.time)[0]),
-            pull=0.0 if state.contact is None else float(state.contact.pull[0]),
+            withdrawal_resistance=0.0
+            if state.contact is None
+            else float(state.contact.withdrawal_resistance[0]),
             contact=contact,
             gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
             pressure=self._pressed(state),

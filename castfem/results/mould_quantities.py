@@ -140,7 +140,7 @@ def friction_force(sample: Sample) -> float:
 )
 def friction_pull(sample: Sample) -> float:
     """What friction has handed down the strand so far: its share of `axial_force`."""
-    return sample.strained.pull
+    return sample.strained.withdrawal_resistance
 
 
 @quantity(
@@ -172,7 +172,7 @@ def mould_friction(sample: Sample) -> float:
 )
 def mould_pull(sample: Sample) -> float:
     """Pull of that friction on the whole strand so far; positive as it holds the strand back."""
-    return sample.strained.pull * sample.simulation.section.multiplicity
+    return sample.strained.withdrawal_resistance * sample.simulation.section.multiplicity
 
 
 # From the meniscus to the mould's end, or to where the slice is.

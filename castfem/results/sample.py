@@ -30,8 +30,9 @@ class MechanicalSample:
         across: Size of the section through each probe that ends in its centre, m.
         strain: Axial strain of the slice at the origin.
         balance: Forces of the step; None at the start.
-        load: External axial force, N. pull: That which friction has handed down from above, N.
-            Their sum is the force of the stress where the planes are free: (38).
+        load: External axial force, N.
+        withdrawal_resistance: Friction of the strand above, accumulated, N. The sum of
+            both is the force of the stress where the planes are free: (38).
         contact: With the mould, all of it together; None without a mould.
         gap: To the wall at the start of each probe, m, NaN where there is none, as below the end
             of the mould; empty without a mould.
@@ -50,7 +51,7 @@ class MechanicalSample:
     strain: float
     balance: Balance | None
     load: float
-    pull: float
+    withdrawal_resistance: float
     contact: ContactSummary | None
     gap: dict[str, float]
     pressure: dict[str, float]

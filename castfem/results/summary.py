@@ -162,10 +162,12 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
             "force": Quantity(along, "kN", "axial force of the stress, modelled part"),
             "external": Quantity(mechanics.load, "kN", "external axial force, its share"),
             "friction": Quantity(
-                mechanics.pull, "kN", "pull of the friction on the way here, modelled part"
+                mechanics.withdrawal_resistance,
+                "kN",
+                "pull of the friction on the way here, modelled part",
             ),
             "reaction": Quantity(
-                along - mechanics.load - mechanics.pull,
+                along - mechanics.load - mechanics.withdrawal_resistance,
                 "kN",
                 "the rest: borne by the planes, 0 where they are free",
             ),

@@ -12,7 +12,7 @@ from castfem.contact.settings import Contact
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure, Traction
 from castfem.meshes import SectionMesh
-from castfem.mould.wall import Array, Reach
+from castfem.mould.wall import Array, GapFunction
 
 PLANE_STRAIN = PlainPlanes(free=())
 
@@ -27,7 +27,7 @@ class LineWall:
     def __init__(self, point: Any, slope: Any = lambda z: 0.0, axis: int = 1) -> None:
         self.point, self.slope, self.axis = point, slope, axis
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
         angle = self.slope(position)
         n = np.array([np.sin(angle), np.cos(angle)])
         if self.axis == 0:
@@ -35,7 +35,7 @@ class LineWall:
         facing = normals @ n
         gap = np.where(facing > 1e-9, ((self.point(position) - points) @ n), np.inf)
         gap = gap / np.where(facing > 1e-9, facing, 1.0)
-        return Reach(gap, np.where((facing > 1e-9)[:, None], n, normals))
+        return GapFunction(gap, np.where((facing > 1e-9)[:, None], n, normals))
 
     def temperature(self, position: float) -> float:
         return 400.0
@@ -82,13 +82,15 @@ class TwoWalls:
     def __init__(self, corner: tuple[float, float], turn: float) -> None:
         self.corner, self.turn = np.array(corner), turn
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
         c, s = np.cos(self.turn), np.sin(self.turn)
         right = normals[:, 0] > normals[:, 1]
         n = np.where(right[:, None], [c, s], [-s, c])
         # Through the middle of the side, so that half of it is behind.
         foot = np.where(right[:, None], self.corner * [1.0, 0.5], self.corner * [0.5, 1.0])
-        return Reach(np.einsum("ni,ni->n", foot - points, n) / np.einsum("ni,ni->n", n, normals), n)
+        return GapFunction(
+            np.einsum("ni,ni->n", foot - points, n) / np.einsum("ni,ni->n", n, normals), n
+        )
 
     def temperature(self, position: float) -> float:
         return 400.0

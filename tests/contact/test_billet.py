@@ -58,7 +58,9 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
     for name in ("force", "axial", "length", "pressure"):
         assert getattr(second, name) == pytest.approx(getattr(first, name), rel=1e-6)
     assert second.points == first.points
-    assert together.state.contact.pull == pytest.approx(alone.state.contact.pull, rel=1e-6)
+    assert together.state.contact.withdrawal_resistance == pytest.approx(
+        alone.state.contact.withdrawal_resistance, rel=1e-6
+    )
     if MPI.COMM_WORLD.rank == 0:
         for name in ("contact_place", "contact_status", "contact_gap", "contact_friction"):
             scale = np.abs(one[name]).max()
@@ -73,7 +75,16 @@ def test_archive_gives_the_state_back() -> None:
     archive = ContactArchive(contact)
     arrays = {k: MPI.COMM_WORLD.bcast(v) for k, v in archive.arrays(state).items()}
     back = archive.state(arrays, contact.initial())
-    for name in ("friction", "pull", "stress", "internal", "place", "gap", "pressure", "status"):
+    for name in (
+        "friction",
+        "withdrawal_resistance",
+        "stress",
+        "internal",
+        "place",
+        "gap",
+        "pressure",
+        "status",
+    ):
         assert np.array_equal(getattr(back, name), getattr(state, name)), name
         assert getattr(back, name).dtype == getattr(state, name).dtype
 

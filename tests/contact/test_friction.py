@@ -126,7 +126,9 @@ def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> 
         force = MU * PRESSURE * WIDTH * speed * time
         assert result.balance is not None
         assert result.balance.axial[0] == pytest.approx(force, rel=1e-7)
-        assert scene.state.contact.pull == pytest.approx([force, 0.5 * WIDTH * force, 0.0])
+        assert scene.state.contact.withdrawal_resistance == pytest.approx(
+            [force, 0.5 * WIDTH * force, 0.0]
+        )
         assert result.balance.axial_error < 1e-9
         found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
         assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=1e-7)
@@ -152,8 +154,8 @@ def test_a_strand_drawn_thick_by_its_friction(method: str) -> None:
         balance = scene.step(time).balance
     # Not exact, for the foot and the pressed height of the block are those of the deformed slice.
     pressed = 3.0 * PRESSURE / YOUNG
-    assert scene.state.contact.pull[0] == pytest.approx(force, rel=pressed)
-    assert balance.axial[0] == pytest.approx(scene.state.contact.pull[0], rel=1e-8)
+    assert scene.state.contact.withdrawal_resistance[0] == pytest.approx(force, rel=pressed)
+    assert balance.axial[0] == pytest.approx(scene.state.contact.withdrawal_resistance[0], rel=1e-8)
     # The midpoint rule's logarithm: off by (step of strain)^2 / 12.
     strain = np.log(thickness)
     assert scene.state.modes[0] == pytest.approx(

@@ -11,7 +11,7 @@ from castfem.constitutive.flow_laws import NortonCreep
 from castfem.contact.friction import Coulomb
 from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
-from castfem.mould.wall import Reach
+from castfem.mould.wall import GapFunction
 from contact.scenes import PLANE_STRAIN
 
 WIDTH, HEIGHT, CLOSURE, MU = 20e-3, 14e-3, 0.3e-3, 0.2
@@ -24,13 +24,13 @@ class Jaws:
     def __init__(self, angle: float) -> None:
         self.up = np.array([-np.sin(angle), np.cos(angle)])
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
         cosine = normals @ self.up
         side = np.sign(cosine)
         away = 0.5 * HEIGHT - CLOSURE * position - side * (points @ self.up)
         met = np.abs(cosine) > 1e-9
         gap = np.where(met, away / np.where(met, np.abs(cosine), 1.0), np.inf)
-        return Reach(gap, np.where(met[:, None], side[:, None] * self.up, normals))
+        return GapFunction(gap, np.where(met[:, None], side[:, None] * self.up, normals))
 
     def temperature(self, position: float) -> float:
         return 400.0

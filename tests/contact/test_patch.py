@@ -13,7 +13,7 @@ from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import Held, SurfacePressure
-from castfem.mould import Contour, Reach, Straight
+from castfem.mould import Contour, GapFunction, Straight
 from contact.scenes import LineWall
 
 METHODS = ("penalty", "nitsche")
@@ -76,8 +76,8 @@ class PiecedWall:
         pairs = pairwise(ends)
         self.contour = Contour([Straight((float(a), 0.0), (float(b), 0.0)) for a, b in pairs])
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
-        return self.contour.reach(points, normals)
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
+        return self.contour.gap_function(points, normals)
 
     def temperature(self, position: float) -> float:
         return 400.0

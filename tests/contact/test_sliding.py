@@ -126,13 +126,13 @@ def moving(stroke: Callable[[float], float], method: str) -> SliceScene:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_wall_that_goes_with_the_strand_does_not_rub(method: str) -> None:
+def test_a_wall_that_goes_with_the_strand_has_no_friction(method: str) -> None:
     scene = moving(lambda time: SPEED * time, method)
     for time in (0.5, 1.0):
         scene.step(time)
     state = scene.state.contact
     assert state is not None and np.all(state.pressure > 0.0) and np.all(state.status == STICK)
-    assert not state.friction[:, 1].any() and not state.pull.any()
+    assert not state.friction[:, 1].any() and not state.withdrawal_resistance.any()
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -151,7 +151,9 @@ def test_an_oscillating_mould_pushes_the_strand_while_it_is_faster(method: str) 
         found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
         assert found.axial == pytest.approx(-np.sign(slip) * MU * PRESSURE * WIDTH, rel=1e-7)
         pull -= found.axial * SPEED * (time - old)
-        assert scene.state.contact.pull[0] == pytest.approx(pull, rel=1e-9, abs=1e-9)
+        assert scene.state.contact.withdrawal_resistance[0] == pytest.approx(
+            pull, rel=1e-9, abs=1e-9
+        )
         signs.append(np.sign(slip))
     assert signs.count(-1.0) == 4 and signs.count(1.0) == 6
 

@@ -15,7 +15,7 @@ from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
 from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mould import Circular, Contour, Reach
+from castfem.mould import Circular, Contour, GapFunction
 from contact.scenes import TwoWalls
 
 GROUPS = ("left", "bottom", "right", "top")
@@ -111,8 +111,8 @@ class RoundWall:
     def __init__(self, arc: Circular) -> None:
         self.contour = Contour([arc])
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
-        return self.contour.reach(points, normals)
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
+        return self.contour.gap_function(points, normals)
 
     def temperature(self, position: float) -> float:
         return 400.0

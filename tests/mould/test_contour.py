@@ -48,7 +48,7 @@ def test_from_inside_every_ray_lands_on_the_wall(x, y, angle, radius, bulge):
     sides, wall = walls(bulge, radius)
     point, m = np.array([[(2 * x - 1) * 0.9 * A, (2 * y - 1) * 0.9 * B]]), ray(angle)
     assume(depth(sides, point)[0] < -1e-3)
-    found = wall.reach(point, m)
+    found = wall.gap_function(point, m)
     assert np.isfinite(found.gap).all() and found.gap[0] >= 0.0
     assert abs(depth(sides, point + found.gap[:, None] * m)[0]) < 1e-12
     assert np.hypot(*found.normal[0]) == pytest.approx(1.0, abs=1e-14)
@@ -64,13 +64,13 @@ def test_from_inside_every_ray_lands_on_the_wall(x, y, angle, radius, bulge):
 )
 def test_moving_along_the_ray_takes_the_way_off_the_gap(s, tilt, move, radius, bulge):
     _, wall = walls(bulge, radius)
-    here = circle(0.04).reach(np.zeros((1, 2)), ray(2.0 * math.pi * s))
+    here = circle(0.04).gap_function(np.zeros((1, 2)), ray(2.0 * math.pi * s))
     m = ray(2.0 * math.pi * s + tilt)
     start = here.gap[:, None] * ray(2.0 * math.pi * s)
-    first = wall.reach(start, m)
+    first = wall.gap_function(start, m)
     close = start + (first.gap - 0.001)[:, None] * m
     for point, gap in ((close, 0.001), (close + move * m, 0.001 - move)):
-        assert wall.reach(point, m).gap[0] == pytest.approx(gap, abs=1e-14)
+        assert wall.gap_function(point, m).gap[0] == pytest.approx(gap, abs=1e-14)
 
 
 @given(
@@ -83,11 +83,13 @@ def test_change_of_the_gap_is_that_of_the_tangent_plane(s, tilt, heading, bulge)
     sides, wall = walls(bulge, R)
     m, u, h = ray(s + tilt), ray(heading)[0], 1e-7
     point = 0.03 * ray(s)
-    found = wall.reach(point, m)
+    found = wall.gap_function(point, m)
     corner = np.array([[sides.ends[0] - R, sides.ends[1]], [sides.ends[0], sides.ends[1] - R]])
     landed = np.abs(point + found.gap[:, None] * m)
     assume(np.hypot(*(landed - corner).T).min() > 1e-5)  # at a joint the normal may jump
-    slope = (wall.reach(point + h * u, m).gap[0] - wall.reach(point - h * u, m).gap[0]) / (2 * h)
+    slope = (
+        wall.gap_function(point + h * u, m).gap[0] - wall.gap_function(point - h * u, m).gap[0]
+    ) / (2 * h)
     expected = -(found.normal[0] @ u) / (found.normal[0] @ m[0])
     assert slope == pytest.approx(expected, abs=2e-6)
 
@@ -97,19 +99,21 @@ def test_quarter_turns_and_mirror_images_see_the_same():
     _, wall = walls(0.0004, R)
     angles = np.linspace(0.01, 0.5 * math.pi - 0.01, 40)
     m = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    gap = wall.reach(0.03 * m, m).gap
+    gap = wall.gap_function(0.03 * m, m).gap
     for flip in ([-1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]):
-        other = wall.reach(0.03 * m * flip, m * flip).gap
+        other = wall.gap_function(0.03 * m * flip, m * flip).gap
         assert other == pytest.approx(gap, rel=1e-14)
 
 
 def test_sharp_corner_is_met_along_its_diagonal_and_beside():
     _, wall = walls(0.0, 0.0)
     m = np.array([[A, B]]) / math.hypot(A, B)
-    assert wall.reach(np.zeros((1, 2)), m).gap[0] == pytest.approx(math.hypot(A, B), rel=1e-14)
+    assert wall.gap_function(np.zeros((1, 2)), m).gap[0] == pytest.approx(
+        math.hypot(A, B), rel=1e-14
+    )
     points = np.array([[A - 0.001, B - 1e-12], [A - 0.001, B], [A - 0.001, B + 2e-5]])
     east = np.tile([1.0, 0.0], (3, 1))
-    assert wall.reach(points, east).gap == pytest.approx(0.001, rel=1e-12)
+    assert wall.gap_function(points, east).gap == pytest.approx(0.001, rel=1e-12)
 
 
 @pytest.mark.parametrize("radius", [0.0, R])
@@ -117,7 +121,7 @@ def test_face_is_known_beyond_the_corner(radius):
     """A point that the closing wall has left beyond the other face still knows its own."""
     _, wall = walls(0.0, radius)
     outside = np.array([[A + 0.0002, B + 0.0003], [A + 0.0002, -B - 0.0003]])
-    gap = wall.reach(outside, np.tile([1.0, 0.0], (2, 1))).gap
+    gap = wall.gap_function(outside, np.tile([1.0, 0.0], (2, 1))).gap
     assert gap == pytest.approx(-0.0002, rel=1e-9)
 
 
@@ -125,7 +129,7 @@ def test_nearest_of_several_walls_counts():
     """Two walls one behind the other: from between them, the nearer in either direction."""
     wall = Contour([Straight((1.0, -1.0), (1.0, 1.0)), Straight((2.0, -1.0), (2.0, 1.0))])
     points = np.array([[0.0, 0.0], [1.2, 0.0], [1.8, 0.0], [2.5, 0.0]])
-    gap = wall.reach(points, np.tile([1.0, 0.0], (4, 1))).gap
+    gap = wall.gap_function(points, np.tile([1.0, 0.0], (4, 1))).gap
     assert gap == pytest.approx([1.0, -0.2, 0.2, -0.5], rel=1e-12)
 
 
@@ -137,14 +141,14 @@ def test_nearest_of_several_walls_counts():
 )
 def test_no_result_is_ever_not_a_number(x, y, angle, bulge):
     _, wall = walls(bulge, R)
-    found = wall.reach(np.array([[x, y]]), ray(angle))
+    found = wall.gap_function(np.array([[x, y]]), ray(angle))
     assert not np.isnan(found.gap).any()
     assert np.isfinite(found.normal).all()
 
 
 def test_no_points_at_all():
     """A rank without surface asks, too."""
-    found = walls(0.0004, R)[1].reach(np.zeros((0, 2)), np.zeros((0, 2)))
+    found = walls(0.0004, R)[1].gap_function(np.zeros((0, 2)), np.zeros((0, 2)))
     assert found.gap.shape == (0,) and found.normal.shape == (0, 2)
 
 
@@ -155,4 +159,4 @@ def test_circle_seen_from_off_its_centre():
     m = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     along = m @ offset
     expected = -along + np.sqrt(along**2 - offset @ offset + 0.01) - 0.09
-    assert wall.reach(offset + 0.09 * m, m).gap == pytest.approx(expected, rel=1e-12)
+    assert wall.gap_function(offset + 0.09 * m, m).gap == pytest.approx(expected, rel=1e-12)

@@ -60,7 +60,7 @@ def test_single_taper_is_what_300_gives_back(percent):
     assert zones["width"].outlet == pytest.approx(out, rel=1e-14)
     assert single.dimensions(0.3 * L)["width"] == pytest.approx(W + 0.3 * (out - W), rel=1e-14)
     points, normals = face((0.0, 0.05, -0.03))
-    gap = single.reach(points, normals, 0.5 * L).gap
+    gap = single.gap_function(points, normals, 0.5 * L).gap
     assert gap == pytest.approx(0.25 * (out - W), rel=1e-11, abs=1e-16)
 
 
@@ -107,7 +107,9 @@ def test_width_and_height_taper_apart():
     assert tapers["width"] == pytest.approx(0.01, rel=1e-12)
     assert tapers["height"] == 0.0
     points, normals = face((0.1,), 0.65)
-    assert slab.reach(points, normals, 0.9).gap[0] == pytest.approx(0.65 / 1.009 - 0.65, rel=1e-12)
+    assert slab.gap_function(points, normals, 0.9).gap[0] == pytest.approx(
+        0.65 / 1.009 - 0.65, rel=1e-12
+    )
 
 
 def test_corner_taper_of_its_own_bends_the_faces():
@@ -120,7 +122,7 @@ def test_corner_taper_of_its_own_bends_the_faces():
     flat = end - R / 1.018
     y = np.array([0.0, 0.3, -0.7, 1.0]) * flat
     points, normals = face(y)
-    found = own.reach(points, normals, L)
+    found = own.gap_function(points, normals, L)
     expected = middle + (end - middle) * (y / flat) ** 2 - 0.0625
     assert found.gap == pytest.approx(expected, rel=1e-10)
     slope = 2 * (end - middle) * y / flat**2
@@ -152,7 +154,7 @@ def test_tapered_wall_against_a_freely_shrinking_block():
     for z in (0.1, 0.3, L):
         s, e = 1 - taper / (1 + taper * L) * z, 1 - pull * (z / L) ** 2
         points, normals = strand(e, fractions)
-        gap = single.reach(points, normals, z).gap
+        gap = single.gap_function(points, normals, z).gap
         face_gap = 0.5 * W * (s - e)
         # A plane face ends where the wall's does: behind it the ray meets the wall's corner.
         flat = np.array([True] * 10 + [s >= e])
@@ -172,7 +174,7 @@ def test_time_at_which_the_shrinking_block_leaves_the_wall():
     points, normals = face((0.01,))
 
     def gap(z):
-        return single.reach(points * (1 - k * math.sqrt(z)), normals, z).gap[0]
+        return single.gap_function(points * (1 - k * math.sqrt(z)), normals, z).gap[0]
 
     caught = (k * (1 + taper * L) / taper) ** 2
     assert 0.0 < caught < L
@@ -187,7 +189,7 @@ def test_time_at_which_the_shrinking_block_leaves_the_wall():
 def test_step_in_the_wall():
     step = mould(moved((0.0, 0.3, 0.3001), (0.0, 0.0, 0.0005)))
     points, normals = face()
-    gaps = [step.reach(points, normals, z).gap[0] for z in (0.1, 0.3, 0.30005, 0.3001, L)]
+    gaps = [step.gap_function(points, normals, z).gap[0] for z in (0.1, 0.3, 0.30005, 0.3001, L)]
     assert gaps == pytest.approx([0.0, 0.0, -0.00025, -0.0005, -0.0005], abs=1e-15)
 
 
@@ -203,7 +205,7 @@ def test_round_mould():
     assert (zone.dimension, zone.taper) == ("diameter", pytest.approx(0.01, rel=1e-12))
     angle = np.linspace(0.0, 2 * math.pi, 33)
     m = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    assert bloom.reach(0.1 * m, m, 0.7).gap == pytest.approx(0.1 / 1.007 - 0.1, rel=1e-12)
+    assert bloom.gap_function(0.1 * m, m, 0.7).gap == pytest.approx(0.1 / 1.007 - 0.1, rel=1e-12)
 
 
 def test_free_shape_is_mirrored_into_a_closed_contour():
@@ -221,7 +223,7 @@ def test_free_shape_is_mirrored_into_a_closed_contour():
     s = 1 / 1.007
     expected = [0.2 * s - 0.19, 0.15 * s - 0.14, 0.11 - 0.1 * s, 0.05 * s - 0.04]
     for flip in ([1, 1], [-1, 1], [1, -1], [-1, -1]):
-        gap = blank.reach(at * flip, m * np.array(flip, dtype=float), 0.7).gap
+        gap = blank.gap_function(at * flip, m * np.array(flip, dtype=float), 0.7).gap
         assert gap == pytest.approx(expected, rel=1e-12)
     points = blank.contour(0.0).outline()
     assert np.abs(points).max(axis=0) == pytest.approx([0.2, 0.15])
@@ -245,10 +247,10 @@ def test_cold_mould_expands_by_its_temperature():
 def test_below_its_end_there_is_no_wall():
     single = mould(Taper.single(0.01, L))
     points, normals = face()
-    assert np.isfinite(single.reach(points, normals, L * (1 + 1e-12)).gap).all()
-    below = single.reach(points, normals, L + 1e-6)
+    assert np.isfinite(single.gap_function(points, normals, L * (1 + 1e-12)).gap).all()
+    below = single.gap_function(points, normals, L + 1e-6)
     assert below.gap[0] == math.inf and below.normal == pytest.approx(normals)
-    assert single.reach(points, normals, -0.1).gap[0] == 0.0
+    assert single.gap_function(points, normals, -0.1).gap[0] == 0.0
 
 
 def test_wall_temperature_along_the_mould():

@@ -165,7 +165,7 @@ def test_round_and_beam_blank(write):
     blank = built(write(SOUND["one line"], BEAM_BLANK))
     assert blank.dimensions(0.0) == pytest.approx({"width": 0.4, "height": 0.3}, rel=1e-14)
     assert isinstance(blank.tapers.width, Taper)
-    found = blank.reach([[0.0, 0.045], [0.19, 0.0]], [[0.0, 1.0], [1.0, 0.0]], 0.6)
+    found = blank.gap_function([[0.0, 0.045], [0.19, 0.0]], [[0.0, 1.0], [1.0, 0.0]], 0.6)
     assert found.gap == pytest.approx([0.05 / 1.006 - 0.045, 0.2 / 1.006 - 0.19], rel=1e-12)
 
 

@@ -48,7 +48,7 @@ def test_facets_of_the_mesh_lie_on_the_wall(name, symmetry):
     along = end - start
     h = np.hypot(*along.T)[:, None]
     normals = np.stack([along[:, 1], -along[:, 0]], axis=1) / h
-    found = mould.reach(0.5 * (start + end), normals, 0.3)
+    found = mould.gap_function(0.5 * (start + end), normals, 0.3)
     radii = [value * MM for key, value in lengths.items() if key.endswith("radius") and value]
     smallest = min(radii, default=0.1 if shape == "round" else np.inf)
     sagitta = 1.01 * float(h.max()) ** 2 / (8.0 * smallest)

@@ -16,7 +16,7 @@ UP = (0.0, 1.0)
 def reach(segment, point, normal):
     """Gap and wall normal of one point."""
     normal = np.array([normal], dtype=float) / np.hypot(*normal)
-    found = Contour([segment]).reach(np.array([point], dtype=float), normal)
+    found = Contour([segment]).gap_function(np.array([point], dtype=float), normal)
     return float(found.gap[0]), found.normal[0]
 
 
@@ -172,11 +172,11 @@ def test_plane_wall_of_any_slope_that_closes():
     slope = np.array([3.0, 4.0]) / 5.0
     wall = PlaneWall((0.6, 0.8), (3.0, 4.0), closing=0.1)
     points = np.array([[0.0, 0.0], [0.9, 1.2], [5.0, -3.0]])
-    found = wall.reach(points, np.tile(slope, (3, 1)), 2.0)
+    found = wall.gap_function(points, np.tile(slope, (3, 1)), 2.0)
     assert found.gap == pytest.approx([0.8, -0.7, 0.8 - points[2] @ slope], rel=1e-13)
-    found = wall.reach(points[:1], np.array([[1.0, 0.0]]), 0.0)
+    found = wall.gap_function(points[:1], np.array([[1.0, 0.0]]), 0.0)
     assert found.gap[0] == pytest.approx(1.0 / 0.6, rel=1e-14)
-    assert wall.reach(points[:1], -slope[None], 0.0).gap[0] == math.inf
+    assert wall.gap_function(points[:1], -slope[None], 0.0).gap[0] == math.inf
 
 
 def arc(radius, *angles, centre=(0.0, 0.0)):
@@ -199,9 +199,11 @@ def test_curvature_is_how_fast_the_normal_turns(segment, sign):
     contour, step = Contour([segment]), 1e-5
     points = np.column_stack([np.full(6, 0.6), np.linspace(-0.2, 0.3, 6)])
     right = np.broadcast_to([1.0, 0.0], points.shape)
-    found = [contour.reach(points + np.array([0.0, move]), right) for move in (-step, 0.0, step)]
+    found = [
+        contour.gap_function(points + np.array([0.0, move]), right) for move in (-step, 0.0, step)
+    ]
     tangent = np.column_stack([-found[1].normal[:, 1], found[1].normal[:, 0]])
     way = (found[2].gap - found[0].gap)[:, None] * right + np.array([0.0, 2.0 * step])
     turn = np.einsum("ni,ni->n", found[2].normal - found[0].normal, tangent)
-    assert found[1].bend == pytest.approx(turn / np.einsum("ni,ni->n", way, tangent), abs=1e-8)
-    assert (np.sign(found[1].bend) == sign).all()
+    assert found[1].curvature == pytest.approx(turn / np.einsum("ni,ni->n", way, tangent), abs=1e-8)
+    assert (np.sign(found[1].curvature) == sign).all()

@@ -186,7 +186,8 @@ def test_a_failed_attempt_leaves_no_trace(
     contact = old.mechanical.contact
     assert set(contact.status) == {OPEN, SLIP} and np.abs(contact.friction[:, 1]).max() > 1e3
     for array in (
-        contact.stress, contact.internal, contact.pull, old.mechanical.internal, old.heating,
+        contact.stress, contact.internal, contact.withdrawal_resistance, old.mechanical.internal,
+        old.heating,
     ):  # fmt: skip
         assert np.abs(array).max() > 1e-8
     # ... all of one instant: the temperatures that strained the slice are those it has.

@@ -12,16 +12,16 @@ RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
 
 
 @pytest.fixture(scope="module")
-def rubbed(tmp_path_factory):
+def with_friction(tmp_path_factory):
     """A billet with friction to below its mould: summary and history."""
     folder = tmp_path_factory.mktemp("rubbed")
     changes = ("mould.length=90 mm", "cooling.mould.to=90 mm", "casting.length=150 mm")
     return run(billet("taper_1", RUBBED, *changes), folder), read_history(folder / "history.csv")
 
 
-def test_a_quantity_has_the_same_unit_in_the_history_and_in_the_summary(rubbed) -> None:
+def test_a_quantity_has_the_same_unit_in_the_history_and_in_the_summary(with_friction) -> None:
     """And the same value in the last row."""
-    summary, table = rubbed
+    summary, table = with_friction
     units, both = table.attrs["units"], 0
     for name, quantity in summary.quantities.items():
         if name in units and name not in ("position", "time", "heat_removed"):
@@ -33,8 +33,8 @@ def test_a_quantity_has_the_same_unit_in_the_history_and_in_the_summary(rubbed) 
     assert {"contact_share", "contact_sticking", "mould_friction", "mould_pull"} <= set(units)
 
 
-def test_the_largest_on_the_way_are_told_beside_those_of_the_end(rubbed) -> None:
-    summary, table = rubbed
+def test_the_largest_on_the_way_are_told_beside_those_of_the_end(with_friction) -> None:
+    summary, table = with_friction
     value = {name: q.value for name, q in summary.quantities.items()}
     assert value["way_von_mises_max"] == pytest.approx(1e6 * table["von_mises_max"].max())
     row = table.iloc[table["von_mises_max"].argmax()]
@@ -51,8 +51,8 @@ def test_the_largest_on_the_way_are_told_beside_those_of_the_end(rubbed) -> None
         assert (table[f"contact_pressure_{probe}"] <= point).all()
 
 
-def test_friction_of_the_whole_strand_is_that_of_its_parts(rubbed) -> None:
-    _, table = rubbed
+def test_friction_of_the_whole_strand_is_that_of_its_parts(with_friction) -> None:
+    _, table = with_friction
     assert table["mould_pull"].iloc[-1] > 0.0
     assert table["mould_pull"].to_numpy() == pytest.approx(4.0 * table["friction_pull"].to_numpy())
     force = -4.0 * table["friction_force"].to_numpy()

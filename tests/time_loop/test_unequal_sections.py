@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from time_loop.moulded import Kept, billet, marched
 
-from castfem.mould.wall import Array, Reach, Wall
+from castfem.mould.wall import Array, GapFunction, Wall
 from castfem.simulation import mechanics as build_mechanics
 
 HALF = ("section.symmetry=half", "mesh.surface_size=3 mm", "mesh.corner_size=3 mm")
@@ -47,8 +47,8 @@ class Drifting:
     by: tuple[float, float] = (0.0, 0.0)
     closing: float = 0.0
 
-    def reach(self, points: Array, normals: Array, position: float) -> Reach:
-        found = self.wall.reach(points - np.array(self.by) * position, normals, position)
+    def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
+        found = self.wall.gap_function(points - np.array(self.by) * position, normals, position)
         right = found.normal[:, 0] > 0.99
         return replace(found, gap=found.gap - right * self.closing * position)
 
