@@ -30,7 +30,7 @@ from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.quadrature import Integration
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 
 Array = npt.NDArray[np.float64]
 Field = Callable[[Array, float], Array]
@@ -82,7 +82,7 @@ class Block:
     def mean(self) -> Array:
         """Mean stress at its points, as it enters equilibrium, Pa."""
         points = self.problem.points
-        return points.linear(self.state.stress[points.split :, :3].mean(axis=1))
+        return points.linear(self.state.stress[points.deviator_points :, :3].mean(axis=1))
 
     def rms(self, values: Array) -> float:
         """Root of the mean square over the area of values at the points of the mean stress."""
@@ -105,10 +105,10 @@ def inf_sup(mesh: meshes.SectionMesh, rules: Integration | None) -> tuple[int, f
         Number of mean stresses that no displacement feels (the uniform one at least), and the
         constant of the others.
     """
-    held = tuple(Held(SIDES, i) for i in range(2))
+    held = tuple(PrescribedDisplacement(SIDES, i) for i in range(2))
     points = (block := Block.of(mesh, elastic(), rules, held=held, pin=False)).problem.points
     space, free = block.problem.space, np.flatnonzero(block.problem.constraints.free)
-    strain = points.strain[: 4 * points.split]
+    strain = points.strain[: 4 * points.deviator_points]
     norm = 2.0 * strain.T @ sparse.diags(np.repeat(points.deviator.volume, 4)) @ strain
     values = points.linear.values
     weighted = values * points.mean.volume.reshape(*values.shape[:2], 1)
@@ -131,7 +131,7 @@ def colliding(cells: int, rules: Integration | None, cell: str = "quadrilateral"
         lambda p, t: 1e-6 * t * 20.0 * p[:, 0] * p[:, 1] ** 3,
         lambda p, t: 1e-6 * t * 5.0 * (p[:, 0] ** 4 - p[:, 1] ** 4),
     ]
-    held = tuple(Held(SIDES, i, value) for i, value in enumerate(flow))
+    held = tuple(PrescribedDisplacement(SIDES, i, value) for i, value in enumerate(flow))
     mesh = mapped(cells, cells, box(2.0, 2.0, -1.0, -1.0), cell, groups=SIDES)
     block = Block.of(mesh, elastic(), rules, held=held, pin=False).step(1.0)
     x, y = block.problem.points.mean.position.T
@@ -151,9 +151,9 @@ def punch(cells: int, rules: Integration | None) -> Block:
     )
     walls = ("bottom", "right")
     held = (
-        *(Held(walls, i) for i in range(2)),
-        Held(("punch",), 0),
-        Held(("punch",), 1, lambda p, t: np.full(len(p), -1e-3 * t)),
+        *(PrescribedDisplacement(walls, i) for i in range(2)),
+        PrescribedDisplacement(("punch",), 0),
+        PrescribedDisplacement(("punch",), 1, lambda p, t: np.full(len(p), -1e-3 * t)),
     )
     return Block.of(mesh, elastic(), rules, held=held, pin=False).step(1.0)
 

@@ -17,7 +17,7 @@ from castfem.constitutive.parameters import load_law
 from castfem.materials import load_steel
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held
+from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.thermal.flux_laws import PrescribedTemperature
 from castfem.verification.half_space import DIFFUSIVITY, POISSON, SURFACE, YIELD, YOUNG, HalfSpace
 
@@ -81,7 +81,11 @@ def strip(settings: Settings, options: dict[str, Any] | None = None) -> CoolingS
         load_law("weiner_boley", elasticity),
         steel.thermal_strain,
         PlainPlanes(("a0", "across")),
-        (Held(("side_low",), 1), Held(("side_high",), 1), Held(("surface",), 0)),
+        (
+            PrescribedDisplacement(("side_low",), 1),
+            PrescribedDisplacement(("side_high",), 1),
+            PrescribedDisplacement(("surface",), 0),
+        ),
         pin=False,
     )
     exact = settings.scheme == "exact"

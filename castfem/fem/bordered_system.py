@@ -22,7 +22,7 @@ from castfem.fem.snes import Options, SolverOptions
 Array = npt.NDArray[np.float64]
 
 
-class Border:
+class BorderedSystem:
     """The bordered matrix, as PETSc matrix and preconditioner in one (python type).
 
     Args:
@@ -84,7 +84,7 @@ class Border:
         return np.concatenate([nodal, tail])
 
     def use_with(self, ksp: PETSc.KSP) -> None:
-        """Make `ksp` solve with this border, exactly."""
+        """Make `ksp` solve the bordered system, exactly."""
         ksp.setType("preonly")
         ksp.getPC().setType("python")
         ksp.getPC().setPythonContext(self)

@@ -42,7 +42,7 @@ class NonlinearProblem(Protocol):
 
 
 @dataclass(slots=True)
-class Outcome:
+class SolveResult:
     """How one solve ended.
 
     Attributes:
@@ -241,7 +241,7 @@ class SnesSolver:
             return int(reasons.DIVERGED_MAX_IT)
         return int(reasons.ITERATING)
 
-    def solve(self) -> Outcome:
+    def solve(self) -> SolveResult:
         """Solve from the values in `x`, in place; never raises for a lack of convergence."""
         self._history = []
         self._raised = None
@@ -256,7 +256,7 @@ class SnesSolver:
         name = self._names.get(reason, str(reason))
         if self.snes.getIterationNumber() > 0:
             self._options.tell_unread()
-        return Outcome(reason > 0, self.snes.getIterationNumber(), name, self._history)
+        return SolveResult(reason > 0, self.snes.getIterationNumber(), name, self._history)
 
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""

@@ -38,14 +38,17 @@ class Archive:
 
     def arrays(self, state: MechanicalState) -> dict[str, Array | None]:
         """The arrays of `state`, whole on rank 0, None elsewhere (collective)."""
-        split, cells = self.problem.points.split, len(self._cellwise.cells)
+        deviator_points, cells = self.problem.points.deviator_points, len(self._cellwise.cells)
         rate = self._with_ghosts(state.rate)
         parts: dict[str, Array] = {
             "displacement": state.displacement.reshape(-1, 2)[self._nodes],
             "displacement_rate": rate.reshape(-1, 2)[self._nodes],
         }
         for name, values in (("stress", state.stress), ("internal", state.internal)):
-            for rule, rows in (("deviator", values[:split]), ("mean", values[split:])):
+            for rule, rows in (
+                ("deviator", values[:deviator_points]),
+                ("mean", values[deviator_points:]),
+            ):
                 shape = (cells, self._points_in_cell(rule), values.shape[1])
                 parts[f"{name}_{rule}"] = rows.reshape(shape)
         if reductions.total(self.problem.section.comm, state.pressure.size) > 0:

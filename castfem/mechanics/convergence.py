@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.fem import reductions
-from castfem.mechanics.residual_state import Trial
+from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales, over
 from castfem.mechanics.supports import Constraints
 
@@ -33,7 +33,9 @@ class Criteria:
     constraints: Constraints
     tolerance: float
 
-    def sizes(self, trial: Trial, residual: Array, load: Array) -> dict[str, float]:
+    def sizes(
+        self, residual_state: ResidualState, residual: Array, load: Array
+    ) -> dict[str, float]:
         """What is out of balance, over what may be, for each kind of unknown (collective).
 
         "forces": the worst node, as the stress around it that would make such a force, against the
@@ -41,15 +43,15 @@ class Criteria:
         absolute forces.  "supports": distance from where supports are to be.
 
         Args:
-            trial: The unknowns and what is known there.
+            residual_state: The unknowns and what is known there.
             residual: Local, N/m; at supports the distance from where they are to be, m.
             load: Of the free motions of the planes (free,), N/m.
         """
-        scale, fixed, reach = trial.scale, self.constraints.fixed, self.scales.reach
+        scale, fixed, reach = residual_state.scale, self.constraints.fixed, self.scales.reach
         nodal = np.abs(residual[: len(reach)]) / reach
         missing = nodal[fixed] * reach[fixed]
         nodal[self.constraints.prescribed] = 0.0
-        largest = np.abs(trial.local[fixed]).max(initial=0.0)
+        largest = np.abs(residual_state.local[fixed]).max(initial=0.0)
         worst = reductions.largest_of(
             self.comm, [nodal.max(initial=0.0), missing.max(initial=0.0), largest]
         )
@@ -60,6 +62,6 @@ class Criteria:
         if len(load):
             most = float(np.abs(load).max()) * self.scales.length
             total = self.tolerance * (scale.total + most) + scale.rounding * self.scales.area
-            left = float(np.abs(trial.balance).max()) * self.scales.length
+            left = float(np.abs(residual_state.balance).max()) * self.scales.length
             found["axial"] = over(left, total)
         return found

@@ -14,7 +14,7 @@ from castfem.contact.settings import Contact
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, Planes
 from castfem.mechanics.quadrature import Integration
-from castfem.mechanics.supports import Held, SurfacePressure, Traction
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Slice:
     law: Law
     thermal_strain: Callable[[Array], Array]
     planes: Planes = field(default_factory=PlainPlanes)
-    held: tuple[Held, ...] = ()
+    held: tuple[PrescribedDisplacement, ...] = ()
     loads: tuple[Traction | SurfacePressure, ...] = ()
     ferrostatic: Ferrostatic | None = None
     large_strain: bool = False

@@ -57,12 +57,14 @@ class Fields:
         """Split the stress of a response between the rules.
 
         Returns:
-            Deviators at the points of theirs (split, 4), mean stress, linear on each cell, at those
-            of its own.
+            Deviators at the points of theirs (deviator_points, 4); mean stress, linear on each
+            cell, at those of its own.
         """
         every = response.stress @ MEAN
-        deviator = response.stress[: points.split] - np.outer(every[: points.split], ONE)
-        mean = points.linear(every[points.split :])
+        deviator = response.stress[: points.deviator_points] - np.outer(
+            every[: points.deviator_points], ONE
+        )
+        mean = points.linear(every[points.deviator_points :])
         points.deviator.fill(self.deviator, deviator)
         points.mean.fill(self.mean, mean)
         return deviator, mean
@@ -83,11 +85,13 @@ class Fields:
         """
         tangent = response.tangent.reshape(-1, 16)
         bulk = tangent @ np.outer(MEAN, MEAN).ravel()
-        shape = tangent[: points.split] - np.outer(bulk[: points.split], np.outer(ONE, ONE))
-        flows = np.flatnonzero(response.flows[: points.split])
+        shape = tangent[: points.deviator_points] - np.outer(
+            bulk[: points.deviator_points], np.outer(ONE, ONE)
+        )
+        flows = np.flatnonzero(response.flows[: points.deviator_points])
         shape[flows] += np.outer(TRACE * bulk[flows], np.eye(4) - np.outer(ONE, ONE) / 3.0)
         points.deviator.fill(self.tangent, shape)
-        return np.asarray(bulk[points.split :])
+        return np.asarray(bulk[points.deviator_points :])
 
     @classmethod
     def on(
@@ -349,7 +353,7 @@ class SmallStrain(Kinematics):
     def _rates(self) -> tuple[Array, Array]:
         """See `Kinematics`: the same for all displacements."""
         points = self._points
-        modes = np.column_stack([self._thickness, np.ones(points.count)])[points.split :]
+        modes = np.column_stack([self._thickness, np.ones(points.count)])[points.deviator_points :]
         found = np.concatenate([points.dilation, modes.reshape(*points.dilation.shape[:2], 4)], 2)
         return found, found
 

@@ -119,17 +119,20 @@ class FedLiquid:
         Args:
             solid: Points that are solid enough to carry stress at its end (points,).
         """
-        split, cells = self._points.split, self.section.cells
+        deviator_points, cells = self._points.deviator_points, self.section.cells
         shell, whole = self._surface.copy(), np.ones(cells, dtype=bool)
-        for part in (solid[:split], solid[split:]):
+        for part in (solid[:deviator_points], solid[deviator_points:]):
             if part.size:
                 shell |= part.reshape(cells, -1).any(axis=1)
                 whole &= part.reshape(cells, -1).all(axis=1)
-        area = self._points.volume[:split].reshape(cells, -1)
-        found = [area[whole].sum(), area[solid[:split].reshape(cells, -1)].sum()]
+        area = self._points.volume[:deviator_points].reshape(cells, -1)
+        found = [area[whole].sum(), area[solid[:deviator_points].reshape(cells, -1)].sum()]
         of_whole, of_all = reductions.totals(self.section.comm, found)
         self.bears = bool(of_whole > BEARING * of_all)
-        each = [np.repeat(shell, n // max(1, len(shell))) for n in (split, len(solid) - split)]
+        each = [
+            np.repeat(shell, n // max(1, len(shell)))
+            for n in (deviator_points, len(solid) - deviator_points)
+        ]
         self.carries = np.concatenate(each) if len(shell) else np.zeros(0, dtype=bool)
         marks = self._marks.x
         marks.array[:] = 0.0

@@ -59,7 +59,7 @@ class Material:
     def __init__(self, law: Law, points: Points) -> None:
         self.response = Response.empty(points.count, len(law.state_names))
         self.response.state[:] = law.initial_state(points.count)
-        rows = (slice(0, points.split), slice(points.split, None))
+        rows = (slice(0, points.deviator_points), slice(points.deviator_points, None))
         laws = (law, ThermoElastic(law.elasticity))
         self._parts = [(m, r, self.response.part(r)) for m, r in zip(laws, rows, strict=True)]
 

@@ -16,10 +16,10 @@ from dolfinx import fem, la
 from castfem.constitutive.base import turned
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
-from castfem.fem.bordered_system import Border
+from castfem.fem.bordered_system import BorderedSystem
 from castfem.fem.dolfinx_compat import assemble_into, create_matrix
 from castfem.fem.section import Section
-from castfem.fem.snes import Options, Outcome, SnesSolver
+from castfem.fem.snes import Options, SnesSolver, SolveResult
 from castfem.mechanics.convergence import Criteria
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
@@ -29,7 +29,7 @@ from castfem.mechanics.material_points import FedPoints, Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.planes import ScaledMotions, check_modes
 from castfem.mechanics.quadrature import Integration, Points, displacement_element
-from castfem.mechanics.residual_state import Trial
+from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.supports import Constraints, symmetry_supports
@@ -98,7 +98,7 @@ class MechanicalProblem:
         self._build_solver(options or {})
         self.iterations: int = 0
         self._slack, self._drag = 1.0, 0.0
-        self.trial: Trial | None = None
+        self.residual_state: ResidualState | None = None
 
     def _build_forms(self, springs: float | None) -> None:
         section, slice_ = self.section, self.slice
@@ -130,12 +130,12 @@ class MechanicalProblem:
             self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         prefix = "mechanical_"
         shorten = None if "snes_linesearch_type" in options else self.shorten
-        self.border = Border(self._matrix, self.free, prefix, linear)
-        vector, operator = self.border.vector(), self.border.operator
+        self.bordered = BorderedSystem(self._matrix, self.free, prefix, linear)
+        vector, operator = self.bordered.vector(), self.bordered.operator
         self.solver = SnesSolver(
             self, vector, operator, prefix, nonlinear, self.watch, shorten, options
         )
-        self.border.use_with(self.solver.snes.getKSP())
+        self.bordered.use_with(self.solver.snes.getKSP())
         vector.destroy()
 
     def at_points(self, temperature: Array) -> Array:
@@ -161,7 +161,7 @@ class MechanicalProblem:
         self._from = old.scalars / self._motions.scaling
         self.pressure: Array = np.zeros(0)
         if slice_.ferrostatic is not None and fields.pressure is not None:
-            self.pressure = slice_.ferrostatic.pressure(after[self.points.split :], time)
+            self.pressure = slice_.ferrostatic.pressure(after[self.points.deviator_points :], time)
             fields.take_pressure(self.points, self.pressure)
             if (liquid := self._loads.liquid) is not None:
                 pressure = slice_.ferrostatic.pressure(temperature, time)
@@ -177,10 +177,10 @@ class MechanicalProblem:
         if (springs := self.constraints.springs) is not None:
             young = slice_.law.elasticity.moduli(after)[2]
             springs.begin(old.displacement, reductions.largest(self.section.comm, young))
-        self.trial, self._first = None, 0.0
+        self.residual_state, self._first = None, 0.0
 
-    def solve(self, guesses: list[tuple[Array, Array]]) -> Outcome:
-        """Solve from the best of some guesses; the result is in `trial`.
+    def solve(self, guesses: list[tuple[Array, Array]]) -> SolveResult:
+        """Solve from the best of some guesses; what holds there is in `residual_state`.
 
         Args:
             guesses: Displacement (owned,), m, and free scalars (the same on every rank) of each.
@@ -191,19 +191,19 @@ class MechanicalProblem:
             starts = [starts[int(np.argmin(np.nan_to_num(sizes, nan=np.inf)))]]
         self.solver.x.setArray(starts[0])
         first = self._approach(starts[0])
-        self.border.failure = ""
-        outcome = self.solver.solve()
-        if not outcome.converged and self.border.failure:
-            outcome.reason += f" ({self.border.failure})"
-        outcome.iterations += first
-        self.iterations += outcome.iterations
+        self.bordered.failure = ""
+        result = self.solver.solve()
+        if not result.converged and self.bordered.failure:
+            result.reason += f" ({self.bordered.failure})"
+        result.iterations += first
+        self.iterations += result.iterations
         solution = self.solver.x.getArray(readonly=True)
-        if outcome.converged and not self._known(solution):
-            self.trial = self._evaluate(solution)
-        if outcome.converged and self.liquid is not None:
+        if result.converged and not self._known(solution):
+            self.residual_state = self._evaluate(solution)
+        if result.converged and self.liquid is not None:
             with self.watch.section("liquid"):
                 self.liquid.follow(self.fields.u)
-        return outcome
+        return result
 
     def _approach(self, start: Array) -> int:
         """Come near the solution with all contacts of the old state kept closed.
@@ -215,13 +215,13 @@ class MechanicalProblem:
             return 0
         if not self.contact.hold(True):
             return 0
-        self.trial, self._slack = None, NEAR
-        outcome = self.solver.solve()
+        self.residual_state, self._slack = None, NEAR
+        result = self.solver.solve()
         self.contact.hold(False)
-        self.trial, self._slack = None, 1.0
-        if not outcome.converged:
+        self.residual_state, self._slack = None, 1.0
+        if not result.converged:
             self.solver.x.setArray(start)
-        return outcome.iterations
+        return result.iterations
 
     def _feed(self, liquid: FedLiquid, temperature: Array, time: float) -> FedPoints:
         """Where there is liquid, and what stands in for its stiffness.
@@ -250,7 +250,7 @@ class MechanicalProblem:
         if self.liquid is not None:
             guess = guess.copy()
             guess[self.liquid.deep] = self._target[self.liquid.deep]
-        return self.border.join(guess, scalars / self._motions.scaling)
+        return self.bordered.join(guess, scalars / self._motions.scaling)
 
     def _imbalance(self, local: Array) -> float:
         """Size of the residual at local unknowns."""
@@ -258,22 +258,22 @@ class MechanicalProblem:
         return reductions.total(self.section.comm, float(residual @ residual))
 
     def _known(self, local: Array) -> bool:
-        """Whether `trial` belongs to these unknowns, on all ranks."""
-        same = self.trial is not None and np.array_equal(local, self.trial.local)
+        """Whether `residual_state` belongs to these unknowns, on all ranks."""
+        same = self.residual_state is not None and np.array_equal(local, self.residual_state.local)
         if self.section.comm.size == 1:
             return same
         return reductions.smallest(self.section.comm, np.array([float(same)])) > 0.0
 
     def free_scalars(self, local: Array) -> Array:
         """Free scalars, on every rank, of the local unknowns."""
-        return np.asarray(self.border.share(local) * self._motions.scaling)
+        return np.asarray(self.bordered.share(local) * self._motions.scaling)
 
-    def _evaluate(self, local: Array) -> Trial:
+    def _evaluate(self, local: Array) -> ResidualState:
         """Stress and forces at a set of unknowns: the law is integrated here, and only here."""
         fields, points, response = self.fields, self.points, self.response
         fields.u.x.array[: self.owned] = local[: self.owned]
         fields.u.x.scatter_forward()
-        modes = self._motions.modes(self.border.share(local))
+        modes = self._motions.modes(self.bordered.share(local))
         fields.modes.value[:] = modes
         with self.watch.section("kinematics"):
             strain, angle = self.kinematics.increments()
@@ -289,10 +289,10 @@ class MechanicalProblem:
                 noise = self.contact.evaluate()
         parts = *fields.take_stress(points, response), self.pressure
         forces, balance = self._forces()
-        balance += self._drag * (self.border.share(local) - self._from)
+        balance += self._drag * (self.bordered.share(local) - self._from)
         scale = self.scales.stress(parts, response, local[: self.owned], self._first, noise)
         self._first = self._first or scale.typical
-        return Trial(local.copy(), modes, forces, balance, scale)
+        return ResidualState(local.copy(), modes, forces, balance, scale)
 
     def _forces(self) -> tuple[Array, Array]:
         """Nodal forces, and work on the free motions of the planes."""
@@ -332,16 +332,16 @@ class MechanicalProblem:
     def _residual(self, local: Array) -> Array:
         """The same for local unknowns; what the line search left behind is not computed again."""
         if not self._known(local):
-            self.trial = self._evaluate(local)
-        assert self.trial is not None
-        nodal, dofs = self.trial.forces.copy(), self.constraints.fixed
+            self.residual_state = self._evaluate(local)
+        assert self.residual_state is not None
+        nodal, dofs = self.residual_state.forces.copy(), self.constraints.fixed
         if self.constraints.moving:
             self._lift(nodal, local[dofs] - self._target[dofs])
         dofs = self.constraints.prescribed
         nodal[dofs] = local[dofs] - self._target[dofs]
         if (springs := self.constraints.springs) is not None:
             nodal[springs.dofs] += springs.force(local)
-        return self.border.join(nodal, self.trial.balance)
+        return self.bordered.join(nodal, self.residual_state.balance)
 
     def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         """Scale Newton's correction where a full one would overshoot by far."""
@@ -409,45 +409,45 @@ class MechanicalProblem:
             self.kinematics.volume.add_to(self._matrix, self.constraints.free)
             if self.constraints.springs is not None:
                 self.constraints.springs.add_to(self._matrix)
-            self._fill_border(self.border)
+            self._fill_bordered_system(self.bordered)
 
-    def _fill_border(self, border: Border) -> None:
+    def _fill_bordered_system(self, bordered: BorderedSystem) -> None:
         """Derivatives by, and of the balance of, the free motions of the planes."""
         compiled, fields, motions = self.kinematics.forms, self.fields, self._motions
         volume = self.kinematics.volume
-        corner = np.zeros_like(border.corner)
+        corner = np.zeros_like(bordered.corner)
         for i in range(self.free):
             assert compiled.column is not None and compiled.corner is not None
             direction, closing = motions.directions[:, i], motions.closing[:, i]
             fields.one.value[:] = direction
-            border.columns[:, i] = self._assemble(compiled.column, volume.column(direction))
+            bordered.columns[:, i] = self._assemble(compiled.column, volume.column(direction))
             if motions.coupled or compiled.row is not None:
                 fields.one.value[:] = closing
                 form = compiled.row or compiled.column
-                border.rows[:, i] = self._assemble(form, volume.row(closing))
+                bordered.rows[:, i] = self._assemble(form, volume.row(closing))
             else:
-                border.rows[:, i] = border.columns[:, i]
-            border.columns[self.constraints.prescribed, i] = 0.0
+                bordered.rows[:, i] = bordered.columns[:, i]
+            bordered.columns[self.constraints.prescribed, i] = 0.0
             for j in range(self.free):
                 other = motions.directions[:, j]
                 fields.other.value[:] = other
                 corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(closing, other)
         if self.free:
-            border.corner[:] = reductions.totals(self.section.comm, corner)
-            border.corner[:] += self._drag * np.eye(self.free)
-        border.updated()
+            bordered.corner[:] = reductions.totals(self.section.comm, corner)
+            bordered.corner[:] += self._drag * np.eye(self.free)
+        bordered.updated()
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
         """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""
-        assert self.trial is not None
+        assert self.residual_state is not None
         residual = f.getArray(readonly=True)
-        sizes = self._criteria.sizes(self.trial, residual, self._motions.load)
+        sizes = self._criteria.sizes(self.residual_state, residual, self._motions.load)
         return {name: size / self._slack for name, size in sizes.items()}
 
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""
         self.solver.destroy()
-        self.border.close()
+        self.bordered.close()
         self.kinematics.volume.destroy()
         if self.liquid is not None:
             self.liquid.destroy()

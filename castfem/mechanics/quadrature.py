@@ -142,7 +142,7 @@ class Points:
 
     Attributes:
         deviator: Rule of the stress deviator. mean: Rule of the mean stress.
-        count: Points of both. split: Points of the first.
+        count: Points of both. deviator_points: Points of the first.
         volume: Area of each point (count,), m2; each rule fills the section by itself, on triangles
             that of the mean stress with a negative part.
         position: (count, 2), m.
@@ -160,7 +160,10 @@ class Points:
         self.section = section
         self.deviator = Rule(section, integration.deviator)
         self.mean = Rule(section, integration.mean)
-        self.split, self.count = self.deviator.count, self.deviator.count + self.mean.count
+        self.deviator_points, self.count = (
+            self.deviator.count,
+            self.deviator.count + self.mean.count,
+        )
         self.volume = np.concatenate([self.deviator.volume, self.mean.volume])
         self.position = np.concatenate([self.deviator.position, self.mean.position])
         count = len(self.mean.points)
@@ -225,8 +228,8 @@ class Points:
 
     def level(self, strain: Array) -> Array:
         """Make the change of volume linear on each cell: strains (count, 4) are written to."""
-        size = forms.trace(strain[self.split :].T)
-        strain[self.split :, :3] += ((self.linear(size) - size) / 3.0)[:, None]
+        size = forms.trace(strain[self.deviator_points :].T)
+        strain[self.deviator_points :, :3] += ((self.linear(size) - size) / 3.0)[:, None]
         return strain
 
     def stiffness_temperature(self, temperature: Array) -> Array:
@@ -238,29 +241,31 @@ class Points:
         if self.mean.volume.min(initial=0.0) >= 0.0:
             return temperature
         found = temperature.copy()
-        by_cell = found[self.split :].reshape(-1, len(self.mean.points))
+        by_cell = found[self.deviator_points :].reshape(-1, len(self.mean.points))
         weights = self.mean.volume.reshape(by_cell.shape)
         mean = (weights * by_cell).sum(axis=1) / weights.sum(axis=1)
         by_cell[:] = mean[:, None]
         return found
 
     def recovered(self, stress: Array) -> Array:
-        """Stress at the deviator's points with the mean stress of its own rule, (split, 4).
+        """Stress at the deviator's points (n, 4), with the mean stress of its own rule.
 
         Args:
             stress: At the points of both rules (count, 4).
         """
-        own = self.linear(stress[self.split :, :3].mean(axis=1)).reshape(-1, len(self.mean.points))
-        found = stress[: self.split].copy()
+        own = self.linear(stress[self.deviator_points :, :3].mean(axis=1)).reshape(
+            -1, len(self.mean.points)
+        )
+        found = stress[: self.deviator_points].copy()
         found[:, :3] += ((own @ self._carry.T).ravel() - found[:, :3].mean(axis=1))[:, None]
         return found
 
     def at_vertices(self, values: Array) -> Array:
-        """Mean of values at the deviator's points (split, ...) around each owned vertex.
+        """Mean of values at the deviator's points (deviator_points, ...) around each owned vertex.
 
         Each point counts by its area and its nearness to the vertex (the vertex' hat function).
         """
-        weights = self.vertex[: self.split].T.multiply(self.deviator.volume).tocsr()
+        weights = self.vertex[: self.deviator_points].T.multiply(self.deviator.volume).tocsr()
         flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
         sums = np.column_stack([weights @ flat, np.asarray(weights.sum(axis=1)).ravel()])
         summed = np.column_stack([self._summed(column) for column in sums.T])
@@ -287,7 +292,9 @@ class Points:
 
         That is how dissipation (J/m3) enters the heat balance of the vertices (J/m).
         """
-        return self._summed(self.vertex[: self.split].T @ (density * self.deviator.volume))
+        return self._summed(
+            self.vertex[: self.deviator_points].T @ (density * self.deviator.volume)
+        )
 
     def _summed(self, local: Array) -> Array:
         """Contributions of all ranks to this rank's own vertices."""

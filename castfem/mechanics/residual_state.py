@@ -1,4 +1,4 @@
-"""What is known at one set of unknowns of the mechanical problem."""
+"""The residual of the mechanical problem at one set of unknowns."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(slots=True)
-class Trial:
-    """What is known at one set of unknowns.
+class ResidualState:
+    """The residual at one set of unknowns, and what was found with it.
 
     Attributes:
         local: The unknowns of this rank. modes: Generalized strains (4,).

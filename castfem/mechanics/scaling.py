@@ -84,13 +84,13 @@ class Scales:
             noise: Stress that rounding makes elsewhere, at a contact, Pa.
         """
         deviator, mean, pressure = parts
-        split, volume = self._points.split, np.abs(self._points.volume)
+        deviator_points, volume = self._points.deviator_points, np.abs(self._points.volume)
         volumetric = 3.0 * mean**2
         if pressure.size:
             volumetric += 2.0 * pressure**2
         squares = np.concatenate([np.einsum("ij,ij->i", deviator, deviator), volumetric])
         sums = reductions.totals(self._comm, [volume @ squares, volume @ np.sqrt(squares)])
-        stiff = response.tangent[split:, 0, 0].max(initial=0.0)
+        stiff = response.tangent[deviator_points:, 0, 0].max(initial=0.0)
         farthest = max(float(moved.max(initial=0.0)), -float(moved.min(initial=0.0)))
         sizes = reductions.largest_of(self._comm, [stiff, farthest])
         typical = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0

@@ -65,22 +65,22 @@ class MechanicalStepper:
         problem.begin(old, time, temperature)
         if problem.contact is not None and (reason := problem.contact.breakout()):
             return replace(self._failed(old, 0, reason, time, temperature), refused=True)
-        outcome = problem.solve(self._guesses(old))
-        newton = outcome.iterations
-        if not outcome.converged:
-            return self._failed(old, newton, outcome.describe(), time, temperature)
+        result = problem.solve(self._guesses(old))
+        newton = result.iterations
+        if not result.converged:
+            return self._failed(old, newton, result.describe(), time, temperature)
         state = self._state(old, time, temperature)
         if self._validity is not None:
             refusal = self._validity.refusal(state, problem.at_points(temperature))
             if refusal:
                 failed = self._failed(old, newton, refusal, time, temperature)
                 return replace(failed, refused=True)
-        split = problem.points.split
-        flowing = float(problem.points.deviator.volume @ problem.response.flows[:split])
+        deviator_points = problem.points.deviator_points
+        flowing = float(problem.points.deviator.volume @ problem.response.flows[:deviator_points])
         share = reductions.total(self.comm, flowing) / problem.scales.area
-        dissipation = problem.response.dissipation[:split].copy()
+        dissipation = problem.response.dissipation[:deviator_points].copy()
         return MechanicalResult(
-            True, state, newton, outcome.reason, self._balance(), dissipation, share
+            True, state, newton, result.reason, self._balance(), dissipation, share
         )
 
     def _failed(
@@ -92,7 +92,7 @@ class MechanicalStepper:
             loads = loads_at(self.problem.slice.planes, time)
             unborne = self._validity.unborne(loads, self.problem.at_points(temperature))
         told = f"{unborne} ({reason.removesuffix(f'; {NO_SHELL}')})" if unborne else reason
-        nothing = np.zeros(self.problem.points.split)
+        nothing = np.zeros(self.problem.points.deviator_points)
         return MechanicalResult(False, old, newton, told, None, nothing, 0.0, unborne=bool(unborne))
 
     def _guesses(self, old: MechanicalState) -> list[tuple[Array, Array]]:
@@ -106,16 +106,16 @@ class MechanicalStepper:
 
     def _state(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalState:
         """The state that the problem has come to."""
-        problem, trial = self.problem, self.problem.trial
-        assert trial is not None
+        problem, residual_state = self.problem, self.problem.residual_state
+        assert residual_state is not None
         displacement = problem.fields.u.x.array.copy()
-        scalars = problem.free_scalars(trial.local)
+        scalars = problem.free_scalars(residual_state.local)
         owned = slice(0, problem.owned)
         rate = np.asarray((displacement[owned] - old.displacement[owned]) / problem.dt)
         return MechanicalState(
             time=time,
             displacement=displacement,
-            modes=trial.modes,
+            modes=residual_state.modes,
             scalars=scalars,
             rate=rate,
             scalar_rate=np.asarray((scalars - old.scalars) / problem.dt),
@@ -134,17 +134,17 @@ class MechanicalStepper:
 
     def _balance(self) -> Balance:
         """Forces of the state that the problem has come to."""
-        problem, trial = self.problem, self.problem.trial
-        assert trial is not None
+        problem, residual_state = self.problem, self.problem.residual_state
+        assert residual_state is not None
         axial = problem.work_on(np.eye(4)[:, :3])
         supports = problem.constraints.dofs
-        held = trial.forces[supports]
+        held = residual_state.forces[supports]
         sums = [held[supports % 2 == i].sum() for i in range(2)]
-        free = trial.forces / problem.scales.reach
+        free = residual_state.forces / problem.scales.reach
         free[supports] = free[problem.constraints.prescribed] = 0.0
         worst = reductions.largest(self.comm, np.abs(free))
-        scale = trial.scale
-        left = float(np.abs(trial.balance).max(initial=0.0)) * problem.scales.length
+        scale = residual_state.scale
+        left = float(np.abs(residual_state.balance).max(initial=0.0)) * problem.scales.length
         return Balance(
             axial=axial,
             axial_error=left / max(scale.total, 1e-300),

@@ -21,7 +21,7 @@ Place = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class PrescribedDisplacement:
     """A component of the displacement prescribed on boundary groups.
 
     Attributes:
@@ -51,10 +51,14 @@ class SurfacePressure:
     value: Callable[[float], float]
 
 
-def symmetry_supports(groups: tuple[str, ...]) -> list[Held]:
+def symmetry_supports(groups: tuple[str, ...]) -> list[PrescribedDisplacement]:
     """The lines of symmetry: no displacement across them."""
     lines = (("symmetry_x", 0), ("symmetry_y", 1))
-    return [Held((name,), i) for name, i in lines if any(g.startswith(name) for g in groups)]
+    return [
+        PrescribedDisplacement((name,), i)
+        for name, i in lines
+        if any(g.startswith(name) for g in groups)
+    ]
 
 
 # Component and place ("low", "mid" or "high" of the section's extent along x and y) of points that
@@ -127,13 +131,13 @@ class Constraints:
         self,
         section: Section,
         space: fem.FunctionSpace,
-        held: list[Held],
+        held: list[PrescribedDisplacement],
         pin: bool = True,
         springs: float | None = None,
     ) -> None:
         self._comm = section.comm
         self.conditions: list[fem.DirichletBC] = []
-        self._parts: list[tuple[fem.Function, list[Array], Array, Held]] = []
+        self._parts: list[tuple[fem.Function, list[Array], Array, PrescribedDisplacement]] = []
         section.mesh.topology.create_connectivity(1, 2)
         section.mesh.topology.create_connectivity(0, 2)
         single = [space.sub(i).collapse()[0] for i in range(2)]
@@ -143,7 +147,9 @@ class Constraints:
         sprung: list[npt.NDArray[np.int32]] = [np.zeros(0, np.int32)]
         for component, vertices in self._missing(section) if pin else []:
             if springs is None:
-                self._hold(space, single[component], 0, vertices, Held((), component))
+                self._hold(
+                    space, single[component], 0, vertices, PrescribedDisplacement((), component)
+                )
             else:
                 parts = (space.sub(component), single[component])
                 sprung.append(fem.locate_dofs_topological(parts, 0, vertices)[0])
@@ -179,7 +185,7 @@ class Constraints:
         single: fem.FunctionSpace,
         dimension: int,
         entities: npt.NDArray[np.int32],
-        held: Held,
+        held: PrescribedDisplacement,
     ) -> None:
         part = space.sub(held.component)
         dofs = fem.locate_dofs_topological((part, single), dimension, entities)

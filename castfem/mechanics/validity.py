@@ -226,7 +226,7 @@ class Validity:
 
     def _squeezed(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
         """Elastic strain along each axis of the mean stress, at solid points of its rule."""
-        split = self._points.split
-        bulk = self._law.elasticity.moduli(temperature[split:][solid])[1]
-        mean = state.stress[split:, :3][solid].mean(axis=1)
+        deviator_points = self._points.deviator_points
+        bulk = self._law.elasticity.moduli(temperature[deviator_points:][solid])[1]
+        mean = state.stress[deviator_points:, :3][solid].mean(axis=1)
         return np.asarray(np.abs(mean) / (3.0 * bulk))

@@ -95,7 +95,7 @@ class MechanicalSampler:
         law, points = self.problem.slice.law, self.problem.points
         if law.data is None:
             return {}
-        heat = self.problem.at_points(state.temperature)[: points.split]
+        heat = self.problem.at_points(state.temperature)[: points.deviator_points]
         solid, area = heat <= law.elasticity.solidity.solidus, points.deviator.volume
         beyond = law.data.beyond(heat, equivalent_strain(self._strain_rate(state)))
         parts = [area[solid & flags].sum() for flags in beyond.values()]
@@ -107,7 +107,7 @@ class MechanicalSampler:
         return {kind: float(part / shell) for kind, part in zip(beyond, found, strict=True)}
 
     def _strain_rate(self, state: MechanicalState) -> Array:
-        """Rate of strain over the last step at the deviator's points, Mandel (split, 4), 1/s."""
+        """Rate of strain over the last step at the deviator's points, Mandel (n, 4), 1/s."""
         points, planes = self.problem.points, self.problem.slice.planes
         found = points.strain @ dof_values.with_ghosts(self.problem.space, state.rate)
         ends = []
@@ -161,7 +161,7 @@ class MechanicalSampler:
         if "strain" in names:
             found["strain"] = points.at_vertices(self._strain(state))
         if "viscoplastic_strain" in names:
-            flowed = self.problem.slice.law.strain(state.internal[: points.split])
+            flowed = self.problem.slice.law.strain(state.internal[: points.deviator_points])
             found["viscoplastic_strain"] = points.at_vertices(flowed)
         if "pressure" in names:
             found["pressure"] = self._pressure(state)
@@ -189,14 +189,14 @@ class MechanicalSampler:
         return ferrostatic.pressure(state.temperature, state.time)
 
     def _strain(self, state: MechanicalState) -> Array:
-        """Strain (37) of the undeformed slice at the deviator's points, Mandel (split, 4)."""
+        """Strain (37) of the undeformed slice at the deviator's points, Mandel (n, 4)."""
         points = self.problem.points
         return self._with_modes(points.strain @ state.displacement, state.modes)
 
     def _with_modes(self, values: Array, modes: Array) -> Array:
         """Strain in the plane at all points, with that of the planes, at the deviator's."""
         points = self.problem.points
-        strain = values.reshape(-1, 4)[: points.split]
+        strain = values.reshape(-1, 4)[: points.deviator_points]
         x, y = points.deviator.position.T
         a0, a1, a2, across = modes
         strain[:, 1] += across

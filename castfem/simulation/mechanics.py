@@ -18,7 +18,7 @@ from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import Course, PlainPlanes, allowed_modes
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.mechanics.supports import SPRING, Held
+from castfem.mechanics.supports import SPRING, PrescribedDisplacement
 from castfem.simulation.law import build_law
 from castfem.support.stopwatch import Stopwatch
 from castfem.values.tables import Table, as_function
@@ -123,11 +123,11 @@ def _planes(motions: given.Motions, free: tuple[str, ...], parts: int) -> PlainP
     )
 
 
-def _held(one: given.Held) -> Held:
+def _held(one: given.Held) -> PrescribedDisplacement:
     component = "xy".index(one.component)
     if one.value == 0.0:
-        return Held(one.on, component)
-    return Held(one.on, component, _everywhere(as_function(one.value)))
+        return PrescribedDisplacement(one.on, component)
+    return PrescribedDisplacement(one.on, component, _everywhere(as_function(one.value)))
 
 
 def _everywhere(course: Course) -> Callable[[Array, float], Array]:

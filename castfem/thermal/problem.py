@@ -34,7 +34,7 @@ from dolfinx import fem
 from castfem.fem import reductions
 from castfem.fem.dolfinx_compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
 from castfem.fem.section import Section
-from castfem.fem.snes import Options, Outcome, SnesSolver
+from castfem.fem.snes import Options, SnesSolver, SolveResult
 from castfem.forms.heat import (
     conduction,
     conduction_moved,
@@ -88,7 +88,7 @@ class Stage:
         point: Temperature and slopes that belong to the solution.
         out: Heat that leaves through this rank's part of the surface, W/m.
         generated: Heat that appears inside this rank's part of the section, W/m.
-        outcome: How the solver ended.
+        result: How the solver ended.
     """
 
     enthalpy: Array
@@ -96,7 +96,7 @@ class Stage:
     point: CurvePoint
     out: float
     generated: float
-    outcome: Outcome
+    result: SolveResult
 
 
 @dataclass(slots=True)
@@ -239,27 +239,27 @@ class ThermalProblem:
             time: Time of the stage since the meniscus, s.
 
         Returns:
-            The stage; look at `outcome.converged` first.
+            The stage; look at `result.converged` first.
         """
         self._base, self._tau, self._time = base, tau, time
         start = guess.copy()
         start[self._fixed] = self._fixed_value
         solver = self.solver
         solver.x.setArray(start)
-        outcome = solver.solve()
-        self.iterations += outcome.iterations
-        if outcome.reason == LINEAR_FAILURE:
+        result = solver.solve()
+        self.iterations += result.iterations
+        if result.reason == LINEAR_FAILURE:
             solver = self._factoring()
             solver.x.setArray(start)
-            outcome = solver.solve()
-            self.iterations += outcome.iterations
+            result = solver.solve()
+            self.iterations += result.iterations
         self.stages += 1
         solution = solver.x.getArray(readonly=True)
         # One rank's part may be the same, and another's not (a NaN never is); it takes them all.
         moved = not np.array_equal(solution, self._state.enthalpy)
         if reductions.any_of(self.section.comm, moved):
             self._state = self._evaluate(solution)
-        return self._close(solution, outcome)
+        return self._close(solution, result)
 
     def _factoring(self) -> SnesSolver:
         """The direct solver, made when it is needed first."""
@@ -269,7 +269,7 @@ class ThermalProblem:
             self._direct = self._make_solver("thermal_direct_", options)
         return self._direct
 
-    def _close(self, solution: Array, outcome: Outcome) -> Stage:
+    def _close(self, solution: Array, result: SolveResult) -> Stage:
         """Close the heat balance of the whole section over the solved stage, to rounding.
 
         What Newton's method left open is spread over the vertices in proportion to their change.
@@ -292,7 +292,7 @@ class ThermalProblem:
         if abs(open_) < SPREAD * size:
             change -= open_ / size * free
         rate = np.asarray(change / tau)
-        return Stage(base + change, rate, state.point, out, generated, outcome)
+        return Stage(base + change, rate, state.point, out, generated, result)
 
     def _evaluate(self, enthalpy: Array) -> _State:
         """Temperatures and heat flows at `enthalpy`."""

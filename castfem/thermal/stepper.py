@@ -182,9 +182,9 @@ class ThermalStepper:
         second_order = self.scheme == "sdirk2"
         tried = stages = (self._sdirk2 if second_order else self._euler)(old, dt, bounds)
         limited, course, error = False, None, 0.0
-        if self.estimate and tried[-1].outcome.converged:
+        if self.estimate and tried[-1].result.converged:
             error = self._error(old, tried, dt)
-        if second_order and tried[-1].outcome.converged:
+        if second_order and tried[-1].result.converged:
             coldest, hottest = self._extremes(tried[-1].point)
             limited = coldest < bounds[0] - BOUND_SLACK or hottest > bounds[1] + BOUND_SLACK
             if not limited and (error > CONTROLLED or not self.estimate):
@@ -192,9 +192,9 @@ class ThermalStepper:
             if limited:
                 stages, course = self._euler(old, dt, bounds, DAMPED), None
         newton = self.problem.iterations - newton
-        reason = stages[-1].outcome.reason
-        if not stages[-1].outcome.converged:
-            reason = stages[-1].outcome.describe()
+        reason = stages[-1].result.reason
+        if not stages[-1].result.converged:
+            reason = stages[-1].result.describe()
             return StepResult(False, old, np.inf, newton, limited, reason, 0.0)
         state, balance = self._commit(old, stages, time, course)
         if limited and self.estimate:
@@ -222,7 +222,7 @@ class ThermalStepper:
             return False, None
         guess = self._guess(last.enthalpy, last.rate, tau, bounds)
         after = self.problem.solve_stage(last.enthalpy, guess, tau, old.time + dt + tau)
-        if not after.outcome.converged:
+        if not after.result.converged:
             return False, None
         back = after.point.temperature - last.point.temperature
         size = np.abs(back)
@@ -325,7 +325,7 @@ class ThermalStepper:
             guess = self._guess(enthalpy, rate, tau, bounds)
             stage = self.problem.solve_stage(enthalpy, guess, tau, old.time + part * tau)
             stages.append(stage)
-            if not stage.outcome.converged:
+            if not stage.result.converged:
                 break
             enthalpy, rate = stage.enthalpy, stage.rate
         return stages
@@ -334,7 +334,7 @@ class ThermalStepper:
         tau = GAMMA * dt
         guess = self._guess(old.enthalpy, old.course, tau, bounds)
         first = self.problem.solve_stage(old.enthalpy, guess, tau, old.time + tau)
-        if not first.outcome.converged:
+        if not first.result.converged:
             return [first]
         base = old.enthalpy + (1 - GAMMA) * dt * first.rate
         guess = self._guess(base, first.rate, tau, bounds)

@@ -10,7 +10,7 @@ from mechanics import scenes
 
 from castfem.contact.settings import Contact
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure, Traction
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
 from castfem.meshes import SectionMesh
 from castfem.mould.wall import Array, GapFunction
 
@@ -122,7 +122,7 @@ def dragged_block(
         law,
         given={
             "planes": PLANE_STRAIN,
-            "held": (Held(("top",), 0, lambda x, t: np.full(len(x), top(t))),),
+            "held": (PrescribedDisplacement(("top",), 0, lambda x, t: np.full(len(x), top(t))),),
             "loads": (
                 SurfacePressure(("top",), lambda t: pressure),
                 Traction(("right",), lambda t: (0.0, shear(t))),

@@ -13,7 +13,7 @@ from castfem.contact.settings import Contact
 from castfem.contact.state import SLIP, STICK
 from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from contact.scenes import FOOT, dragged_block
 
 METHODS = ("penalty", "nitsche")
@@ -104,7 +104,7 @@ def pulled_block(
         elastic(YOUNG, 0.0),
         given={
             "planes": PlainPlanes(free),
-            "held": (Held(("left",), 0),),
+            "held": (PrescribedDisplacement(("left",), 0),),
             "loads": (SurfacePressure(("top",), lambda t: PRESSURE),),
             "pin": False,
             "contact": contact,

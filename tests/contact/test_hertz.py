@@ -11,7 +11,7 @@ from mechanics.scenes import Array, SliceScene, elastic, mapped
 from castfem.contact.settings import Contact
 from castfem.contact.state import ContactState
 from castfem.contact.summary import summary
-from castfem.mechanics.supports import Held
+from castfem.mechanics.supports import PrescribedDisplacement
 from contact.scenes import PLANE_STRAIN, LineWall
 
 RADIUS, SIZE, YOUNG, POISSON = 100e-3, 16e-3, 200e9, 0.3
@@ -39,7 +39,7 @@ def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]
         elastic(YOUNG, POISSON),
         given={
             "planes": PLANE_STRAIN,
-            "held": (Held(("top",), 1, lambda x, t: np.full(len(x), -depth(t))),),
+            "held": (PrescribedDisplacement(("top",), 1, lambda x, t: np.full(len(x), -depth(t))),),
             "pin": False,
             "contact": Contact(wall, ("foot",), method=method),  # type: ignore[arg-type]
         },

@@ -52,7 +52,10 @@ def energy(scene: SliceScene) -> Array:
     points, tangent = scene.problem.points, elastic_matrix(scene)
     volume = np.outer([1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]) * tangent[:3, :3].sum() / 9.0
     strain = points.strain.toarray().reshape(points.count, 4, -1)
-    rules = [(slice(0, points.split), tangent - volume), (slice(points.split, None), volume)]
+    rules = [
+        (slice(0, points.deviator_points), tangent - volume),
+        (slice(points.deviator_points, None), volume),
+    ]
     parts = [
         np.einsum("q,qia,ij,qjb->ab", points.volume[rows], strain[rows], part, strain[rows])
         for rows, part in rules

@@ -12,7 +12,7 @@ from mechanics.scenes import Array, SliceScene, elastic, mapped, skewed
 from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.mould import Contour, GapFunction, Straight
 from contact.scenes import LineWall
 
@@ -38,7 +38,7 @@ def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any
         elastic(YOUNG, POISSON),
         given={
             "planes": PlainPlanes(("a0",) if kind == "free" else ()),
-            "held": tuple(Held((name,), 0) for name in right),
+            "held": tuple(PrescribedDisplacement((name,), 0) for name in right),
             "contact": contact,
             "large_strain": large,
         },
@@ -97,7 +97,7 @@ def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, piec
         given={
             "planes": PlainPlanes(("a0",)),
             "loads": (SurfacePressure(("top",), lambda t: 1e6 * t),),
-            "held": (Held(("left",), 0),),
+            "held": (PrescribedDisplacement(("left",), 0),),
             "pin": False,
             "contact": Contact(wall, ("foot",), method=method),  # type: ignore[arg-type]
             "large_strain": large,

@@ -15,7 +15,7 @@ from castfem.contact.settings import Contact
 from castfem.contact.state import SLIP, STICK
 from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from contact.scenes import FOOT, LineWall, dragged_block
 
 METHODS = ("penalty", "nitsche")
@@ -116,7 +116,7 @@ def moving(stroke: Callable[[float], float], method: str) -> SliceScene:
         elastic(YOUNG, 0.0),
         given={
             "planes": PlainPlanes(("a0",)),
-            "held": (Held(("left",), 0),),
+            "held": (PrescribedDisplacement(("left",), 0),),
             "loads": (SurfacePressure(("top",), lambda t: PRESSURE),),
             "pin": False,
             "contact": contact,
@@ -181,7 +181,10 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
         elastic(YOUNG, 0.3),
         given={
             "planes": PlainPlanes(()),
-            "held": (Held(("top",), 0, aside), Held(("top",), 1, down)),
+            "held": (
+                PrescribedDisplacement(("top",), 0, aside),
+                PrescribedDisplacement(("top",), 1, down),
+            ),
             "pin": False,
             "contact": Contact(tilted, ("foot",), method=method, friction=law),  # type: ignore
         },

@@ -45,9 +45,9 @@ def test_it_solves_and_says_how() -> None:
     problem = Square(2.0)
     snes = solver(problem, ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic")
     snes.x.set(1.0)
-    outcome = snes.solve()
-    assert outcome.converged
-    assert outcome.iterations == len(outcome.norms) - 1 == 5
+    result = snes.solve()
+    assert result.converged
+    assert result.iterations == len(result.norms) - 1 == 5
     assert snes.x.getArray() == pytest.approx(np.sqrt(2.0), rel=1e-12)
     snes.destroy()
 
@@ -170,10 +170,10 @@ def test_failure_has_a_name(start: float, a: float, reason: str) -> None:
         Square(a), ksp_type="preonly", pc_type="lu", snes_linesearch_type="basic", snes_max_it=8
     )
     snes.x.set(start)
-    outcome = snes.solve()
-    assert not outcome.converged
-    assert reason in outcome.reason
-    assert reason in outcome.describe()
+    result = snes.solve()
+    assert not result.converged
+    assert reason in result.reason
+    assert reason in result.describe()
     snes.destroy()
 
 

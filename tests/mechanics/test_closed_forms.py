@@ -40,17 +40,17 @@ def test_unrestrained_square_has_the_mean_thermal_strain(cell: str, poisson: flo
     result = scene.step(1.0, quench)
     points = scene.problem.points
     heat = scene.problem.at_points(scene.state.temperature)
-    for rows in (slice(0, points.split), slice(points.split, None)):
+    for rows in (slice(0, points.deviator_points), slice(points.deviator_points, None)):
         mean = points.volume[rows] @ heat[rows] / points.volume[rows].sum()
         # The points of the mean stress see the field less sharply than those of the deviator.
         assert scene.state.modes[0] == pytest.approx(alpha * mean, rel=1e-9)
     assert result.balance is not None
     assert result.balance.axial_error < 1e-12
     # The stress along the strand is that of the strain left over, and of the stress in the plane.
-    hot = heat[: points.split]
+    hot = heat[: points.deviator_points]
     strain = scene.state.modes[0] - alpha * hot
     if poisson == 0.0:
-        stress = scene.state.stress[: points.split, 2]
+        stress = scene.state.stress[: points.deviator_points, 2]
         assert np.abs(stress - young * strain).max() < 1e-10 * young * np.abs(strain).max()
 
 

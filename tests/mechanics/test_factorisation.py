@@ -12,7 +12,7 @@ import pytest
 from scipy import sparse
 
 from castfem.fem import factorisation
-from castfem.fem.bordered_system import Border
+from castfem.fem.bordered_system import BorderedSystem
 
 MUMPS = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 
@@ -35,29 +35,29 @@ class Bordered:
 
     def __init__(self, matrix: Any, scalars: int, options: dict[str, Any]) -> None:
         self.matrix = petsc(matrix)
-        self.border = Border(self.matrix, scalars, "spoilt_", options)
+        self.bordered = BorderedSystem(self.matrix, scalars, "spoilt_", options)
         rng = np.random.default_rng(1)
-        self.border.columns[:] = self.border.rows[:] = rng.random(self.border.columns.shape)
-        self.border.corner[:] = 3.0 * np.eye(scalars)
+        self.bordered.columns[:] = self.bordered.rows[:] = rng.random(self.bordered.columns.shape)
+        self.bordered.corner[:] = 3.0 * np.eye(scalars)
         self.ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-        self.ksp.setOperators(self.border.operator)
-        self.border.use_with(self.ksp)
+        self.ksp.setOperators(self.bordered.operator)
+        self.bordered.use_with(self.ksp)
 
     def error(self) -> float:
         """Of a solution, relative; NaN if there is none."""
-        self.border.updated()
-        right, found = self.border.vector(), self.border.vector()
+        self.bordered.updated()
+        right, found = self.bordered.vector(), self.bordered.vector()
         right.set(1.0)
         self.ksp.solve(right, found)
         if self.ksp.getConvergedReason() < 0:
             return float("nan")
         again = right.duplicate()
-        self.border.operator.mult(found, again)
+        self.bordered.operator.mult(found, again)
         return float((again - right).norm() / right.norm())
 
     def close(self) -> None:
         self.ksp.destroy()
-        self.border.close()
+        self.bordered.close()
         self.matrix.destroy()
 
 
@@ -79,7 +79,7 @@ def test_a_singular_block_is_told_and_forgotten(bordered: Bordered) -> None:
         bordered.matrix.assemble()
         error = bordered.error()
         assert (error < 1e-12) == sound
-        assert bordered.border.failure == ("" if sound else "the equations are singular")
+        assert bordered.bordered.failure == ("" if sound else "the equations are singular")
 
 
 def test_more_room_is_given_where_it_runs_out(monkeypatch: pytest.MonkeyPatch) -> None:

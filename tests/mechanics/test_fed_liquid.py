@@ -13,7 +13,7 @@ from castfem.constitutive.elasticity import Elasticity, Solidity
 from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held
+from castfem.mechanics.supports import PrescribedDisplacement
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, mapped, ring
 
 SOLIDUS, LIQUIDUS, HOT, COLD = 1700.0, 1750.0, 1760.0, 1600.0
@@ -48,7 +48,7 @@ def tube(ratio: float, fed: bool = True, large: bool = False) -> SliceScene:
     def heat(x: Array, y: Array) -> Array:
         return np.where(np.hypot(x, y) > 0.04 - 1e-6, COLD, HOT)
 
-    held = tuple(Held(("inner",), i) for i in range(2))
+    held = tuple(PrescribedDisplacement(("inner",), i) for i in range(2))
     mesh = mapped(30, 12, ring(0.02, 0.05), "quadrilateral", 2, RING_GROUPS)
     made = scene(mesh, heat, ratio, fed, held=held, large_strain=large)
     made.step(1.0)
@@ -93,14 +93,14 @@ def opening(fed: bool) -> tuple[float, float]:
     def heat(x: Array, y: Array) -> Array:
         return np.where(x > 0.08 - 1e-6, COLD, HOT)
 
-    held = (Held(("right",), 0, lambda x, t: np.full(len(x), 2e-3 * (t - 1.0))),)
+    held = (PrescribedDisplacement(("right",), 0, lambda x, t: np.full(len(x), 2e-3 * (t - 1.0))),)
     groups = ("symmetry_x", "symmetry_y", "right", "symmetry_y_top")
     made = scene(mapped(20, 10, box(0.1, 0.05), groups=groups), heat, 1e-3, fed, held=held)
     forces = []
     for time in (1.0, 1.5, 2.0):
         balance = made.step(time).balance
         assert balance is not None
-        forces.append(float(made.problem.trial.forces[right_dofs(made)].sum()))
+        forces.append(float(made.problem.residual_state.forces[right_dofs(made)].sum()))
     return forces[0], forces[-1]
 
 
@@ -119,8 +119,8 @@ def test_liquid_resists_no_opening() -> None:
 def test_liquid_has_no_memory() -> None:
     """Steel that freezes starts free of stress, whatever its liquid went through."""
     held = (
-        Held(("right",), 0, lambda x, t: np.full(len(x), 1e-3 * min(t, 1.0))),
-        Held(("top",), 1),
+        PrescribedDisplacement(("right",), 0, lambda x, t: np.full(len(x), 1e-3 * min(t, 1.0))),
+        PrescribedDisplacement(("top",), 1),
     )
     made = scene(mapped(8, 4, box(0.1, 0.05)), HOT, 1e-2, held=held, ferrostatic=None)
     made.step(1.0)

@@ -24,8 +24,8 @@ def nodal_forces(scene: SliceScene, temperature: Any) -> Array:
     """Forces of the pressure on the nodes (n, 2), N/m, before the material answers."""
     problem = scene.problem
     problem.begin(scene.state, 1.0, scene.field(temperature))
-    trial = problem._evaluate(np.zeros(problem.solver.x.getLocalSize()))
-    return -trial.forces.reshape(-1, 2)
+    residual_state = problem._evaluate(np.zeros(problem.solver.x.getLocalSize()))
+    return -residual_state.forces.reshape(-1, 2)
 
 
 def scene_on(

@@ -55,7 +55,7 @@ def flowed(strip: Strip, expected: Shell) -> float:
     """Rms difference of the flow over its largest, from 2 mm below the surface on."""
     depth, thick = strip.depth, EXACT.shell(strip.state.time)
     inner = (depth > 2e-3) & (depth < thick - INNER)
-    found = strip.state.internal[: strip.problem.points.split, 0][inner]
+    found = strip.state.internal[: strip.problem.points.deviator_points, 0][inner]
     theirs = np.interp(depth[inner], expected.depth, expected.flow)
     return float(np.sqrt(np.mean((found - theirs) ** 2)) / theirs.max())
 

@@ -11,7 +11,7 @@ from castfem.constitutive.base import rotation
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")
@@ -26,7 +26,7 @@ def driven(
 ) -> SliceScene:
     """A block whose whole boundary follows a deformation gradient over time."""
     held = tuple(
-        Held(FREE, i, lambda p, t, i=i: p @ (gradient(t) - np.eye(2))[i])  # type: ignore[misc]
+        PrescribedDisplacement(FREE, i, lambda p, t, i=i: p @ (gradient(t) - np.eye(2))[i])  # type: ignore[misc]
         for i in range(2)
     )
     planes = PlainPlanes((), {"a0": stretch})
@@ -94,7 +94,7 @@ def test_tension_at_constant_true_strain_rate(axial: bool) -> None:
     if axial:
         given["planes"] = PlainPlanes((), {"a0": stretch})
     else:
-        given["held"] = (Held(("right",), 0, lambda p, t: p[:, 0] * stretch(t)),)
+        given["held"] = (PrescribedDisplacement(("right",), 0, lambda p, t: p[:, 0] * stretch(t)),)
     scene = SliceScene(mesh, law, given=given)
     for time in np.linspace(0.0, end / rate, 121)[1:]:
         result = scene.step(float(time))

@@ -11,7 +11,7 @@ from castfem.constitutive.elasticity import Elasticity, Solidity
 from castfem.constitutive.flow_laws import NortonHoff, PerfectlyPlastic, ThermoElastic
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held
+from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.values.tables import Constant, Table
 from mechanics.casting import STEEL, CastScene, billet_mesh
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, expansion, mapped, ring
@@ -87,7 +87,7 @@ def test_shell_under_pressure_with_a_core_of_liquid(cell: str) -> None:
             mesh, soft(ratio), start=heat,
             given={
                 "ferrostatic": pressed(head), "planes": PlainPlanes(()),
-                "held": tuple(Held(("inner",), i) for i in range(2)),
+                "held": tuple(PrescribedDisplacement(("inner",), i) for i in range(2)),
             },
         )  # fmt: skip
         result = scene.step(1.0)

@@ -67,7 +67,7 @@ def test_many_ranks_give_what_one_gives(symmetry: str, cell: str, large: bool, m
     assert [r.newton for r in together.results] == [r.newton for r in alone.results]
     first, second = alone.results[-1].balance, together.results[-1].balance
     assert first is not None and second is not None
-    scale = alone.problem.trial.scale.total if alone.problem.trial else 1.0
+    scale = alone.problem.residual_state.scale.total if alone.problem.residual_state else 1.0
     assert np.abs(first.axial - second.axial).max() < 1e-8 * scale
     assert together.results[-1].flowing == pytest.approx(alone.results[-1].flowing, rel=1e-6)
     heat = [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held
+from castfem.mechanics.supports import PrescribedDisplacement
 from mechanics.scenes import Array, SliceScene, box, elastic, expansion, mapped, skewed
 
 FREE = ("left", "bottom", "right", "top")
@@ -25,7 +25,7 @@ def stiffness() -> Array:
 def test_linear_displacement_gives_constant_stress(cell: str, order: int) -> None:
     gradient = np.array([[1e-3, -4e-4], [7e-4, -2e-3]])
     held = tuple(
-        Held(FREE, i, lambda p, t, g=gradient[i]: t * (p @ g))  # type: ignore[misc]
+        PrescribedDisplacement(FREE, i, lambda p, t, g=gradient[i]: t * (p @ g))  # type: ignore[misc]
         for i in range(2)
     )
     planes = PlainPlanes((), {"a0": lambda t: 5e-4 * t})

@@ -7,7 +7,7 @@ import pytest
 
 from castfem.errors import InputError
 from castfem.mechanics.planes import BentPlanes, PlainPlanes, allowed_modes, check_modes
-from castfem.mechanics.supports import Held
+from castfem.mechanics.supports import PrescribedDisplacement
 from mechanics.scenes import SliceScene, box, elastic, mapped
 
 FREE = ("left", "bottom", "right", "top")
@@ -87,7 +87,7 @@ def test_what_a_strain_across_moves() -> None:
     """However it is split between nodes and motion, points go where they go."""
     found = []
     for imposed, ends in (({"across": lambda t: 1e-3 * t}, 0.0), ({}, 1e-3)):
-        side = Held(("top",), 1, lambda p, t, ends=ends: ends * t * p[:, 1])
+        side = PrescribedDisplacement(("top",), 1, lambda p, t, ends=ends: ends * t * p[:, 1])
         scene = SliceScene(
             mapped(2, 2, box(0.1, 0.1)),
             elastic(E),
@@ -112,7 +112,7 @@ def test_symmetry_leaves_what_it_must() -> None:
 def test_a_scene_carries_only_the_motions_it_asked_for() -> None:
     mesh = mapped(2, 2, box(0.1, 0.1))
     fixed = SliceScene(mesh, given={"planes": PlainPlanes(())})
-    assert fixed.problem.border.scalars == 0
+    assert fixed.problem.bordered.scalars == 0
     assert not [f for f in fixed.section.compiled if "column" in f or "corner" in f]
     assert fixed.problem.solver.x.getSize() == fixed.problem.owned
     free = SliceScene(mesh)

@@ -41,11 +41,11 @@ def swung(name: str, hardening: str) -> SliceScene:
 def test_newton_needs_no_more_through_reversals(name: str) -> None:
     plain, signed = swung(name, "accumulated"), swung(name, "signed")
     for scene, kind in ((plain, "cholesky"), (signed, "lu")):
-        assert scene.problem.border.ksp.getPC().getType() == kind
+        assert scene.problem.bordered.ksp.getPC().getType() == kind
     counts = [np.array([r.newton for r in scene.results]) for scene in (plain, signed)]
     assert counts[1].max() <= 8
     assert counts[1].sum() <= 1.3 * counts[0].sum()
-    flowed = [s.problem.slice.law.strain(s.state.internal[: s.problem.points.split])
+    flowed = [s.problem.slice.law.strain(s.state.internal[: s.problem.points.deviator_points])
               for s in (plain, signed)]  # fmt: skip
     assert flowed[1].max() > 1e-4
     assert flowed[0].max() > 2.0 * flowed[1].max()  # what is accumulated only grows

@@ -16,7 +16,7 @@ from castfem.constitutive.flow_laws import (
     UnifiedSteel,
 )
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.values.tables import Constant
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, mapped, ring, skewed
 
@@ -60,8 +60,9 @@ def test_energy_of_a_slice_that_is_pressed(cell: str) -> None:
             given={
                 "planes": PlainPlanes(()),
                 "held": (
-                    Held(("bottom",), 0), Held(("bottom",), 1), Held(("top",), 0),
-                    Held(("top",), 1, lambda p, t: np.full(len(p), -1e-4 * t)),
+                    *(PrescribedDisplacement(("bottom",), i) for i in range(2)),
+                    PrescribedDisplacement(("top",), 0),
+                    PrescribedDisplacement(("top",), 1, lambda p, t: np.full(len(p), -1e-4 * t)),
                 ),
                 "pin": False,
             },
@@ -73,18 +74,18 @@ def test_energy_of_a_slice_that_is_pressed(cell: str) -> None:
         top = 2 * np.flatnonzero(np.isclose(y, 0.02)) + 1
         for i in range(steps):
             heat += float(scene.step((i + 1) / steps).dissipation @ volume)
-            assert scene.problem.trial is not None
-            now = float(scene.problem.trial.forces[top].sum())
+            assert scene.problem.residual_state is not None
+            now = float(scene.problem.residual_state.forces[top].sum())
             work += 0.5 * (force + now) * -1e-4 / steps
             force = now
         points = scene.problem.points
         s = scene.state.stress
         mean = s[:, :3].mean(axis=1)
         deviator = s - mean[:, None] * np.array([1.0, 1.0, 1.0, 0.0])
-        split = points.split
+        deviator_points = points.deviator_points
         shear, bulk = YOUNG / 2.6, YOUNG / (3 * 0.4)
-        stored = float(np.square(deviator[:split]).sum(axis=1) @ volume) / (4 * shear)
-        stored += float(np.square(mean[split:]) @ points.mean.volume) / (2 * bulk)
+        stored = float(np.square(deviator[:deviator_points]).sum(axis=1) @ volume) / (4 * shear)
+        stored += float(np.square(mean[deviator_points:]) @ points.mean.volume) / (2 * bulk)
         gaps.append((heat + stored - work) / work)
     assert abs(gaps[-1]) < 0.01
     assert gaps[0] / gaps[1] == pytest.approx(2.0, abs=0.3)
@@ -116,10 +117,10 @@ def test_nearly_incompressible_tube_does_not_lock(cell: str) -> None:
     assert errors[0.4999] < 3 * errors[0.3] + 2e-3
 
 
-def held_by(gradient: Any) -> tuple[Held, ...]:
+def held_by(gradient: Any) -> tuple[PrescribedDisplacement, ...]:
     """The whole boundary follows a deformation gradient over time."""
     return tuple(
-        Held(FREE, i, lambda p, t, i=i: p @ (gradient(t) - np.eye(2))[i])  # type: ignore[misc]
+        PrescribedDisplacement(FREE, i, lambda p, t, i=i: p @ (gradient(t) - np.eye(2))[i])  # type: ignore[misc]
         for i in range(2)
     )
 
@@ -231,8 +232,8 @@ def test_each_option_arrives(name: str, free: bool) -> None:
         given={"planes": planes},
     )  # fmt: skip
     scene.step(1.0, lambda x, y: 100 * x)
-    border, snes = scene.problem.border, scene.problem.solver.snes
-    found = getter(snes, border.ksp)
+    bordered, snes = scene.problem.bordered, scene.problem.solver.snes
+    found = getter(snes, bordered.ksp)
     assert found == value
 
 
@@ -241,6 +242,6 @@ def test_direct_solver_of_mumps_by_default() -> None:
     for large, kind in ((False, "cholesky"), (True, "lu")):
         scene = SliceScene(mapped(2, 2, box(0.1, 0.1)), given={"large_strain": large})
         scene.step(1.0)
-        ksp = scene.problem.border.ksp
+        ksp = scene.problem.bordered.ksp
         assert (ksp.getType(), ksp.getPC().getType()) == ("preonly", kind)
         assert ksp.getPC().getFactorSolverType() == "mumps"

@@ -17,7 +17,7 @@ from castfem.contact.settings import Contact
 from castfem.errors import InputError
 from castfem.mechanics.line_search import step_share
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import Held, SurfacePressure
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.mould.wall import PlaneWall
 from castfem.values.tables import Constant
 from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, expansion, mapped, ring
@@ -60,7 +60,7 @@ def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, fre
     reference.step(1.0, uneven)
     scene = cooled(options=options, given={"planes": planes})
     scene.step(1.0, uneven)
-    ksp = scene.problem.border.ksp
+    ksp = scene.problem.bordered.ksp
     assert ksp.getType() == kind
     assert ksp.getPC().getType() == options.get("pc_type", "cholesky")
     if "pc_factor_mat_solver_type" in options:
@@ -84,7 +84,7 @@ def test_options_of_one_problem_do_not_reach_the_next(free: bool) -> None:
     }
     for share, scene in scenes.items():
         scene.step(1.0, uneven)
-        ksp = scene.problem.border.ksp
+        ksp = scene.problem.bordered.ksp
         assert ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == share
     assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
 
@@ -224,7 +224,9 @@ def test_moving_supports() -> None:
     scene = SliceScene(
         mapped(3, 3, box(0.1, 0.05)),
         law,
-        given={"held": (Held(("right",), 0, lambda p, t: np.full(len(p), 1e-2 * t)),)},
+        given={
+            "held": (PrescribedDisplacement(("right",), 0, lambda p, t: np.full(len(p), 1e-2 * t)),)
+        },
     )
     result = scene.step(1.0)
     assert scene.stress[:, 0] == pytest.approx(2e7, rel=1e-7)
@@ -300,7 +302,7 @@ def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     "given",
     [
-        {"held": (Held(("lid",), 0),)},
+        {"held": (PrescribedDisplacement(("lid",), 0),)},
         {"loads": (SurfacePressure(("right", "lid"), lambda t: 1.0),)},
         {"contact": Contact(PlaneWall((0.0, 0.0), (1.0, 0.0)), ("right", "lid"), lambda t: t)},
     ],

@@ -10,7 +10,7 @@ import pytest
 from castfem import meshes
 from castfem.contact.settings import Contact
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.supports import SPRING, Held, Traction
+from castfem.mechanics.supports import SPRING, PrescribedDisplacement, Traction
 from castfem.mould import Mould, RoundCavity, Taper, same
 from mechanics.casting import STEEL, CastScene
 from mechanics.scenes import Array, SliceScene, box, elastic, expansion, mapped
@@ -41,7 +41,7 @@ def block(*held: tuple[str, int], groups: Any = SIDES, **given: Any) -> SliceSce
         expansion(ALPHA),
         options=options,
         springs=SPRING if springs else None,
-        given={"held": tuple(Held((side,), i) for side, i in held), **given},
+        given={"held": tuple(PrescribedDisplacement((side,), i) for side, i in held), **given},
     )
 
 

@@ -1,4 +1,4 @@
-"""The Jacobian of the whole residual, border included, against finite differences."""
+"""The Jacobian of the whole residual, bordered system included, against finite differences."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def jacobians(scene: SliceScene, size: float) -> tuple[Array, Array, int]:
     at = first + size * rng.uniform(-1, 1, n)
     residual(at)
     problem.jacobian(vector, problem.solver.snes.getJacobian()[1])
-    operator = problem.border.operator
+    operator = problem.bordered.operator
     columns, differences = np.zeros((n, n)), np.zeros((n, n))
     unit, image = vector.duplicate(), vector.duplicate()
     step = 1e-5 * size

@@ -17,7 +17,7 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import MechanicalResult
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.mechanics.supports import Held
+from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.thermal.flux_laws import PrescribedTemperature
 from castfem.verification.half_space import POISSON, SURFACE, YIELD, YOUNG, HalfSpace
 
@@ -59,7 +59,11 @@ class Strip:
             steel.thermal_strain,
             # Both long sides stay straight: what is uniform along y is a motion of its own.
             PlainPlanes(("a0", "across")),
-            (Held(("side_low",), 1), Held(("side_high",), 1), Held(("surface",), 0)),
+            (
+                PrescribedDisplacement(("side_low",), 1),
+                PrescribedDisplacement(("side_high",), 1),
+                PrescribedDisplacement(("surface",), 0),
+            ),
             pin=False,
             **given,
         )

@@ -88,7 +88,7 @@ def untried(patch: pytest.MonkeyPatch) -> None:
     """Temperatures are at the new time; the mechanics give up before they have begun."""
 
     def step(self: MechanicalStepper, old: Any, time: float, temperature: Any) -> Any:
-        nothing = np.zeros(self.problem.points.split)
+        nothing = np.zeros(self.problem.points.deviator_points)
         return SimpleNamespace(
             converged=False,
             state=old,
