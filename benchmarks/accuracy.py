@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from benchmarks import reference as converged
-from benchmarks.billet import CASE, LATE, LENGTHS, Array, Result, Settings, run
+from benchmarks.billet import CASE, LATE, LENGTHS, Result, Settings, run
 from benchmarks.reference import Reference, load
 from benchmarks.report import Output, front, table
 from castfem.case import load_case
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -14,20 +14,19 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.case import Case, from_document, load_case
 from castfem.coupling.step_control import same_instant
 from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
-from castfem.results.thermal import CELSIUS
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.time_loop.recorder import Recorder
 
-Array = npt.NDArray[np.float64]
 
 CASE = Path(__file__).parents[1] / "cases" / "billet125" / "thermal.toml"
 RADIUS = {"rounded": 5.0, "sharp": 0.0}  # mm
@@ -237,7 +236,7 @@ def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
 def _surface(sample: Sample, name: str) -> float:
     """Surface temperature at the start of a probe, degC; nan where there is none (a strip)."""
     profile = sample.profiles.get(name)
-    return float("nan") if profile is None else float(profile.temperature[0]) - CELSIUS
+    return float("nan") if profile is None else float(profile.temperature[0]) - ZERO_CELSIUS
 
 
 def _as_recorder(listener: Listener) -> Recorder:

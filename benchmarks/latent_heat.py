@@ -24,7 +24,6 @@ from typing import TYPE_CHECKING, Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 from scipy.sparse import csc_matrix, csr_matrix, diags
@@ -40,11 +39,11 @@ from castfem.thermal.boundary import Cooling, Surface
 from castfem.thermal.flux_laws import Convection
 from castfem.thermal.problem import ThermalProblem
 from castfem.thermal.stepper import ThermalStepper
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 
 RHO, C, K, LATENT = 7400.0, 700.0, 30.0, 270e3
 LIQUIDUS, START, AMBIENT, H = 1775.65, 1815.65, 433.15, 1600.0  # K, K, K, W/m2K

@@ -34,14 +34,15 @@ from castfem.constitutive import (
     load_law,
 )
 from castfem.constitutive import kernel as k
-from castfem.constitutive.base import Array
 from castfem.constitutive.curves import Austenite
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.constitutive.identification.fit import identify
 from castfem.constitutive.identification.measured import TensileData
 from castfem.tensile.thesis_tests import plot_tensile_tests
+from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Constant
 from castfem.values.tables import celsius as rows
+from castfem.values.types import Array
 
 POINTS = 8100
 DT = 0.1  # s
@@ -326,7 +327,7 @@ def figures(folder: Path) -> None:
     t, r, e = (
         a.ravel()
         for a in np.meshgrid(
-            celsius + 273.15, [1e-4, 1e-3, 5e-3], np.geomspace(2e-3, 5e-2, 20), indexing="ij"
+            celsius + ZERO_CELSIUS, [1e-4, 1e-3, 5e-3], np.geomspace(2e-3, 5e-2, 20), indexing="ij"
         )
     )
     data = TensileData(t, r, e, Austenite.at(t, 0.10).stress(e, r), "Kozlowski III, 0.10 %C")

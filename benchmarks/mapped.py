@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem import meshes
+from castfem.values.types import Array
 
-Array = npt.NDArray[np.float64]
 Map = Callable[[Array, Array], tuple[Array, Array]]
 
 # Local nodes of quadrilaterals and triangles on a lattice of half steps, in DOLFINx order.

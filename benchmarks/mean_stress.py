@@ -12,7 +12,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 import scipy.linalg
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -31,8 +30,8 @@ from castfem.mechanics.quadrature import Integration
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from castfem.values.types import Array
 
-Array = npt.NDArray[np.float64]
 Field = Callable[[Array, float], Array]
 
 SIDES = ("left", "bottom", "right", "top")

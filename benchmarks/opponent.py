@@ -40,7 +40,7 @@ from skfem import (
 )
 from skfem.helpers import dot, grad
 
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 RHO, C, K, LATENT = 7400.0, 700.0, 30.0, 270e3
 SOLIDUS, LIQUIDUS, START = 1452.0, 1502.5, 1542.5  # degC

@@ -16,9 +16,9 @@ from benchmarks.report import Output, table
 from castfem.case import load_case
 from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
-from castfem.results.thermal import CELSIUS
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
+from castfem.values.constants import ZERO_CELSIUS
 
 FINE = "coupling.interval=0.05 s"
 ORDERS = {
@@ -48,8 +48,8 @@ class Corner:
         assert mechanical is not None and sample.mechanics is not None
         told = run.simulation.probes.sample(mechanical.temperature)["corner"].temperature[0]
         self.time.append(sample.time)
-        self.heat.append(float(sample.profiles["corner"].temperature[0]) - CELSIUS)
-        self.told.append(float(told) - CELSIUS)
+        self.heat.append(float(sample.profiles["corner"].temperature[0]) - ZERO_CELSIUS)
+        self.told.append(float(told) - ZERO_CELSIUS)
         self.peak.append(sample.mechanics.peak / 1e6)
 
 

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.billet import (
     INSTANTS,
@@ -32,8 +31,7 @@ from benchmarks.billet import (
     strip_case,
 )
 from benchmarks.report import Output, table
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 FILE = Path(__file__).parents[1] / "docs" / "data" / "billet_reference.json"
 QUANTITIES = ("mid_face", "corner", "heat", "shell_mid_face", "shell_corner")

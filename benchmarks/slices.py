@@ -10,7 +10,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem import meshes
 from castfem.fem.section import Section
@@ -23,10 +22,9 @@ from castfem.thermal.boundary import Cooling, Surface
 from castfem.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
 from castfem.thermal.problem import ThermalProblem
 from castfem.thermal.stepper import ThermalStepper
+from castfem.values.types import Array
 
-Array = npt.NDArray[np.float64]
 Field = Callable[[Array, float], Array]
-KELVIN = 273.15
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, touch
 from benchmarks.report import Output, table
@@ -26,8 +25,7 @@ from castfem.results.summary import summarise
 from castfem.simulation import mechanics as build_mechanics
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 @dataclass

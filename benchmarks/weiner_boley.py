@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.report import Output, front, table
-from benchmarks.slices import KELVIN, CoolingSlice, Heat
+from benchmarks.slices import CoolingSlice, Heat
 from castfem import meshes
 from castfem.constitutive.elasticity import Elasticity, Solidity
 from castfem.constitutive.parameters import load_law
@@ -19,12 +18,13 @@ from castfem.mechanics.definition import Slice
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.thermal.flux_laws import PrescribedTemperature
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 from castfem.verification.half_space import DIFFUSIVITY, POISSON, SURFACE, YIELD, YOUNG, HalfSpace
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 
 EXACT = HalfSpace()
 POURED = 1495.0  # degC
@@ -70,7 +70,7 @@ def mesh_of(settings: Settings) -> meshes.SectionMesh:
 def exact_temperature(places: Array, time: float) -> Array:
     """Of the closed form, K; the melt as it was poured."""
     z = places[:, 0] / (2.0 * np.sqrt(DIFFUSIVITY * time))
-    return np.where(z < EXACT.front, EXACT.temperature(z), POURED) + KELVIN
+    return np.where(z < EXACT.front, EXACT.temperature(z), POURED) + ZERO_CELSIUS
 
 
 def strip(settings: Settings, options: dict[str, Any] | None = None) -> CoolingSlice:
@@ -91,9 +91,9 @@ def strip(settings: Settings, options: dict[str, Any] | None = None) -> CoolingS
     exact = settings.scheme == "exact"
     heat = Heat(
         steel,
-        POURED + KELVIN,
+        POURED + ZERO_CELSIUS,
         (1200.0, 1800.0),
-        {"surface": PrescribedTemperature(SURFACE + KELVIN)},
+        {"surface": PrescribedTemperature(SURFACE + ZERO_CELSIUS)},
         "sdirk2" if exact else settings.scheme,
         exact_temperature if exact else None,
     )

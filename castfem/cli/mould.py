@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 from castfem.case import Case
 from castfem.cli.drawing import drawing, print_rows
 from castfem.errors import InputError
+from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:
     from castfem.mould import Mould, Zone
-
-_CELSIUS = 273.15
 
 
 def draw_mould(case: Case, picture: Path, origin: str) -> None:
@@ -57,7 +56,7 @@ def mould_rows(mould: Mould) -> list[tuple[str, str]]:
         sizes = mould.dimensions(position)
         rows.append((label, ", ".join(f"{name} {1e3 * w:.3f} mm" for name, w in sizes.items())))
     if mould.wall_temperature is not None:
-        values = [value - _CELSIUS for value in mould.wall_temperature.values]
+        values = [value - ZERO_CELSIUS for value in mould.wall_temperature.values]
         low, high = min(values), max(values)
         span = f"{low:g}" if low == high else f"{low:g} to {high:g}"
         rows.append(("wall", f"{span} degC"))
@@ -68,7 +67,7 @@ def mould_rows(mould: Mould) -> list[tuple[str, str]]:
         rows.append(
             (
                 "condition",
-                f"given cold at {mould.expansion.cold - _CELSIUS:g} degC; expanded by "
+                f"given cold at {mould.expansion.cold - ZERO_CELSIUS:g} degC; expanded by "
                 f"{1e3 * (warm[0] - 1.0):.2f} per mille at the meniscus, "
                 f"{1e3 * (warm[1] - 1.0):.2f} at the exit",
             )

@@ -24,8 +24,8 @@ from castfem.plots.section import (
     state_shares,
 )
 from castfem.plots.shape import Distortion, von_mises
-from castfem.plots.style import CELSIUS
 from castfem.report.show import small_gap
+from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,7 +93,7 @@ class Section:
             moved=moved,
             distortion=shape,
             gap=gap,
-            temperature=drawn - CELSIUS,
+            temperature=drawn - ZERO_CELSIUS,
             stress=stress,
             steel=steel,
             strongest=strongest,
@@ -213,7 +213,7 @@ def _draw_states(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
     )
     for ax, section, title in zip(axes, sections, titles, strict=True):
         assert section.steel is not None
-        kelvin = section.temperature + CELSIUS
+        kelvin = section.temperature + ZERO_CELSIUS
         solidus = section.steel.solidus
         liquidus = max(section.steel.liquidus, float(np.nextafter(solidus, np.inf)))
         low = min(float(kelvin.min()), solidus) - 1.0
@@ -242,7 +242,7 @@ def _draw_stress(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
         # what lies beyond the scale is soft, and covered; its very end would not be drawn
         values = np.clip(section.stress, levels[0], (1 - 1e-6) * levels[-1])
         shades = ax.tricontourf(section.mesh, values, levels=levels, cmap=STRESS_MAP)
-        soft = cover_soft(ax, section.mesh, section.temperature + CELSIUS, section.steel)
+        soft = cover_soft(ax, section.mesh, section.temperature + ZERO_CELSIUS, section.steel)
         handles |= {str(handle.get_label()): handle for handle in soft}
         if not section.strongest:
             title = _headed(title, "nothing is solid")

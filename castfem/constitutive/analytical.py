@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from castfem.constitutive.base import Array
 from castfem.constitutive.flow_laws import FlowCurve
+from castfem.values.types import Array
 
 
 def axial_stress(strain: Array, rate: Array, modulus: float, curve: FlowCurve) -> Array:

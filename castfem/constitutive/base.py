@@ -13,16 +13,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.values.quantities import Kind
+from castfem.values.types import Array, Flags
 
 if TYPE_CHECKING:
     from castfem.constitutive.data_range import DataRange
     from castfem.constitutive.elasticity import Elasticity
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from castfem.constitutive.base import Array
+from castfem.values.types import Array
 
 MEGA = 1e6
 SQRT3 = float(np.sqrt(3.0))

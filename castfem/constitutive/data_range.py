@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from castfem.constitutive.base import Array, Flags
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array, Flags
 
 KINDS = ("colder", "hotter", "faster")
 
@@ -34,4 +35,4 @@ class DataRange:
         """Return the end of the range that a kind is beyond, in words."""
         if kind == "faster":
             return f"{self.rate[1]:.3g} 1/s"
-        return f"{self.temperature[kind == 'hotter'] - 273.15:.4g} degC"
+        return f"{self.temperature[kind == 'hotter'] - ZERO_CELSIUS:.4g} degC"

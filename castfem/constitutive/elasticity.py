@@ -29,8 +29,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from castfem.constitutive.base import Array
 from castfem.values.tables import Constant
+from castfem.values.types import Array
 
 Curve = Callable[[Array], Array]
 LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end

@@ -16,12 +16,13 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 
 from castfem.constitutive import kernel
-from castfem.constitutive.base import Array, Given, MaterialStep, Parameter, Response, turned
+from castfem.constitutive.base import Given, MaterialStep, Parameter, Response, turned
 from castfem.constitutive.curves import Austenite, DeltaFerrite, modified_norton_hoff
 from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.values.quantities import Kind
 from castfem.values.tables import Constant
+from castfem.values.types import Array
 
 STRAIN = "viscoplastic_strain"
 RATE = "flow_curve_rate"

@@ -27,7 +27,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from castfem.constitutive.base import Array, Parameter
+from castfem.constitutive.base import Parameter
 from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity, Solidity
 from castfem.constitutive.flow_laws import RadialReturn
@@ -36,6 +36,7 @@ from castfem.support.messages import choices, shown
 from castfem.values.quantities import Kind
 from castfem.values.tables import Constant, Table
 from castfem.values.tables import Curve as TableReader
+from castfem.values.types import Array
 from castfem.values.units import nearest
 
 FOLDER = Path(__file__).parent / "data"

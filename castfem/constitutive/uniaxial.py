@@ -15,8 +15,9 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from castfem.constitutive.base import Array, Flags, Law, MaterialStep, Response
+from castfem.constitutive.base import Law, MaterialStep, Response
 from castfem.errors import RunFailure
+from castfem.values.types import Array, Flags
 
 AXIAL, SIDES = 2, (0, 1)
 ITERATIONS = 60

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 from scipy.spatial import cKDTree
 
 from castfem.contact.facets import Facets
 from castfem.fem import reductions
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 LENGTH = 5e-3  # m: of the surface over which pressure is averaged
 FACETS = 3.0  # and no less than the length of so many facets

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.contact.state import ContactState
 from castfem.contact.wall_contact import WallContact
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 BY_POINT = ("friction", "stress", "internal", "place", "normal", "gap", "pressure", "status",
             "weight")  # fmt: skip

@@ -24,9 +24,7 @@ from scipy import sparse
 from castfem.fem import dof_values
 from castfem.fem.dolfinx_compat import Tabulation
 from castfem.fem.section import Section
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+from castfem.values.types import Array, Indices
 
 
 @dataclass(frozen=True, slots=True)

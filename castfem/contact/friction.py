@@ -20,10 +20,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+from castfem.values.types import Array, Flags
 
 SQRT3 = 3.0**0.5
 STEEPEST = 1.0  # friction over pressure, where the law itself has friction without pressure

@@ -7,13 +7,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from castfem.constitutive.base import Law
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 class Motion(Protocol):

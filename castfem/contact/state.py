@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
+from castfem.values.types import Array, Flags
 
 OPEN, STICK, SLIP = 0, 1, 2
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.contact.state import OPEN, SLIP, STICK, ContactState, ContactSummary
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import reductions
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 def summary(contact: WallContact, state: ContactState, modes: Array) -> ContactSummary:

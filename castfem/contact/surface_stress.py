@@ -6,7 +6,6 @@ The constitutive law has a further rule of points there, with a state of its own
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
 from castfem.constitutive.base import Law, MaterialStep, Response, turned
@@ -15,8 +14,8 @@ from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.state import ContactState
 from castfem.forms import finite_strain
 from castfem.forms.mechanics import SQRT2
+from castfem.values.types import Array
 
-Array = npt.NDArray[np.float64]
 Deformations = tuple[finite_strain.Deformation, finite_strain.Deformation]
 
 

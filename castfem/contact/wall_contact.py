@@ -9,7 +9,6 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
@@ -18,15 +17,14 @@ from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.settings import Contact
-from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState, Flags
+from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
 from castfem.contact.surface_stress import SurfaceStress
 from castfem.fem import dof_values, reductions
 from castfem.fem.section import Section
 from castfem.forms import contact as forms
 from castfem.forms import finite_strain
 from castfem.forms.mechanics import Direction, of_modes
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array, Flags
 
 # Columns of what the forms see.
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)

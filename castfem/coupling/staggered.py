@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Protocol
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.coupling.step_control import StepControl
 from castfem.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
@@ -22,12 +21,12 @@ from castfem.errors import RunFailure
 from castfem.fem import reductions
 from castfem.support import log
 from castfem.thermal.stepper import ThermalState
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.mechanics.surface_gap import SurfaceGap
 
-Array = npt.NDArray[np.float64]
 
 FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
 TINY = 1e-300

@@ -10,17 +10,16 @@ from typing import TYPE_CHECKING
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.coupling.step_control import StepControl, same_instant
 from castfem.support import log
 from castfem.thermal.stepper import ThermalState, ThermalStepper
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.mechanics.stepper import MechanicalStepper
 
-Array = npt.NDArray[np.float64]
 ROUNDING = 1e-9  # of a step: how much longer it may be
 FALLS = "the heat flux falls so steeply as the surface warms that the step has several solutions"
 BELOW = 0.7  # of the longest step that has one: what is tried

@@ -14,12 +14,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.fem import factorisation
 from castfem.fem.snes import Options, SolverOptions
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 class BorderedSystem:

@@ -6,15 +6,12 @@ after.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import numpy.typing as npt
 from dolfinx import fem, la
 from scipy import sparse
 
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[Any]
+from castfem.values.types import Array, Indices
 
 
 def owned_of(space: fem.FunctionSpace) -> int:

@@ -13,9 +13,7 @@ from scipy import sparse
 
 from castfem.fem import dolfinx_compat, reductions
 from castfem.fem.section import Section
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int64]
+from castfem.values.types import Array, Indices
 
 SAMPLES = 401  # along a line, packed towards the surface
 _NEARLY = 1e-2  # of a cell: how far outside a sample may lie (a curved face, cut by straight cells)

@@ -14,11 +14,10 @@ from dolfinx import mesh as dmesh
 
 from castfem.errors import InputError
 from castfem.fem import dolfinx_compat
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.meshes import SectionMesh
-
-Array = npt.NDArray[np.float64]
 
 
 class Section:

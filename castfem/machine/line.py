@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 Face = Literal["extrados", "centreline", "intrados"]
 """Where a radius is measured: outer face of the strand, its middle, inner face."""

@@ -36,6 +36,7 @@ from castfem.materials.solid_fraction import (
 )
 from castfem.materials.steel import Origin, Steel
 from castfem.support.messages import choices, shown
+from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.quantities import Kind
 from castfem.values.tables import Constant, Curve, Table
 from castfem.values.units import format as write
@@ -228,7 +229,7 @@ class Workshop:
                         raise ValueError("must be finite")
                     KINDS[key].bounded(float(value))
                 except ValueError as error:
-                    text = f"{value:g} {KINDS[key].unit} at {at - 273.15:.0f} degC: {error}"
+                    text = f"{value:g} {KINDS[key].unit} at {at - ZERO_CELSIUS:.0f} degC: {error}"
                     raise self.fail(key, text=text) from None
 
     def _temperature(self, key: str) -> float:

@@ -18,10 +18,11 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from castfem.materials.iron_carbon import Array, IronCarbon, Phases, Side
+from castfem.materials.iron_carbon import IronCarbon, Phases, Side
 from castfem.materials.properties import Property
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Table
+from castfem.values.types import Array
 
 IRON_MASS, CARBON_MASS = 55.845, 12.011  # g/mol
 AVOGADRO = 6.02214076e23

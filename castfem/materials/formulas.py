@@ -14,8 +14,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from castfem.materials.iron_carbon import Array, Phases
+from castfem.materials.iron_carbon import Phases
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 
 
 @dataclass(frozen=True, slots=True)

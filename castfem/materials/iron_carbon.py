@@ -26,7 +26,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
+
 Side = Literal["above", "below"]
 
 # Carbon contents at the peritectic and the eutectic, wt%.

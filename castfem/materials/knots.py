@@ -14,7 +14,8 @@ from collections.abc import Callable, Iterable
 import numpy as np
 import numpy.typing as npt
 
-from castfem.materials.iron_carbon import Array, Side
+from castfem.materials.iron_carbon import Side
+from castfem.values.types import Array
 
 LONGEST = 2.0  # K
 FEWEST = 64  # pieces of a curved interval: the lever rule is steep near the liquidus

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.materials.describe import celsius
-from castfem.materials.iron_carbon import Array, IronCarbon, Side
+from castfem.materials.iron_carbon import IronCarbon, Side
 from castfem.materials.solid_fraction import LeverFraction
 from castfem.materials.steel import Steel
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

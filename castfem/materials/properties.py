@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.materials.formulas import FORMULAS, Formula
-from castfem.materials.iron_carbon import Array, IronCarbon, Side
+from castfem.materials.iron_carbon import IronCarbon, Side
+from castfem.values.types import Array
 
 
 class Property(Protocol):

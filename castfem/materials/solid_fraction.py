@@ -14,9 +14,10 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from castfem.materials.iron_carbon import Array, IronCarbon, Side
+from castfem.materials.iron_carbon import IronCarbon, Side
 from castfem.materials.properties import Property
 from castfem.values.tables import Table
+from castfem.values.types import Array
 
 
 class SolidFraction(Property, Protocol):

@@ -19,11 +19,12 @@ from castfem.errors import InputError
 from castfem.materials import knots
 from castfem.materials.curve import ThermalCurve
 from castfem.materials.expansion import Expansion
-from castfem.materials.iron_carbon import Array, IronCarbon, Side
+from castfem.materials.iron_carbon import IronCarbon, Side
 from castfem.materials.properties import Property
 from castfem.materials.solid_fraction import SolidFraction
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Constant
+from castfem.values.types import Array
 
 NEAR_SOLIDUS = 1e-3  # K: the mean coefficient is taken this far below the solidus at least
 ISOTHERMAL = 1e-8  # K below a melting point down to which steel is still at it

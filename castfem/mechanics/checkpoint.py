@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from castfem.contact.checkpoint import ContactArchive
@@ -14,8 +13,7 @@ from castfem.fem import dof_values, reductions
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.quadrature import Cellwise
 from castfem.mechanics.state import MechanicalState
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 class Archive:

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.fem import reductions
 from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales, over
 from castfem.mechanics.supports import Constraints
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 ARRIVED = 1e-12  # of their displacement: how far supports that move may be from their goal
 

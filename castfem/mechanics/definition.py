@@ -6,17 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-import numpy.typing as npt
-
 from castfem.constitutive.base import Law
 from castfem.contact.settings import Contact
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, Planes
 from castfem.mechanics.quadrature import Integration
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 @dataclass(frozen=True, slots=True)

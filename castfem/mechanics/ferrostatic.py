@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.errors import InputError
 from castfem.mechanics.planes import Course
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 # How much of the pressure is felt at a solid fraction: (219), and the two extremes of Fig. 63.
 SHARES: dict[str, Callable[[Array], Array]] = {

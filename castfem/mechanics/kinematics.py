@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
@@ -22,8 +21,7 @@ from castfem.forms import finite_strain, mechanics
 from castfem.mechanics.quadrature import Points
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.mechanics.volume import VolumeStiffness
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 ONE = np.array([1.0, 1.0, 1.0, 0.0])
 MEAN = ONE / 3.0

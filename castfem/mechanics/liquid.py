@@ -28,10 +28,7 @@ from castfem.fem.dolfinx_compat import assemble_into, create_matrix
 from castfem.fem.section import Section
 from castfem.forms.mechanics import following
 from castfem.mechanics.quadrature import Points
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
-
+from castfem.values.types import Flags
 
 BEARING = 0.5  # of the solid, what stands in whole cells where it counts as a shell
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.constitutive import kernel
-from castfem.constitutive.base import Flags, Law, MaterialStep, Response
+from castfem.constitutive.base import Law, MaterialStep, Response
 from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.mechanics.quadrature import Points
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array, Flags
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,12 +18,11 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.errors import InputError
 from castfem.forms.mechanics import MODES
+from castfem.values.types import Array
 
-Array = npt.NDArray[np.float64]
 Course = Callable[[float], float]
 
 

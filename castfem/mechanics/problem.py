@@ -10,7 +10,6 @@ from __future__ import annotations
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem, la
 
 from castfem.constitutive.base import turned
@@ -34,8 +33,7 @@ from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.supports import Constraints, symmetry_supports
 from castfem.support.stopwatch import Stopwatch
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
 STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure

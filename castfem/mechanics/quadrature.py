@@ -22,8 +22,7 @@ from castfem.fem.dolfinx_compat import Tabulation
 from castfem.fem.section import Section
 from castfem.forms import mechanics as forms
 from castfem.mechanics.volume import Linear
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 @dataclass(frozen=True, slots=True)

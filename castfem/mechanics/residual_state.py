@@ -4,12 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from castfem.mechanics.scaling import StressScale
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 @dataclass(slots=True)

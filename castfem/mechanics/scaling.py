@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from castfem.constitutive.base import Response
 from castfem.fem import dof_values, reductions
 from castfem.mechanics.quadrature import Points
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 ROUNDING = 8 * np.finfo(float).eps
 NO_STRAIN = 1e-15  # strain that counts as none

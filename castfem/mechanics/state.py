@@ -7,12 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-import numpy.typing as npt
-
 from castfem.contact.state import ContactState
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 @dataclass(frozen=True, slots=True)

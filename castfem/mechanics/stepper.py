@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.fem import reductions
 from castfem.mechanics.planes import loads_at
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.mechanics.validity import NO_SHELL, Validity
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 STEADY = 0.3  # relative change of the rates up to which they are trusted
 

@@ -15,8 +15,8 @@ from dolfinx import mesh as dmesh
 
 from castfem.fem import reductions
 from castfem.fem.section import Section
+from castfem.values.types import Array
 
-Array = npt.NDArray[np.float64]
 Place = tuple[float, float]
 
 

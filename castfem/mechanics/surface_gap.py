@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
 from castfem.mechanics.quadrature import Points
 from castfem.mechanics.state import MechanicalState
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 class SurfaceGap:

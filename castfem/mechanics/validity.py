@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 
 from castfem.constitutive.base import Law, equivalent_stress
@@ -25,14 +24,13 @@ from castfem.fem.dolfinx_compat import Tabulation
 from castfem.forms.finite_strain import deformation
 from castfem.mechanics.planes import LOADS
 from castfem.mechanics.state import MechanicalState
+from castfem.values.types import Array, Flags
 
 if TYPE_CHECKING:
     from castfem.contact.wall_contact import WallContact
     from castfem.mechanics.kinematics import Fields
     from castfem.mechanics.quadrature import Points
 
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 FOLDED = 0.1  # what is left of the area of a cell that counts as folded
 COMPRESSED = 0.02  # elastic strain of the mean stress: hundreds of MPa, which no hot steel carries

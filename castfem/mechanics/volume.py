@@ -16,15 +16,13 @@ from collections.abc import Callable
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
 from castfem.fem import dof_values
 from castfem.fem.dolfinx_compat import Tabulation
 from castfem.fem.section import Section
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 CHUNK = 4096  # cells whose stiffness is in memory at once
 CENTRES = {"quadrilateral": (1 / 2, 1 / 2), "triangle": (1 / 3, 1 / 3)}

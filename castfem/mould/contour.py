@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from castfem.mould.segments import (
-    Array,
     Circular,
     Circulars,
     Crossing,
@@ -18,6 +17,7 @@ from castfem.mould.segments import (
     Straights,
 )
 from castfem.mould.wall import GapFunction
+from castfem.values.types import Array
 
 _SLACK = 1e-9
 """Length by which segments overlap at their joints, over the size of the contour."""

@@ -12,10 +12,10 @@ import numpy as np
 
 from castfem.mould.cavity import Cavity, Tapers
 from castfem.mould.contour import Contour
-from castfem.mould.segments import Array
 from castfem.mould.taper import stretch_ends, taper_between
 from castfem.mould.wall import GapFunction
 from castfem.values.tables import Constant, Table
+from castfem.values.types import Array
 
 _ROUNDING = 1e-9
 

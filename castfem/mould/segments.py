@@ -16,9 +16,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from castfem.values.types import Array
+
 Point = tuple[float, float]
 Crossing = tuple[Array, Array, Array, Array]
 """Distance along the ray, the two components of the wall's unit normal there, and its curvature,

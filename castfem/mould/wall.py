@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from castfem.mould.segments import Array
+from castfem.values.types import Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
 from castfem.plots.section import (
@@ -24,6 +23,7 @@ from castfem.plots.section import (
 )
 from castfem.plots.shape import Distortion, von_mises
 from castfem.plots.style import SOLIDUS_COLOUR
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
     from matplotlib.tri import Triangulation
 
-Array = NDArray[np.float64]
 
 SOFT = ("#d9d9d9", "#efefef")  # mushy, liquid: no scale of stress applies to them
 STRESS_MAP = "viridis"

@@ -9,7 +9,6 @@ import numpy as np
 
 from castfem.plots.section import Steel
 from castfem.plots.style import (
-    CELSIUS,
     LIQUIDUS_COLOUR,
     SOLIDUS_COLOUR,
     Course,
@@ -20,6 +19,7 @@ from castfem.plots.style import (
 )
 from castfem.plots.tensile import draw_tensile
 from castfem.results.registry import find, probe_label
+from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:
     import pandas
@@ -98,11 +98,11 @@ def draw_surface_temperature(
             ("solidus", steel.solidus, SOLIDUS_COLOUR),
         ):
             axes.axhline(
-                level - CELSIUS,
+                level - ZERO_CELSIUS,
                 color=colour,
                 linewidth=0.9,
                 linestyle="--",
-                label=f"{name} {level - CELSIUS:.1f} °C",
+                label=f"{name} {level - ZERO_CELSIUS:.1f} °C",
             )
     axes.set_ylabel(axis_label(table, surfaces[0][2]))
     dress([axes], course)

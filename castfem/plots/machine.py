@@ -6,17 +6,16 @@ import os
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.machine.line import INWARD
 from castfem.machine.phases import phases
 from castfem.machine.rolls import Rolls
 from castfem.plots.style import look, new_figure
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-Array = npt.NDArray[np.float64]
 
 _COLOURS = {
     "vertical": "#d9d9d9",

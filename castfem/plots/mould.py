@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.mould.mould import Mould
-from castfem.mould.segments import Array
-from castfem.plots.style import CELSIUS, look, new_figure
+from castfem.plots.style import look, new_figure
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -102,6 +103,6 @@ def _wall(ax: Axes, mould: Mould) -> None:
 def _temperature(ax: Axes, mould: Mould) -> None:
     """Temperature of the wall's face."""
     z = np.linspace(0.0, mould.length, 201)
-    ax.plot([mould.temperature(float(p)) - CELSIUS for p in z], 1e3 * z, color="#c0392b")
+    ax.plot([mould.temperature(float(p)) - ZERO_CELSIUS for p in z], 1e3 * z, color="#c0392b")
     ax.set_xlabel("wall temperature [°C]")
     ax.margins(x=0.2)

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
 from castfem.output.folder import CASE_NAME
-
-Array = NDArray[np.float64]
+from castfem.values.types import Array
 
 _FINE = 33  # points of a segment; odd: one lies in the middle of a face, on the plane of symmetry
 _ROUNDING = 1e-9  # relative

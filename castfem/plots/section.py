@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
 from castfem.output.layout import triangulate
-from castfem.plots.style import CELSIUS, LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
+from castfem.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
+from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -86,7 +87,7 @@ def draw_temperature(
         mirrored: Show the whole section.
     """
     mesh, values = section_triangles(
-        fields, fields.values("temperature", index) - CELSIUS, mirrored
+        fields, fields.values("temperature", index) - ZERO_CELSIUS, mirrored
     )
     figure, axes = frame(mesh, when("Temperature", fields, index), bar=True)
     low, high = float(values.min()), float(values.max())
@@ -94,7 +95,7 @@ def draw_temperature(
         low, high = low - 1.0, high + 1.0
     shades = shade(axes, mesh, values, "inferno", low, high)
     bar = colour_bar(figure, axes, shades, lies=lies_flat(mesh))
-    marked = [] if steel is None else [steel.solidus - CELSIUS, steel.liquidus - CELSIUS]
+    marked = [] if steel is None else [steel.solidus - ZERO_CELSIUS, steel.liquidus - ZERO_CELSIUS]
     for level, colour in zip(marked, (SOLIDUS_COLOUR, LIQUIDUS_COLOUR), strict=False):
         if low < level < high:
             mark = bar.ax.axvline if lies_flat(mesh) else bar.ax.axhline
@@ -179,8 +180,8 @@ def draw_isotherms(
         return []
     handles = []
     for name, level, colour in (
-        ("solidus", steel.solidus - CELSIUS, SOLIDUS_COLOUR),
-        ("liquidus", steel.liquidus - CELSIUS, LIQUIDUS_COLOUR),
+        ("solidus", steel.solidus - ZERO_CELSIUS, SOLIDUS_COLOUR),
+        ("liquidus", steel.liquidus - ZERO_CELSIUS, LIQUIDUS_COLOUR),
     ):
         if values.min() < level < values.max():
             axes.tricontour(mesh, values, levels=[level], colors=["white"], linewidths=[2.4])

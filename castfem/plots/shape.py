@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
 from castfem.plots.mould_wall import WallLine
+from castfem.values.types import Array
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 # Edges of a cell in VTK order as chains of nodes, anticlockwise.

@@ -16,7 +16,9 @@ from castfem.output.fields import Fields
 from castfem.plots.deformation import SOFT, STRESS_MAP, stress_levels
 from castfem.plots.section import Steel, section_triangles, shade
 from castfem.plots.shape import Outline, displacement, magnification, von_mises
-from castfem.plots.style import CELSIUS, LIQUIDUS_COLOUR, SOLIDUS_COLOUR, low_legend, new_figure
+from castfem.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, low_legend, new_figure
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,7 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.tri import Triangulation
 
-Array = NDArray[np.float64]
 
 _MOST = 40  # slices; more cannot be told apart
 _ROWS = 60  # of the walls, at least: triangles between distant slices would show
@@ -271,10 +272,10 @@ def _fit(axes: Axes, view: View, stack: Stack, size: Array) -> None:
 def _shading(stack: Stack, kind: str) -> tuple[Array, Array, tuple[str, float, float]]:
     """Values of the walls (r, m) and of the last slice (n,) in the unit of the scale; the scale."""
     if kind == "temperature" or stack.stress is None:
-        last = stack.fields.values("temperature") - CELSIUS
-        low = float(stack.temperature.min()) - CELSIUS
-        high = max(stack.hottest - CELSIUS, low + 1.0)
-        return stack.temperature - CELSIUS, last, ("inferno", low, high)
+        last = stack.fields.values("temperature") - ZERO_CELSIUS
+        low = float(stack.temperature.min()) - ZERO_CELSIUS
+        high = max(stack.hottest - ZERO_CELSIUS, low + 1.0)
+        return stack.temperature - ZERO_CELSIUS, last, ("inferno", low, high)
     stress = von_mises(stack.fields)
     assert stress is not None
     top = float(stress_levels(1e-6 * stack.strongest)[-1])

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from PIL import Image
 
 DPI = 160
-CELSIUS = 273.15
 SOLIDUS_COLOUR = "#1b6ca8"
 LIQUIDUS_COLOUR = "#c0392b"
 # Colour-blind safe (Okabe and Ito); the known probes keep theirs in every figure.

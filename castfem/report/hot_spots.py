@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from castfem.output.fields import Fields
 from castfem.output.layout import triangulate
 from castfem.plots.shape import Outline
-
-Array = NDArray[np.float64]
+from castfem.values.types import Array
 
 _SAME = 1e-3  # relative; what differs by less is equal
 _CHUNK = 200  # surface points at once: bounds the memory of their distances

@@ -11,19 +11,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
 from castfem.output.summary import Summary
 from castfem.plots.history import STAIR, curves, has_values, unit_of
 from castfem.plots.section import Steel
-from castfem.plots.style import CELSIUS
 from castfem.report.hot_spots import Spot, hottest, thinnest
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     import pandas
 
-Array = NDArray[np.float64]
 
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 _THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
@@ -276,8 +275,8 @@ def _between_probes(
     if thin and known and 1e3 * thin.value < (1 - _THINNER) * known.value:
         found[_THINNEST] = _instead(known, 1e3 * thin.value, thin, where)
     hot, known = hottest(fields, index), probes.get(_HOTTEST)
-    if known and hot.value - CELSIUS > known.value + _HOTTER:
-        found[_HOTTEST] = _instead(known, hot.value - CELSIUS, hot, where)
+    if known and hot.value - ZERO_CELSIUS > known.value + _HOTTER:
+        found[_HOTTEST] = _instead(known, hot.value - ZERO_CELSIUS, hot, where)
     return found
 
 

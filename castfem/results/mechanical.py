@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
 from castfem.constitutive.base import equivalent_strain, equivalent_stress
@@ -20,11 +19,11 @@ from castfem.mechanics.state import MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.surface_gap import SurfaceGap
 from castfem.results.sample import MechanicalSample
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.fem.section import Section
 
-Array = npt.NDArray[np.float64]
 
 SQRT2 = 2.0**0.5
 HARDLY = 0.05  # share of the section that is solid before its shell is spoken of

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.coupling.staggered import StrandState
 from castfem.coupling.subcycling import SubSteps
@@ -20,10 +19,6 @@ if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult
     from castfem.results.mechanical import MechanicalSampler
     from castfem.results.sample import MechanicalSample
-
-Array = npt.NDArray[np.float64]
-
-CELSIUS = 273.15
 
 
 @dataclass(slots=True)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from castfem.fem import reductions
 from castfem.output.summary import Quantity, Reference
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -18,8 +19,6 @@ if TYPE_CHECKING:
     from castfem.materials import Steel
     from castfem.simulation.simulation import Simulation
     from castfem.verification import ClosedForm
-
-Array = npt.NDArray[np.float64]
 
 
 def of_case(case: Case, steel: Steel, start: float) -> ClosedForm | None:

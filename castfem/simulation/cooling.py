@@ -17,13 +17,13 @@ from castfem.errors import InputError
 from castfem.thermal import flux_laws
 from castfem.thermal.boundary import Cooling, Surface
 from castfem.values.tables import Table
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.case import Case
     from castfem.machine import Machine
     from castfem.materials import Steel
 
-Array = npt.NDArray[np.float64]
 Row = tuple[list[int], flux_laws.SurfaceLaw]
 
 

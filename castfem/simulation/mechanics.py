@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.case import mechanics as given
 from castfem.case.build_mould import build_mould
@@ -22,13 +21,13 @@ from castfem.mechanics.supports import SPRING, PrescribedDisplacement
 from castfem.simulation.law import build_law
 from castfem.support.stopwatch import Stopwatch
 from castfem.values.tables import Table, as_function
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.case import Case
     from castfem.machine import Machine
     from castfem.materials import Steel
 
-Array = npt.NDArray[np.float64]
 
 NOT_APART = 1e-9  # of the section's size: sides that are held at one and the same height
 HOTTER = 1.0  # K above the liquidus: where the density of the liquid is taken

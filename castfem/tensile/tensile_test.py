@@ -13,7 +13,6 @@ from castfem.case.portable import portable
 from castfem.case.tensile import TABLE, TensileCase
 from castfem.constitutive import load_elasticity, load_law
 from castfem.constitutive.analytical import axial_stress
-from castfem.constitutive.base import Array
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.constitutive.parameters import law_from, told_of
@@ -23,7 +22,9 @@ from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, History
 from castfem.output.summary import Quantity, Reference, Summary, compare
 from castfem.support import log
+from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import as_function
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from castfem.support.progress import Progress
 
 MEGA = 1e6
-CELSIUS = 273.15
 
 
 class TensileTest:
@@ -225,7 +225,7 @@ class _Writer:
             "strain": record.axial_strain[k, 0],
             "stress": record.axial_stress[k, 0] / MEGA,
             "viscoplastic_strain": self.flow(k),
-            "temperature": self.test.temperature[k] - CELSIUS,
+            "temperature": self.test.temperature[k] - ZERO_CELSIUS,
             "work": record.work[k, 0] / MEGA,
         }
         if self.analytical is not None:

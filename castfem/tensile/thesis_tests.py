@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from castfem.constitutive.base import Array
 from castfem.constitutive.curves import modified_norton_hoff, yield_limit
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonHoff
 from castfem.constitutive.uniaxial import Tension, pull
 from castfem.values.tables import Constant
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

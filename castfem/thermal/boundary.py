@@ -17,8 +17,7 @@ from castfem.fem.section import Section
 from castfem.forms.heat import surface_heat, surface_measure, surface_stretch
 from castfem.thermal.deformed_section import Shape
 from castfem.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,14 +14,12 @@ this holds at all temperatures that the vertex has passed on the way; conduction
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.fem import reductions
 from castfem.materials.curve import CurvePoint
 from castfem.thermal.boundary import Cooling
 from castfem.thermal.problem import ThermalProblem
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 SAMPLES = 33  # temperatures of each vertex on its way
 SPACING = 1.0  # K, between those at which a law is asked whether its flux falls at all

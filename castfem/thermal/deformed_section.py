@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
@@ -11,8 +10,7 @@ from castfem.fem.dolfinx_compat import assemble_owned
 from castfem.fem.section import Section
 from castfem.forms.finite_strain import deformation
 from castfem.forms.heat import storage, storage_measure
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 # Liquid follows the shell with next to no stiffness and may fold where it has much to follow. What
 # does not stay this share of its area conducts as if it had not moved.

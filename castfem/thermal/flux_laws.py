@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/m2K4, CODATA 2018
 _DT = 1e-3  # K, half width of the difference quotient of tabulated coefficients

@@ -47,8 +47,7 @@ from castfem.support import log
 from castfem.support.stopwatch import Stopwatch
 from castfem.thermal.boundary import Cooling
 from castfem.thermal.deformed_section import Shape
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 # Newton's full step on the enthalpy needs no line search.
 NEWTON = {"snes_linesearch_type": "basic", "snes_max_it": 100}

@@ -12,13 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
+
 Formula = Callable[[float, float, Array], Array]
 """h, W/m2K (n,), of a water flow, L/(m2 s), the water's temperature, K, and surfaces (n,), K."""
 
-ZERO_CELSIUS = 273.15
 WENDELSTORF_MOST = 30.0  # L/(m2 s)
 WENDELSTORF_EXCESS = (180.0, 1100.0)  # K
 

@@ -14,15 +14,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.fem import reductions
 from castfem.materials.curve import CurvePoint
 from castfem.thermal.branch import Branch
 from castfem.thermal.problem import Stage, ThermalProblem
-
-ZERO_CELSIUS = 273.15
-Array = npt.NDArray[np.float64]
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 
 # Alexander's two-stage, stiffly accurate, L-stable scheme (SIAM J. Numer. Anal. 14 (1977) 1006).
 GAMMA = 1.0 - 1.0 / np.sqrt(2.0)

@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
-import numpy as np
-import numpy.typing as npt
-
 from castfem.case.portable import portable
 from castfem.coupling.staggered import CouplingWindow, take_window
 from castfem.coupling.step_control import same_instant
@@ -37,7 +34,6 @@ if TYPE_CHECKING:
     from castfem.output.summary import Summary
     from castfem.support.progress import Progress
 
-Array = npt.NDArray[np.float64]
 Named = dict[str, Quantity]
 
 LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/benchmarks.md)

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.coupling.step_control import same_instant
 from castfem.errors import InputError
@@ -19,11 +18,10 @@ from castfem.results.columns import columns, row
 from castfem.results.run_state import Counts, RunState
 from castfem.results.sample import Sample
 from castfem.time_loop import restart
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.simulation.simulation import Simulation
-
-Array = npt.NDArray[np.float64]
 
 
 class Recorder:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.coupling.staggered import StrandState
 from castfem.output.summary import Quantity
 from castfem.results.run_state import Counts, RunState
 from castfem.results.summary import last_results
+from castfem.values.types import Array
 
-Array = npt.NDArray[np.float64]
 Named = dict[str, Quantity]
 
 # Arrays of the thermal state, by their name in a checkpoint.

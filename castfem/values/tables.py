@@ -25,14 +25,15 @@ import numpy as np
 import numpy.typing as npt
 
 from castfem.values import units
+from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.csv_files import UnreadableError, read_csv
 from castfem.values.quantities import Kind, Notation
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler
     from pydantic_core import CoreSchema
 
-Array = npt.NDArray[np.float64]
 Side = Literal["above", "below"]
 """Of an argument at which a value jumps: the side on which it is taken."""
 
@@ -167,7 +168,9 @@ def celsius(
     temperature: Sequence[float], value: Sequence[float], logarithmic: bool = False
 ) -> Table:
     """Return a table from values (SI) at temperatures in degC."""
-    return Table("temperature", tuple(t + 273.15 for t in temperature), tuple(value), logarithmic)
+    return Table(
+        "temperature", tuple(t + ZERO_CELSIUS for t in temperature), tuple(value), logarithmic
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from castfem.errors import InputError
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 from castfem.verification import half_space
 from castfem.verification.half_space import HalfSpace
 from castfem.verification.solidification import Neumann, ThreeZones
@@ -17,10 +18,8 @@ from castfem.verification.solidification import Neumann, ThreeZones
 if TYPE_CHECKING:
     from castfem.materials import Steel
 
-Array = npt.NDArray[np.float64]
 Profile = Callable[[Array, float], Array]
 
-KELVIN = 273.15
 SHARP = 0.2  # K: a narrower freezing range is one temperature
 NEAR = 1.0  # K: a melt poured so near to its melting point is at it
 _PROPERTIES = ("density", "specific_heat", "conductivity")
@@ -159,14 +158,14 @@ def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
     found = (
         *_constants("weiner_boley", steel, surface, start),
         steel.latent_heat,
-        surface - KELVIN,
+        surface - ZERO_CELSIUS,
         float(steel.thermal_expansion(surface)) if steel.has("thermal_expansion") else 0.0,
     )
     wanted = (
         half_space.DENSITY, half_space.HEAT, half_space.CONDUCTIVITY, half_space.LATENT,
         half_space.SURFACE, half_space.ALPHA,
     )  # fmt: skip
-    melting = half_space.MELTING + KELVIN
+    melting = half_space.MELTING + ZERO_CELSIUS
     if (
         not np.allclose(found, wanted, rtol=1e-9)
         or steel.liquidus - steel.solidus > SHARP
@@ -181,7 +180,7 @@ def _half_space(steel: Steel, surface: float, start: float) -> ClosedForm:
 
     def temperature(depth: Array, time: float) -> Array:
         zeta = depth / (2.0 * np.sqrt(half_space.DIFFUSIVITY * time))
-        return np.where(zeta < exact.front, exact.temperature(zeta) + KELVIN, start)
+        return np.where(zeta < exact.front, exact.temperature(zeta) + ZERO_CELSIUS, start)
 
     def results(time: float) -> dict[str, Expected]:
         return {

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq, fsolve
 from scipy.special import erf
 
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 # Data of the verification problem of Li and Thomas (2004) and Koric and Thomas (2006), from memory
 # of these papers (status M); the steel "weiner_boley" and the law of that name carry the same.

@@ -8,11 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq, fsolve
 from scipy.special import erf, erfc
 
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from castfem.constitutive import (
 )
 from castfem.constitutive.flow_laws import RATE, TENSOR, RadialReturn
 from castfem.values.tables import Constant, celsius
+from castfem.values.types import Array
 
-Array = npt.NDArray[np.float64]
 ZERO = 273.15
 SOLIDUS, LIQUIDUS = 1723.0, 1775.0
 FADING = celsius([700, 1000, 1400], [1e4, 100.0, 0.1], logarithmic=True)  # s

@@ -10,8 +10,9 @@ import pytest
 from castfem.constitutive import Elasticity, MaterialStep, Solidity, ThermoElastic, load_elasticity
 from castfem.materials import load_steel
 from castfem.values.tables import Constant, Table, celsius
+from castfem.values.types import Array
 
-from .samples import LIQUIDUS, SOLIDUS, ZERO, Array, one, steel_like
+from .samples import LIQUIDUS, SOLIDUS, ZERO, one, steel_like
 
 E, NU = 20e9, 0.3
 

@@ -24,8 +24,9 @@ from castfem.constitutive.curves import Austenite
 from castfem.constitutive.flow_laws import TENSOR, RadialReturn
 from castfem.constitutive.uniaxial import AXIAL, pull
 from castfem.values.tables import Constant
+from castfem.values.types import Array
 
-from .samples import ZERO, Array, hardening_laws, random_states, steel_like
+from .samples import ZERO, hardening_laws, random_states, steel_like
 
 YOUNG, POISSON = 15e9, 0.3
 EL = Elasticity.constant(YOUNG, POISSON)

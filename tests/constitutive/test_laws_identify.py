@@ -15,8 +15,9 @@ from castfem.constitutive.identification.fit import IdentifyOptions, identify
 from castfem.constitutive.identification.measured import TensileData, read_tensile
 from castfem.constitutive.identification.result import IdentifiedLaw
 from castfem.errors import InputError
+from castfem.values.types import Array
 
-from .samples import ZERO, Array
+from .samples import ZERO
 
 CELSIUS = (900.0, 1000.0, 1100.0, 1200.0, 1300.0)
 RATES = (1e-4, 1e-3, 5e-3)

@@ -7,8 +7,9 @@ import pytest
 
 from castfem.constitutive import MaterialStep, ThermoElastic, equivalent_stress
 from castfem.constitutive.flow_laws import RadialReturn
+from castfem.values.types import Array
 
-from .samples import Array, every_law, random_states
+from .samples import every_law, random_states
 
 LAWS = every_law()
 ALL = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())

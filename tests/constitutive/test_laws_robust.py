@@ -11,8 +11,9 @@ import pytest
 from castfem.constitutive import MaterialStep, Response, ThermoElastic, equivalent_stress
 from castfem.constitutive.base import rotation
 from castfem.constitutive.flow_laws import RadialReturn
+from castfem.values.types import Array
 
-from .samples import Array, every_law, hardening_laws, random_states, steel_like
+from .samples import every_law, hardening_laws, random_states, steel_like
 
 LAWS = every_law()
 ALL = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())

@@ -25,8 +25,9 @@ from castfem.constitutive import (
 )
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.values.tables import Constant
+from castfem.values.types import Array
 
-from .samples import ZERO, Array
+from .samples import ZERO
 
 DIFFUSIVITY = 33.0 / (7500.0 * 661.0)
 COLD, MELTING = 1000.0 + ZERO, 1494.4 + ZERO

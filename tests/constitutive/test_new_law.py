@@ -13,13 +13,14 @@ import pytest
 
 from castfem.case import TensileCase, load_any
 from castfem.constitutive import kernel
-from castfem.constitutive.base import Array, Parameter
+from castfem.constitutive.base import Parameter
 from castfem.constitutive.elasticity import Curve
 from castfem.constitutive.flow_laws import FlowCurve, RadialReturn
 from castfem.errors import InputError
 from castfem.output.history import read_history
 from castfem.tensile.tensile_test import run
 from castfem.values.quantities import Kind
+from castfem.values.types import Array
 
 TEST = """
 title = "a law of its own"

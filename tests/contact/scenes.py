@@ -12,7 +12,8 @@ from castfem.contact.settings import Contact
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
 from castfem.meshes import SectionMesh
-from castfem.mould.wall import Array, GapFunction
+from castfem.mould.wall import GapFunction
+from castfem.values.types import Array
 
 PLANE_STRAIN = PlainPlanes(free=())
 

@@ -6,12 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from mechanics.scenes import Array, SliceScene, elastic, mapped
+from mechanics.scenes import SliceScene, elastic, mapped
 
 from castfem.contact.settings import Contact
 from castfem.contact.state import ContactState
 from castfem.contact.summary import summary
 from castfem.mechanics.supports import PrescribedDisplacement
+from castfem.values.types import Array
 from contact.scenes import PLANE_STRAIN, LineWall
 
 RADIUS, SIZE, YOUNG, POISSON = 100e-3, 16e-3, 200e9, 0.3

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanics.scenes import Array, SliceScene, expansion, mapped
+from mechanics.scenes import SliceScene, expansion, mapped
 
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep
@@ -12,6 +12,7 @@ from castfem.contact.friction import Coulomb
 from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
 from castfem.mould.wall import GapFunction
+from castfem.values.types import Array
 from contact.scenes import PLANE_STRAIN
 
 WIDTH, HEIGHT, CLOSURE, MU = 20e-3, 14e-3, 0.3e-3, 0.2

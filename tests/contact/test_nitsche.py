@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
-from mechanics.scenes import Array, Map, SliceScene, box, elastic, mapped, skewed
+from mechanics.scenes import Map, SliceScene, box, elastic, mapped, skewed
 from time_loop.moulded import billet
 
 from castfem.constitutive.base import MaterialStep
 from castfem.contact.settings import FACTOR, LEAST_NITSCHE, Contact
 from castfem.errors import InputError
 from castfem.mechanics.planes import PlainPlanes
+from castfem.values.types import Array
 from contact.scenes import LineWall
 
 SHAPES: dict[str, Map] = {

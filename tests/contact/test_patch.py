@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import Array, SliceScene, elastic, mapped, skewed
+from mechanics.scenes import SliceScene, elastic, mapped, skewed
 
 from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.mould import Contour, GapFunction, Straight
+from castfem.values.types import Array
 from contact.scenes import LineWall
 
 METHODS = ("penalty", "nitsche")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import Array, SliceScene, box, elastic, mapped
+from mechanics.scenes import SliceScene, box, elastic, mapped
 from scipy.optimize import brentq
 
 from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
@@ -16,6 +16,7 @@ from castfem.contact.state import SLIP, STICK
 from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from castfem.values.types import Array
 from contact.scenes import FOOT, LineWall, dragged_block
 
 METHODS = ("penalty", "nitsche")

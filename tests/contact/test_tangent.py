@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import Array, SliceScene, expansion, mapped, ring, skewed
+from mechanics.scenes import SliceScene, expansion, mapped, ring, skewed
 from mechanics.test_tangent import jacobians
 
 from castfem.constitutive.elasticity import Elasticity
@@ -16,6 +16,7 @@ from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mould import Circular, Contour, GapFunction
+from castfem.values.types import Array
 from contact.scenes import TwoWalls
 
 GROUPS = ("left", "bottom", "right", "top")

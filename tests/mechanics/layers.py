@@ -15,11 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 from scipy.integrate import solve_ivp
 from scipy.special import erf
 
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 SURFACE, MELTING = 1000.0, 1494.4
 STIFFNESS, ALPHA = 40e3 / 0.7, 2e-5

@@ -9,7 +9,6 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 
 from benchmarks.mapped import RING_GROUPS as RING_GROUPS
 from benchmarks.mapped import Map as Map
@@ -25,8 +24,7 @@ from castfem.mechanics.definition import Slice
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 
 def elastic(young: float = 200e9, poisson: float = 0.3) -> ThermoElastic:

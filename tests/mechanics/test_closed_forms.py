@@ -9,17 +9,8 @@ from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SurfacePressure
-from mechanics.scenes import (
-    RING_GROUPS,
-    Array,
-    SliceScene,
-    box,
-    elastic,
-    expansion,
-    mapped,
-    ring,
-    skewed,
-)
+from castfem.values.types import Array
+from mechanics.scenes import RING_GROUPS, SliceScene, box, elastic, expansion, mapped, ring, skewed
 
 MPA = 1e6
 CELLS = ["quadrilateral", "triangle"]

@@ -14,7 +14,8 @@ from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement
-from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, mapped, ring
+from castfem.values.types import Array
+from mechanics.scenes import RING_GROUPS, SliceScene, box, mapped, ring
 
 SOLIDUS, LIQUIDUS, HOT, COLD = 1700.0, 1750.0, 1760.0, 1600.0
 YOUNG, HEAD = 10e9, 2e5

@@ -11,7 +11,8 @@ import pytest
 from castfem.errors import InputError
 from castfem.machine import Machine, Steady
 from castfem.mechanics.ferrostatic import SHARES, Ferrostatic
-from mechanics.scenes import Array, Map, SliceScene, box, elastic, mapped, skewed
+from castfem.values.types import Array
+from mechanics.scenes import Map, SliceScene, box, elastic, mapped, skewed
 
 SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 3.0e5
 

@@ -16,8 +16,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from castfem.values.constants import ZERO_CELSIUS
 from mechanics.layers import Shell, shell
-from mechanics.weiner_boley import KELVIN, POURED, YIELD, HalfSpace, Strip
+from mechanics.weiner_boley import POURED, YIELD, HalfSpace, Strip
 
 EXACT = HalfSpace()
 # Short steps first: the shell thickens by 3.4 mm in the first second, half of it in a quarter.
@@ -34,7 +35,7 @@ def march(strip: Strip, end: float, step: float, exact_heat: bool) -> None:
     x = section.vertex_space.tabulate_dof_coordinates()[: section.owned, 0]
     for time in np.linspace(begin, end, round((end - begin) / step) + 1)[1:]:
         zeta = x / (2.0 * np.sqrt(33.0 / (7500.0 * 661.0) * time))
-        heat = np.where(zeta < EXACT.front, EXACT.temperature(zeta), POURED) + KELVIN
+        heat = np.where(zeta < EXACT.front, EXACT.temperature(zeta), POURED) + ZERO_CELSIUS
         result = strip.stepper.step(strip.state, float(time), heat)
         assert result.converged, result.reason
         strip.state = result.state

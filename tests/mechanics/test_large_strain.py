@@ -12,7 +12,8 @@ from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, mapped, ring, skewed
+from castfem.values.types import Array
+from mechanics.scenes import RING_GROUPS, SliceScene, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")
 E, NU = 200e9, 0.3

@@ -13,8 +13,9 @@ from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.values.tables import Constant, Table
+from castfem.values.types import Array
 from mechanics.casting import STEEL, CastScene, billet_mesh
-from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, expansion, mapped, ring
+from mechanics.scenes import RING_GROUPS, SliceScene, box, expansion, mapped, ring
 
 SOLIDUS, LIQUIDUS, HOT, COLD = 1700.0, 1750.0, 1760.0, 1600.0
 YOUNG = 10e9

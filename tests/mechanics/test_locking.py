@@ -10,7 +10,8 @@ from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.quadrature import Integration
 from castfem.mechanics.supports import SurfacePressure
-from mechanics.scenes import RING_GROUPS, Array, SliceScene, elastic, mapped, ring
+from castfem.values.types import Array
+from mechanics.scenes import RING_GROUPS, SliceScene, elastic, mapped, ring
 
 INNER, OUTER, PRESSURE, E, NU = 0.02, 0.04, 1e7, 200e9, 0.499999
 ONE_RULE = Integration(4, 4, linear=False)

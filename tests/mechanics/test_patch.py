@@ -7,7 +7,8 @@ import pytest
 
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement
-from mechanics.scenes import Array, SliceScene, box, elastic, expansion, mapped, skewed
+from castfem.values.types import Array
+from mechanics.scenes import SliceScene, box, elastic, expansion, mapped, skewed
 
 FREE = ("left", "bottom", "right", "top")
 E, NU = 200e9, 0.3

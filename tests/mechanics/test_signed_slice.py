@@ -8,7 +8,8 @@ import pytest
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonHoff, UnifiedSteel
 from castfem.values.tables import Constant
-from mechanics.scenes import Array, SliceScene, box, expansion, mapped
+from castfem.values.types import Array
+from mechanics.scenes import SliceScene, box, expansion, mapped
 
 HOT = 1350.0
 STIFF = Elasticity.constant(15e9, 0.3)

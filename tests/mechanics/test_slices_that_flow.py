@@ -18,7 +18,8 @@ from castfem.constitutive.flow_laws import (
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.values.tables import Constant
-from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, mapped, ring, skewed
+from castfem.values.types import Array
+from mechanics.scenes import RING_GROUPS, SliceScene, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")
 CELLS = ["quadrilateral", "triangle"]

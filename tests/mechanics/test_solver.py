@@ -20,7 +20,8 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.mould.wall import PlaneWall
 from castfem.values.tables import Constant
-from mechanics.scenes import RING_GROUPS, Array, SliceScene, box, elastic, expansion, mapped, ring
+from castfem.values.types import Array
+from mechanics.scenes import RING_GROUPS, SliceScene, box, elastic, expansion, mapped, ring
 
 CREEP = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-3, 1e7, 5.0)
 

@@ -12,8 +12,9 @@ from castfem.contact.settings import Contact
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SPRING, PrescribedDisplacement, Traction
 from castfem.mould import Mould, RoundCavity, Taper, same
+from castfem.values.types import Array
 from mechanics.casting import STEEL, CastScene
-from mechanics.scenes import Array, SliceScene, box, elastic, expansion, mapped
+from mechanics.scenes import SliceScene, box, elastic, expansion, mapped
 
 SIDES = ("left", "bottom", "right", "top")
 WIDTH, HEIGHT = 0.1, 0.06

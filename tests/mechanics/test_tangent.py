@@ -12,7 +12,8 @@ from castfem.constitutive.flow_laws import NortonCreep, ThermoElastic
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import BentPlanes, PlainPlanes
 from castfem.mechanics.supports import SurfacePressure, Traction
-from mechanics.scenes import Array, SliceScene, elastic, expansion, mapped, skewed
+from castfem.values.types import Array
+from mechanics.scenes import SliceScene, elastic, expansion, mapped, skewed
 
 FREE = ("left", "bottom", "right", "top")
 STEEL = Elasticity.constant(200e9, 0.3)

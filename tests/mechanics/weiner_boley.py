@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from thermal.scenes import ThermalScene
 
 from castfem import meshes
@@ -19,12 +18,11 @@ from castfem.mechanics.state import MechanicalResult
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.thermal.flux_laws import PrescribedTemperature
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
 from castfem.verification.half_space import POISSON, SURFACE, YIELD, YOUNG, HalfSpace
 
-Array = npt.NDArray[np.float64]
-
 POURED = 1495.0  # degC
-KELVIN = 273.15
 
 
 class Strip:
@@ -50,9 +48,9 @@ class Strip:
         mesh = meshes.build(
             "strip", length=0.03, width=size, surface_size=size, core_size=size, cell=cell
         )
-        curve = steel.thermal_curve(1200.0, 1800.0, POURED + KELVIN)
-        self.thermal = ThermalScene(mesh, curve, POURED + KELVIN)
-        self.thermal.cool(("surface", PrescribedTemperature(SURFACE + KELVIN)))
+        curve = steel.thermal_curve(1200.0, 1800.0, POURED + ZERO_CELSIUS)
+        self.thermal = ThermalScene(mesh, curve, POURED + ZERO_CELSIUS)
+        self.thermal.cool(("surface", PrescribedTemperature(SURFACE + ZERO_CELSIUS)))
         elasticity = Elasticity.constant(YOUNG, POISSON, Solidity.of(steel, stiffness_ratio=ratio))
         slice_ = Slice(
             load_law(law, elasticity, carbon=carbon),

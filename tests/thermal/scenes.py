@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from mpi4py import MPI
 
 import numpy as np
-import numpy.typing as npt
 from dolfinx import fem
 
 from castfem import meshes
@@ -20,8 +19,7 @@ from castfem.thermal.deformed_section import Shape
 from castfem.thermal.flux_laws import PrescribedTemperature, SurfaceLaw
 from castfem.thermal.problem import ThermalProblem
 from castfem.thermal.stepper import StepResult, ThermalState, ThermalStepper
-
-Array = npt.NDArray[np.float64]
+from castfem.values.types import Array
 
 LOWER, UPPER = 200.0, 2600.0
 

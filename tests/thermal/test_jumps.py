@@ -13,7 +13,8 @@ from castfem.simulation.simulation import build
 from castfem.thermal import flux_laws
 from castfem.thermal.stepper import REBOUND, ThermalStepper
 from castfem.time_loop.loop import TimeLoop
-from thermal.scenes import Array, ThermalScene, constant_steel, strip
+from castfem.values.types import Array
+from thermal.scenes import ThermalScene, constant_steel, strip
 from thermal.test_extremes import CAST, SLACK, billet
 
 AMBIENT = 298.15

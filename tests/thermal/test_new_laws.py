@@ -17,8 +17,8 @@ from castfem.case.json_schema import case_schema
 from castfem.case.reference_page import markdown_page
 from castfem.errors import InputError
 from castfem.thermal import sprays
-from castfem.thermal.flux_laws import Array
 from castfem.values.quantities import Kind, Temperature
+from castfem.values.types import Array
 
 HEAT = "cooling.mould.surface"
 RATED = {"law": "rated", "flux": "4 MW/m^2", "at": "1200 degC", "ambient": "25 degC"}

@@ -7,7 +7,6 @@ from dataclasses import replace
 from petsc4py import PETSc
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import ufl
 from dolfinx import fem
@@ -15,10 +14,9 @@ from dolfinx import fem
 from castfem.fem.dolfinx_compat import assemble_owned
 from castfem.forms import heat
 from castfem.thermal import flux_laws
+from castfem.values.types import Array
 from thermal.scenes import ThermalScene, constant_steel
 from thermal.test_extremes import CAST, WALL, billet
-
-Array = npt.NDArray[np.float64]
 
 STEEL = constant_steel(1725.15, 1775.65, datum=CAST)
 CONTACT = flux_laws.Contact(5e3, WALL, 0.15)

@@ -11,7 +11,8 @@ from castfem import meshes
 from castfem.forms.heat import surface_stretch
 from castfem.meshes import SectionMesh
 from castfem.thermal import flux_laws
-from thermal.scenes import Array, ThermalScene, constant_steel
+from castfem.values.types import Array
+from thermal.scenes import ThermalScene, constant_steel
 
 RADIUS, SIDE = 5e-3, 0.0625
 STEEL = constant_steel(1725.15, 1775.65)

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from time_loop.moulded import Kept, billet, marched
 
-from castfem.mould.wall import Array, GapFunction, Wall
+from castfem.mould.wall import GapFunction, Wall
 from castfem.simulation import mechanics as build_mechanics
+from castfem.values.types import Array
 
 HALF = ("section.symmetry=half", "mesh.surface_size=3 mm", "mesh.corner_size=3 mm")
 WHOLE = ("section.symmetry=whole", "mesh.surface_size=4 mm", "mesh.corner_size=4 mm")

@@ -23,11 +23,12 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
-from castfem.constitutive.base import Array, Flags
 from castfem.constitutive.curves import SQRT3
 from castfem.constitutive.identification.measured import Indices, TensileData, read_tensile
 from castfem.constitutive.identification.result import NAMES, Fit, IdentifiedLaw
 from castfem.errors import InputError
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array, Flags
 
 CONFIDENCE = 0.95
 PRIOR = 1e-5  # pull on what the data leave open, over that of one point
@@ -233,8 +234,9 @@ def _fit_alone(data: TensileData, temperature: float, options: IdentifyOptions) 
     """Fit one temperature by itself."""
     if len(data.stress) < LEAST_POINTS:
         raise InputError(
-            f"{data.name}: {len(data.stress)} usable points at {temperature - 273.15:.0f} degC, "
-            f"{LEAST_POINTS} are needed; give a degree to fit all temperatures together"
+            f"{data.name}: {len(data.stress)} usable points at "
+            f"{temperature - ZERO_CELSIUS:.0f} degC, {LEAST_POINTS} are needed; "
+            "give a degree to fit all temperatures together"
         )
     columns = _columns(data)
     bounds = options.bounds

@@ -20,10 +20,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from castfem.constitutive.base import Array
 from castfem.errors import InputError
 from castfem.values.csv_files import Heading, UnreadableError, read_csv
 from castfem.values.quantities import Kind
+from castfem.values.types import Array
 from castfem.values.units import nearest
 
 Indices = npt.NDArray[np.intp]

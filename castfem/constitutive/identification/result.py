@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.constitutive.base import Array
 from castfem.constitutive.curves import modified_norton_hoff
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.constitutive.flow_laws import NortonHoff
 from castfem.constitutive.identification.measured import TensileData
+from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Constant, Table
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 NAMES = ("strength", "p1", "p3", "p4")
-ZERO_CELSIUS = 273.15
 WIDE = {"strength": 1.0, "p3": 0.1, "p4": 0.2}  # an interval wider than this tells little
 PANELS = 12
 
