@@ -16,12 +16,12 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.case import Case, from_document, load_case
-from castfem.coupling.step_control import same_instant
 from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.same_place import same_instant
 from castfem.values.types import Array
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The error of every chief number of the billets as shipped; and of the pressure on the wall.
+"""The error of every headline number of the billets as shipped; and of the pressure on the wall.
 
 Writes tables of docs/billet.md: the shipped defaults against finer cells and shorter intervals.
 """
@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.billet_run import COARSE, MOULDS, NAMES, Found, every, mesh, run
 from benchmarks.report import Output, table
-from castfem.report.headline import CHIEF
+from castfem.report.headline import HEADLINE
 
 FINE = (*mesh(0.35), every(0.05))
 PATIENCE = 900.0  # s
@@ -19,10 +19,10 @@ DIGITS = {"shell": 2, "surface": 0, "heat": 3, "mould_heat": 3, "mould_contact":
 
 
 def chief_names(runs: Sequence[Found]) -> list[str]:
-    """Chief quantities that any run has; both faces of a square billet are one."""
+    """Headline quantities that any run has; both faces of a square billet are one."""
     return [
         name
-        for name in CHIEF
+        for name in HEADLINE
         if not name.endswith("_narrow_face") and any(name in run.values for run in runs)
     ]
 

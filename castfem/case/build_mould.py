@@ -9,6 +9,7 @@ from castfem import mould as wall
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
 from castfem.case.section import Section, Strip
+from castfem.values.same_place import ROUNDING
 from castfem.values.tables import as_function
 from castfem.values.units import format
 
@@ -70,9 +71,6 @@ def _tapers(table: Mould, section: Section) -> wall.Tapers:
     )
 
 
-_ROUNDING = 1e-9  # of a size: how far two that are one may differ
-
-
 def check_mould(table: Mould | None, section: Section) -> Iterator[Problem]:
     """Yield what does not fit between [mould] and [section]; faulty values are None in both."""
     if table is None or section is None:
@@ -115,9 +113,9 @@ def _sizes(table: Mould, section: Section, known: tuple[str, ...]) -> Iterator[P
             continue
         if name == "corner_radius":
             allowed = _widest_corner(table, section, hot)
-            short = allowed is not None and size > allowed + _ROUNDING * own
+            short = allowed is not None and size > allowed + ROUNDING * own
         else:
-            allowed, short = own / hot, hot * size < own * (1.0 - _ROUNDING)
+            allowed, short = own / hot, hot * size < own * (1.0 - ROUNDING)
         if short and allowed is not None:
             bound = "at most" if name == "corner_radius" else "at least"
             limit = "that" if allowed == own else _mm(float(f"{allowed:.9g}"))

@@ -34,8 +34,8 @@ class Reading:
             test, where its material was.
         law: The same for the law of the mechanics ("billet.toml: mechanics.law").
         elasticity: The same for its elasticity.
-        doubts: What a sound case has that was probably not meant, and what a later setting took out
-            of it, one line each.
+        warnings: What a sound case has that was probably not meant, and what a later setting took
+            out of it, one line each.
         line: Puts where it was written before what was found later.
         origin: File (or "--set") in which a key was written.
     """
@@ -45,7 +45,7 @@ class Reading:
     steel: str = "steel"
     law: str = "mechanics.law"
     elasticity: str = "mechanics.elasticity"
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     line: Callable[[Problem], str] = str
     origin: Callable[[document.Keys], str] = str
 
@@ -144,12 +144,12 @@ def _validate(written: document.Document) -> Reading:
     law, elasticity = (
         f"{written.origin(('mechanics', key))}: mechanics.{key}" for key in ("law", "elasticity")
     )
-    odd = plausibility.doubts(case) if isinstance(case, Case) and not lines else ()
+    odd = plausibility.warnings(case) if isinstance(case, Case) and not lines else ()
     left_out = () if lines else tuple(written.left_out)
-    doubts = (*left_out, *(_line(written, problem) for problem in odd))
+    warnings = (*left_out, *(_line(written, problem) for problem in odd))
     line = partial(_line, written)
     return Reading(
-        case, tuple(dict.fromkeys(lines)), steel, law, elasticity, doubts, line, written.origin
+        case, tuple(dict.fromkeys(lines)), steel, law, elasticity, warnings, line, written.origin
     )
 
 

@@ -36,7 +36,7 @@ _COLDEST = 200.0  # K
 _SAME_CARBON = 0.03  # wt%
 
 
-def doubts(case: Case) -> Iterator[Problem]:
+def warnings(case: Case) -> Iterator[Problem]:
     """Yield what a sound case has that was probably not meant."""
     given = case.casting.speed
     speed = max(given.values) if isinstance(given, Table) else given

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from castfem.mould.taper import Course, Displaced, Stretch, Taper
 from castfem.values.quantities import Kind, Notation
+from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Curve, Table
 from castfem.values.units import nearest
 
@@ -54,7 +55,7 @@ class Given:
                 f"a stretch of the taper ends {1e3 * inner:g} mm below the meniscus, where the "
                 f"mould has ended ({1e3 * length:g} mm)"
             )
-        if abs(end - length) > 1e-9 * length:
+        if abs(end - length) > ROUNDING * length:
             raise ValueError(
                 f"the last stretch of the taper ends {1e3 * end:g} mm below the meniscus, the "
                 f"mould {1e3 * length:g} mm; leave out its 'to'"

@@ -21,11 +21,11 @@ from castfem.case.problems import Problem
 from castfem.case.section import Section, Strip
 from castfem.case.verification import check_verification
 from castfem.support.messages import choices
+from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
 from castfem.values.units import format, nearest
 
 _FINEST = 1e-5  # of half the section: smallest cell
-_ROUNDING = 1e-9  # of a length: how far two that are one may differ
 _SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the same place
 _THINNEST = (
     1e-7  # m: a gap that halves the heat; the roughness of the surfaces is a hundred times that
@@ -235,7 +235,7 @@ def _mould_and_zones(case: Case) -> Iterator[Problem]:
     index = max((i for i, zone in enumerate(zones) if _follows(zone)), default=None)
     if index is None:
         return
-    zone, ends = zones[index], mould.length * (1 + _ROUNDING)
+    zone, ends = zones[index], mould.length * (1 + ROUNDING)
     if zone.to is None and "to" in zone.model_fields_set:
         return
     start = max((z.to for z in zones[:index] if z is not None and z.to is not None), default=0.0)
@@ -252,7 +252,7 @@ def _mould_and_zones(case: Case) -> Iterator[Problem]:
     walled = (Contact, Flux, PrescribedTemperature)
     if after is None or not after.surface or any(isinstance(w, walled) for w in after.surface):
         return
-    if last * (1 + _ROUNDING) < min(mould.length, length):
+    if last * (1 + ROUNDING) < min(mould.length, length):
         yield Problem(
             ("mould", "length"),
             f"({_mm(mould.length)}) goes on below the contact of zone '{zone.name}' "

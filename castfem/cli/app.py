@@ -211,7 +211,7 @@ def compare(
         typer.Option(help="Run the others are measured by; by default idealised, or the first."),
     ] = None,
     everything: Annotated[
-        bool, typer.Option("--all", help="All quantities, not only the chief ones.")
+        bool, typer.Option("--all", help="All quantities, not only those of the headline.")
     ] = False,
     figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
 ) -> None:

@@ -42,12 +42,12 @@ def problems_of(
 
 def _tell_doubts(reading: Reading, steel: Steel | None, law_carbon: float | None) -> None:
     """Log what a sound case has that was probably not meant."""
-    doubts = list(reading.doubts)
+    warnings = list(reading.warnings)
     if isinstance(reading.case, Case) and steel is not None:
         found = plausibility.doubts_with(reading.case, steel, law_carbon)
-        doubts += [reading.line(problem) for problem in found]
-    for doubt in doubts:
-        log.logger.warning("%s", doubt)
+        warnings += [reading.line(problem) for problem in found]
+    for warning in warnings:
+        log.logger.warning("%s", warning)
 
 
 def _steel(reading: Reading) -> Steel | None:

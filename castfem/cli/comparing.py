@@ -28,7 +28,7 @@ def compare_runs(
         folders: Of runs, or of sweeps.
         output: Where table and figures go; by default `compare` beside the runs.
         base: Label or folder of the run the others are measured by.
-        everything: All quantities, not only the chief ones.
+        everything: All quantities, not only those of the headline.
         figures: Draw them.
 
     Raises:

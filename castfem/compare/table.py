@@ -15,7 +15,7 @@ import numpy as np
 
 from castfem.compare.runs import Run
 from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
-from castfem.report.headline import chief, plain_label
+from castfem.report.headline import headline, plain_label
 from castfem.report.remarks import mould_exit
 from castfem.report.show import is_gap, shown, small_gap, unit_shown
 from castfem.support.atomic_files import write_text
@@ -60,18 +60,18 @@ class Line:
 
 
 def lines(runs: Sequence[Run], base: Run, *, everything: bool = False) -> list[Line]:
-    """Return the chief quantities, those with references, and the ratios to the base run.
+    """Return the headline quantities, those with references, and the ratios to the base run.
 
     Sizes are shown on the way through the mould, too, from the histories.
 
     Args:
         runs: In the order of the columns.
         base: By which the ratios are taken.
-        everything: All quantities instead of the chief ones.
+        everything: All quantities instead of the headline ones.
     """
     all_of = [run.summary.quantities for run in runs]
     references = [c for run in runs for c in run.summary.references if not c.missing]
-    names = list(dict.fromkeys(n for q in all_of for n in q)) if everything else chief(all_of)
+    names = list(dict.fromkeys(n for q in all_of for n in q)) if everything else headline(all_of)
     referred = [c.reference.quantity for c in references]
     names += [name for name in dict.fromkeys(referred) if name not in names]
     histories = [run.history() for run in runs]

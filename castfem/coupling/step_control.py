@@ -7,18 +7,13 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from castfem.errors import RunFailure
+from castfem.values.same_place import EXACT
 
 SAFETY = 0.9
 GROWTH = 2.0
 SHRINK = 0.2
 FAILED = 0.25  # what is left of the step when the solver fails
-_SAME = 1e-12  # of the whole time: two instants closer than this are one
 _NEARLY = 1e-6  # of the smallest step: how far rounding takes a step from it
-
-
-def same_instant(one: float, other: float, whole: float) -> bool:
-    """Whether two instants of a run of length `whole` are one but for rounding."""
-    return abs(one - other) <= _SAME * whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +56,7 @@ class StepControl:
     ) -> None:
         if (fixed is None) == (adaptive is None):
             raise ValueError("give a fixed step or an adaptive one")
-        self.end, self._tiny = end, _SAME * end
+        self.end, self._tiny = end, EXACT * end
         inner = sorted({m for m in milestones if self._tiny < m < end - self._tiny})
         self._stops = [
             m for i, m in enumerate(inner) if i == 0 or m - inner[i - 1] > self._tiny

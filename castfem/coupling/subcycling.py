@@ -11,9 +11,10 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.coupling.step_control import StepControl, same_instant
+from castfem.coupling.step_control import StepControl
 from castfem.support import log
 from castfem.thermal.stepper import ThermalState, ThermalStepper
+from castfem.values.same_place import same_instant
 from castfem.values.types import Array
 
 if TYPE_CHECKING:

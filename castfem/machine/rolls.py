@@ -11,6 +11,7 @@ from typing import Any
 from castfem.machine.line import FACES, INWARD, Bent, Face
 from castfem.values.csv_files import UnreadableError, read_csv
 from castfem.values.quantities import Kind
+from castfem.values.same_place import ROUNDING
 from castfem.values.units import nearest
 
 STRAIGHT = "straight"
@@ -24,7 +25,6 @@ KINDS: dict[str, Kind] = {
 RADII = tuple(f"radius_{face}" for face in FACES)
 COLUMNS = ("position", "diameter", "aperture", *RADII, "driven", "capacity")
 _HEADER = "position [m], diameter [mm], aperture [mm], radius_extrados [m], driven, capacity [kN]"
-_ROUNDING = 1e-9
 _YES, _NO = ("yes", "true", "1"), ("no", "false", "0", "")
 
 
@@ -333,7 +333,7 @@ def _after(rolls: Rolls, index: int, thickness: float) -> Iterator[str]:
             "thinner or the pitch longer"
         )
     now, then = (rolls.aperture(k, thickness) for k in (index, index - 1))
-    if now > then * (1.0 + _ROUNDING):
+    if now > then * (1.0 + ROUNDING):
         yield (
             f"aperture ({1e3 * now:g} mm) grows from {1e3 * then:g} mm at the roll before: nothing "
             "would hold the strand there; apertures stay or decrease downwards"

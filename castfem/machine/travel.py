@@ -8,7 +8,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import Protocol
 
-_SAME = 1e-12  # of a position: two that are closer are one but for rounding
+from castfem.values.same_place import EXACT
 
 
 class Travel(Protocol):
@@ -117,7 +117,7 @@ class Changing:
 
     def time_at(self, position: float) -> float:
         """See `Travel`."""
-        hair = _SAME * abs(position)
+        hair = EXACT * abs(position)
         # Near the place where the strand stops the parabola is flat: what rounding makes of that
         # place would be an instant of its own, a hair before the stop.
         i = bisect_left(self._positions, position - hair)

@@ -14,10 +14,9 @@ from castfem.mould.cavity import Cavity, Tapers
 from castfem.mould.contour import Contour
 from castfem.mould.taper import stretch_ends, taper_between
 from castfem.mould.wall import GapFunction
+from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Constant, Table
 from castfem.values.types import Array
-
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +67,7 @@ class Zone:
 
 def is_below(position: float, length: float) -> bool:
     """Return whether a position is below the end of a mould of some length, m."""
-    return position > length * (1.0 + _ROUNDING)
+    return position > length * (1.0 + ROUNDING)
 
 
 class Mould:

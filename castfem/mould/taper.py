@@ -18,9 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
-
-_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +134,6 @@ def stretch_ends(courses: Sequence[Course], length: float) -> list[float]:
     """Return the ends of all stretches between the meniscus and the end of the mould, m."""
     ends = [0.0]
     for knot in sorted({k for course in courses for k in course.knots()} | {length}):
-        if ends[-1] + _ROUNDING * length < knot <= length * (1.0 - _ROUNDING) or knot == length:
+        if ends[-1] + ROUNDING * length < knot <= length * (1.0 - ROUNDING) or knot == length:
             ends.append(knot)
     return ends

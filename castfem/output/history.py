@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from castfem.errors import InputError
-from castfem.output.xdmf import same_or_before
 from castfem.support.atomic_files import saving, write_text
 from castfem.support.closing import Closing
+from castfem.values.same_place import same_or_before
 
 if TYPE_CHECKING:
     import pandas

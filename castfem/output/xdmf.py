@@ -30,6 +30,7 @@ from castfem.output.layout import UNITS, components, vtk_cells
 from castfem.support import log
 from castfem.support.atomic_files import GrowingFile, saving
 from castfem.support.closing import Closing
+from castfem.values.same_place import same_or_before
 
 if TYPE_CHECKING:
     import h5py
@@ -279,11 +280,6 @@ class FieldWriter(Closing):
         grid.append("</Grid>\n")
         self._xdmf.extend("".join(grid))
         self._steps.append(step)
-
-
-def same_or_before(time: float, limit: float) -> bool:
-    """Whether a time [s] is not after another, give or take the digits a text file keeps."""
-    return bool(time <= limit + 1e-9 * max(1.0, abs(limit)))
 
 
 def _width(values: NDArray[Any] | h5py.Dataset) -> int:

@@ -8,10 +8,10 @@ import numpy as np
 
 from castfem.output.fields import Fields
 from castfem.output.folder import CASE_NAME
+from castfem.values.same_place import ROUNDING
 from castfem.values.types import Array
 
 _FINE = 33  # points of a segment; odd: one lies in the middle of a face, on the plane of symmetry
-_ROUNDING = 1e-9  # relative
 _MODELLED = {"quarter": (0, 1), "half": (0,)}  # axes along which the modelled part is above 0
 
 
@@ -38,13 +38,13 @@ class WallLine:
         if not isinstance(case, Case) or case.mould is None:
             return None
         mould = build_mould(case.mould, case.section)
-        if position > mould.length * (1.0 + _ROUNDING):
+        if position > mould.length * (1.0 + ROUNDING):
             return None
         start, now = (
             np.concatenate([s.points(_FINE) for s in mould.contour(place).segments])
             for place in (0.0, position)
         )
-        near = _ROUNDING * float(np.abs(start).max())
+        near = ROUNDING * float(np.abs(start).max())
         for axis in _MODELLED.get(str(fields.attributes.get("symmetry")), ()):
             start[start[:, axis] < -near] = np.nan
         return cls(start, now - start)

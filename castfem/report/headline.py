@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from castfem.output.summary import Quantity
 
 # In the order in which they are shown; what a run does not have is left out.
-CHIEF = (
+HEADLINE = (
     "shell_mid_face",
     "shell_narrow_face",
     "shell_corner",
@@ -34,13 +34,13 @@ CHIEF = (
 _SAME = 1e-6  # relative; faces of a square section differ by less
 
 
-def chief(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
-    """Return the chief quantities that any of the runs has, without those that say nothing new.
+def headline(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
+    """Return the headline quantities that any of the runs has, without those that say nothing new.
 
     The narrow face is left out where it is in every run as the mid-face.
     """
     everything = list(runs)
-    found = [name for name in CHIEF if any(name in run for run in everything)]
+    found = [name for name in HEADLINE if any(name in run for run in everything)]
     return [
         name
         for name in found

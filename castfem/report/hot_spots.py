@@ -1,4 +1,4 @@
-"""Weak spots of the surface, from the fields: where it is hot, and where its shell is thin."""
+"""Hot spots of the surface, from the fields: where it is hot, and where its shell is thin."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CHUNK = 200  # surface points at once: bounds the memory of their distances
 
 
 @dataclass(frozen=True, slots=True)
-class Spot:
+class HotSpot:
     """A value at a place of the surface: (x, y) [m], on the undeformed section."""
 
     value: float
@@ -25,14 +25,14 @@ class Spot:
     y: float
 
 
-def hottest(fields: Fields, index: int) -> Spot:
+def hottest(fields: Fields, index: int) -> HotSpot:
     """The highest temperature [K] of the surface; `index` of the time as in a list."""
     nodes = np.unique(Outline.of(fields).surface)
     kelvin = fields.values("temperature", index)[nodes]
-    return _spot(fields, nodes, kelvin, kelvin >= kelvin.max() - _SAME * np.ptp(kelvin))
+    return _hot_spot(fields, nodes, kelvin, kelvin >= kelvin.max() - _SAME * np.ptp(kelvin))
 
 
-def thinnest(fields: Fields, solidus: float, index: int) -> Spot | None:
+def thinnest(fields: Fields, solidus: float, index: int) -> HotSpot | None:
     """The shortest way [m] from the surface to the solidus; None where there is none.
 
     A piece of the surface above the solidus has no shell: 0.
@@ -43,19 +43,21 @@ def thinnest(fields: Fields, solidus: float, index: int) -> Spot | None:
         return None
     bare = kelvin[nodes] > solidus
     if bare.any():
-        return _spot(fields, nodes, np.zeros(len(nodes)), bare)
+        return _hot_spot(fields, nodes, np.zeros(len(nodes)), bare)
     front = _isotherm(fields, kelvin, solidus)
     surface = fields.points[nodes, :2]
     parts = [surface[i : i + _CHUNK] for i in range(0, len(surface), _CHUNK)]
     distance = np.concatenate([_distance(part, front) for part in parts])
-    return _spot(fields, nodes, distance, distance <= (1 + _SAME) * distance.min())
+    return _hot_spot(fields, nodes, distance, distance <= (1 + _SAME) * distance.min())
 
 
-def _spot(fields: Fields, nodes: NDArray[np.intp], values: Array, best: NDArray[np.bool_]) -> Spot:
+def _hot_spot(
+    fields: Fields, nodes: NDArray[np.intp], values: Array, best: NDArray[np.bool_]
+) -> HotSpot:
     """Of the best nodes, as symmetry makes several, the highest."""
     place = fields.points[nodes, :2]
     number = max(np.flatnonzero(best), key=lambda i: (place[i, 1], place[i, 0]))
-    return Spot(float(values[number]), float(place[number, 0]), float(place[number, 1]))
+    return HotSpot(float(values[number]), float(place[number, 0]), float(place[number, 1]))
 
 
 def _isotherm(fields: Fields, kelvin: Array, level: float) -> Array:

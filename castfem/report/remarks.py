@@ -16,8 +16,9 @@ from castfem.output.fields import Fields
 from castfem.output.summary import Summary
 from castfem.plots.history import STAIR, curves, has_values, unit_of
 from castfem.plots.section import Steel
-from castfem.report.hot_spots import Spot, hottest, thinnest
+from castfem.report.hot_spots import HotSpot, hottest, thinnest
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.same_place import ROUNDING
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def remarks(
     Args:
         table: Of `castfem.output.history.read_history`.
         summary: Tells where the mould ends; None of a run that has not finished.
-        fields: Tell of weak spots between the probes.
+        fields: Tell of hot spots between the probes.
     """
     if len(table) < 2 or not has_values(table, "position"):
         return []
@@ -280,11 +281,11 @@ def _between_probes(
     return found
 
 
-def _instead(probe: Remark, value: float, spot: Spot, where: str) -> Remark:
-    """What holds at a spot, and what is worst among the probes."""
+def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Remark:
+    """What holds at a hot spot, and what is worst among the probes."""
     label = probe.where.removesuffix(f", {where}")
     digits = ".4g" if probe.unit == "°C" else ".3g"
-    place = f"x = {1e3 * spot.x:.1f}, y = {1e3 * spot.y:.1f} mm, {where}"
+    place = f"x = {1e3 * hot_spot.x:.1f}, y = {1e3 * hot_spot.y:.1f} mm, {where}"
     return Remark(
         probe.what, value, probe.unit, f"{place}; of the probes {label}, {probe.value:{digits}}"
     )
@@ -293,7 +294,7 @@ def _instead(probe: Remark, value: float, spot: Spot, where: str) -> Remark:
 def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
     """Where the mould ends [m], and what to call it: the end of the run when it ends before."""
     ends = None if summary is None else summary.mould_exit
-    if ends is not None and ends <= position[-1] * (1 + 1e-9):
+    if ends is not None and ends <= position[-1] * (1 + ROUNDING):
         return ends, "mould exit"
     return float(position[-1]), "end of the run"
 

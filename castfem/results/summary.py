@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from castfem.coupling.step_control import same_instant
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
 from castfem.results.registry import results_of
 from castfem.simulation import closed_form
+from castfem.values.same_place import same_instant
 
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError
 from castfem.output.summary import Quantity, Summary
-from castfem.report.headline import chief, plain_label
+from castfem.report.headline import headline, plain_label
 from castfem.support.atomic_files import write_text
 from castfem.sweep.plan import Variant, shortened
 from castfem.sweep.record import Record
@@ -97,7 +97,7 @@ def write_table(path: Path, table: Sequence[Row]) -> None:
 
 
 def printed(table: Sequence[Row], width: int) -> Table:
-    """Return the table for the terminal: what was varied, and as many chief results as fit.
+    """Return the table for the terminal: what was varied, and as many headline results as fit.
 
     Args:
         table: The runs.
@@ -143,12 +143,12 @@ def _leading_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
 
 
 def _chief_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
-    """Header and cells of the chief results, the most wanted first."""
+    """Header and cells of the headline results, the most wanted first."""
     from castfem.report.show import shown
 
     all_of = [row.quantities for row in table if row.quantities]
     found = []
-    for name in chief(all_of):
+    for name in headline(all_of):
         some = next(q[name] for q in all_of if name in q)
         quantities = [row.quantities.get(name) for row in table]
         cells = [shown(q.shown, q.shown_unit) if q else "-" for q in quantities]

@@ -13,9 +13,9 @@ from pathlib import Path
 from castfem.case import AnyCase, Case, read_case
 from castfem.errors import InputError
 from castfem.output.folder import CASE_NAME, RUN_NAME, RunRecord
-from castfem.output.xdmf import same_or_before
 from castfem.support import log
 from castfem.support.messages import differences
+from castfem.values.same_place import same_or_before
 
 _NOT_PHYSICS = ("title", "output", "reference", "verification", "casting.length")
 

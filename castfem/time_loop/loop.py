@@ -11,7 +11,6 @@ from mpi4py import MPI
 
 from castfem.case.portable import portable
 from castfem.coupling.staggered import CouplingWindow, take_window
-from castfem.coupling.step_control import same_instant
 from castfem.coupling.subcycling import SubSteps
 from castfem.errors import CastfemError, RunFailure
 from castfem.fem import reductions
@@ -27,6 +26,7 @@ from castfem.support.stopwatch import peak_memory, profile_table
 from castfem.time_loop import restart
 from castfem.time_loop.interrupt import Interrupt, Stopped
 from castfem.time_loop.recorder import Recorder
+from castfem.values.same_place import same_instant
 
 if TYPE_CHECKING:
     from castfem.case import Case

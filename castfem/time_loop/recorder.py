@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.coupling.step_control import same_instant
 from castfem.errors import InputError
 from castfem.fem.root import on_root
 from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
 from castfem.output.folder import OutputFolder
 from castfem.output.history import HISTORY_NAME, History
-from castfem.output.xdmf import FieldWriter, same_or_before
+from castfem.output.xdmf import FieldWriter
 from castfem.results.columns import columns, row
 from castfem.results.run_state import Counts, RunState
 from castfem.results.sample import Sample
 from castfem.time_loop import restart
+from castfem.values.same_place import same_instant, same_or_before
 from castfem.values.types import Array
 
 if TYPE_CHECKING:

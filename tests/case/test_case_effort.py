@@ -37,8 +37,8 @@ def test_output_that_is_not_written_makes_no_states() -> None:
 
 
 def test_a_long_run_is_told_with_its_time() -> None:
-    (line,) = read_case(TAPERED, ["coupling.mechanical_step=50 us"]).doubts
+    (line,) = read_case(TAPERED, ["coupling.mechanical_step=50 us"]).warnings
     assert "(5e-05 s) makes 200 000 mechanical steps" in line
     assert line.endswith("5.6 hours")
-    (line,) = read_case(TAPERED, ["output.every=1 ms"]).doubts
+    (line,) = read_case(TAPERED, ["output.every=1 ms"]).warnings
     assert "10 000 states of the fields" in line

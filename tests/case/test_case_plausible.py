@@ -16,10 +16,10 @@ TWO = 'mould.taper=[{ to = "100 mm", taper = "%s" }, { taper = "0.5 %%/m" }]'
 WALL = 'mould.taper={ position = [0, 600], position_unit = "mm", value = [0, %s], unit = "mm" }'
 
 
-def _doubts(*changes: str) -> tuple[str, ...]:
+def _warnings(*changes: str) -> tuple[str, ...]:
     reading = read_case(TAPERED, changes)
     assert not reading.problems
-    return reading.doubts
+    return reading.warnings
 
 
 @pytest.mark.parametrize(
@@ -40,7 +40,7 @@ def _doubts(*changes: str) -> tuple[str, ...]:
     ],
 )
 def test_what_was_hardly_meant(change: str, said: str) -> None:
-    (line,) = _doubts(change)
+    (line,) = _warnings(change)
     assert line.startswith("--set: ")
     assert said in line
     assert ("did you mean" in line) == ("did you mean" in said)
@@ -66,23 +66,23 @@ FOLLOWS = 'is not changed by the gap that opens in the mould; heat that is to fo
     ],
 )
 def test_heat_that_the_gap_does_not_change(laws: list[str], said: str) -> None:
-    (line,) = _doubts(HEAT % ", ".join(laws))
+    (line,) = _warnings(HEAT % ", ".join(laws))
     assert f"cooling.0.surface.{said}" in line.replace(' (zone "mould")', "")
 
 
 def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
     thermal = TAPERED.with_name("thermal.toml")
     both = HEAT % ", ".join([CONTACT % "", RADIATION % ""])
-    (line,) = read_case(thermal, [both]).doubts
+    (line,) = read_case(thermal, [both]).warnings
     assert "surface.1" in line
     assert "radiation has no effect beside contact without a gap" in line
     assert (
-        read_case(thermal, [HEAT % ", ".join([CONTACT % ', gap="1 mm"', RADIATION % ""])]).doubts
+        read_case(thermal, [HEAT % ", ".join([CONTACT % ', gap="1 mm"', RADIATION % ""])]).warnings
         == ()
     )
     apart = [CONTACT % ', on=["wide"]', RADIATION % ', on=["narrow"]']
-    assert read_case(thermal, [HEAT % ", ".join(apart)]).doubts == ()
-    assert _doubts(both) == ()  # there is a mould, and its gap
+    assert read_case(thermal, [HEAT % ", ".join(apart)]).warnings == ()
+    assert _warnings(both) == ()  # there is a mould, and its gap
 
 
 @pytest.mark.parametrize(
@@ -97,7 +97,7 @@ def test_radiation_beside_contact_without_a_gap_is_in_vain() -> None:
     ],
 )
 def test_what_may_be_meant(change: str) -> None:
-    assert _doubts(change) == ()
+    assert _warnings(change) == ()
 
 
 THERMAL = TAPERED.with_name("thermal.toml")
@@ -121,19 +121,19 @@ SPRAYED = (
     ],
 )
 def test_water_beyond_what_was_measured_is_told(water, correlation, said) -> None:
-    found = read_case(THERMAL, [SPRAYED % (water, correlation)]).doubts
+    found = read_case(THERMAL, [SPRAYED % (water, correlation)]).warnings
     assert len(found) == (said is not None)
     assert all(said in line and "cooling.0.surface.0.water" in line for line in found)
 
 
 def test_a_spray_without_radiation_is_told() -> None:
     alone = SPRAYED.replace(',{law="radiation",ambient="25 degC",emissivity=0.8}', "")
-    (line,) = read_case(THERMAL, [alone % ("5 L/(m^2 s)", "nozaki")]).doubts
+    (line,) = read_case(THERMAL, [alone % ("5 L/(m^2 s)", "nozaki")]).warnings
     assert "a spray without radiation" in line
 
 
 def test_kelvin_for_degrees_is_told() -> None:
-    (line,) = read_case(THERMAL, ["cooling.mould.surface.0.wall=160 K"]).doubts
+    (line,) = read_case(THERMAL, ["cooling.mould.surface.0.wall=160 K"]).warnings
     assert '(160 K) is -113.2 degC; did you mean "160 degC"?' in line
 
 
@@ -160,10 +160,10 @@ def test_what_does_not_fit_the_steel_is_told() -> None:
 
 @pytest.mark.parametrize("path", shipped_cases.shipped().values(), ids=shipped_cases.shipped())
 def test_shipped_cases_are_meant(path: Path) -> None:
-    assert read_case(path).doubts == ()
+    assert read_case(path).warnings == ()
 
 
 def test_a_faulty_case_has_other_worries() -> None:
     reading = read_case(TAPERED, ["mould.taper=20 %/m", "casting.length=3"])
     assert len(reading.problems) == 1
-    assert reading.doubts == ()
+    assert reading.warnings == ()

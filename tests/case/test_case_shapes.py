@@ -28,7 +28,7 @@ def layers(tmp_path):
 def test_a_round_leaves_out_what_only_a_rectangle_knows():
     reading = read_case(CASES / "taper_1.toml", [ROUND])
     assert reading.problems == () and reading.case.mesh.corner_size is None
-    (told,) = [line for line in reading.doubts if "left out" in line]
+    (told,) = [line for line in reading.warnings if "left out" in line]
     assert told.startswith("--set: section.shape") and "mesh.corner_size (" in told
     assert "coupled.toml" in told
     by_keys = load_case(CASES / "taper_1.toml", ["section.shape=round", "section.diameter=125 mm"])

@@ -214,21 +214,21 @@ def test_a_strip_has_no_rolls() -> None:
 
 def test_what_is_told_and_not_refused(tmp_path: Path) -> None:
     """Angles that do not close, a strand still bent at the end, a section that does not fit."""
-    told = read_case(SLAB, [SEGMENTS]).doubts
+    told = read_case(SLAB, [SEGMENTS]).warnings
     assert any(
         "the angles do not close: the strand leaves the last bent roll at 92" in t for t in told
     )
     assert any(
-        "still bent at the last roll, R = 8 m" in t for t in read_case(written(tmp_path)).doubts
+        "still bent at the last roll, R = 8 m" in t for t in read_case(written(tmp_path)).warnings
     )
-    thick = read_case(SLAB, ["section.height=300 mm"]).doubts
+    thick = read_case(SLAB, ["section.height=300 mm"]).warnings
     assert any("roll 1: aperture (229.6 mm) of a section 300 mm thick" in t for t in thick)
     tight = tuple(row.replace(" 8,", " 2,") for row in ROWS)
     (tmp_path / "tight").mkdir()
     assert any(
-        "strains the faces" in t for t in read_case(written(tmp_path / "tight", tight)).doubts
+        "strains the faces" in t for t in read_case(written(tmp_path / "tight", tight)).warnings
     )
-    assert read_case(SLAB).doubts == ()
+    assert read_case(SLAB).warnings == ()
 
 
 def test_a_case_without_rolls_does_not_import_them() -> None:

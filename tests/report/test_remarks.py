@@ -142,8 +142,8 @@ def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, 
     points, cells = rectangle(16, 16, HALF, HALF, cell, order, power=1.7)
     depth = HALF - points.max(axis=1)
     even = 1600.0 + 2e4 * depth  # the solidus lies 6.2575 mm deep everywhere
-    spot = np.array([0.0467, HALF])
-    near = np.exp(-(np.linalg.norm(points - spot, axis=1) ** 2) / (2 * 4e-3**2))
+    hot_spot = np.array([0.0467, HALF])
+    near = np.exp(-(np.linalg.norm(points - hot_spot, axis=1) ** 2) / (2 * 4e-3**2))
     facts = {"solidus": SOLIDUS, "liquidus": LIQUIDUS, "symmetry": "quarter"}
     with FieldWriter(tmp_path, points, cells, cell, order, attributes=facts) as writer:
         for time, kelvin in ((0.0, even + 300.0), (5.0, even), (10.0, even + 60.0 * near)):
@@ -155,7 +155,7 @@ def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, 
         assert hottest(fields, 1).value == pytest.approx(1600.0)
         hot, thin = hottest(fields, 2), thinnest(fields, SOLIDUS, 2)
         for found in (hot, thin):
-            assert (found.x, found.y) == (pytest.approx(spot[0], abs=2e-3), HALF)
+            assert (found.x, found.y) == (pytest.approx(hot_spot[0], abs=2e-3), HALF)
         assert 1645.0 < hot.value <= 1660.001
         z = depth_of_level(lambda s: 1600.0 + 2e4 * s + 60.0 * np.exp(-(s**2) / (2 * 4e-3**2)))
         assert thin.value == pytest.approx(z, rel=0.05)

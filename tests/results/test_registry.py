@@ -23,7 +23,7 @@ from castfem.fem import reductions
 from castfem.output.history import read_history
 from castfem.output.summary import Summary, si_unit
 from castfem.plots.history import axis_label, probes_with
-from castfem.report.headline import CHIEF
+from castfem.report.headline import HEADLINE
 from castfem.results import registry
 from castfem.results.labels import last_quantities
 from castfem.results.reference_table import written
@@ -113,7 +113,7 @@ def test_the_page_is_that_of_the_registry() -> None:
 
 
 def test_what_is_looked_at_first_are_results() -> None:
-    for name in CHIEF:
+    for name in HEADLINE:
         found = find(name)
         assert found is not None and found[0].row, name
 

@@ -131,7 +131,7 @@ def test_a_new_spray_runs(case: castfem.Case) -> None:
         twice = {**spray, "correlation": "mizikar", "machine_factor": 0.5}
         assert final(new) == pytest.approx(final(case.with_({HEAT: [twice]})), abs=1e-9)
         assert "outside of what linear was measured for, 1 to 4" in " ".join(
-            str(doubt) for doubt in castfem.case.plausibility.doubts(new)
+            str(warning) for warning in castfem.case.plausibility.warnings(new)
         )
         assert '`"linear"`' in markdown_page()
     finally:

@@ -1,4 +1,4 @@
-"""What a fit of the modified Norton-Hoff law has found: numbers, doubts, law, file, picture."""
+"""What a fit of the modified Norton-Hoff law has found: numbers, warnings, law, file, picture."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class IdentifiedLaw:
         return tuple(found)
 
     def report(self) -> str:
-        """A table for the terminal: parameters with intervals, residuals, doubts."""
+        """A table for the terminal: parameters with intervals, residuals, warnings."""
         percent = f"{100.0 * self.confidence:g} %"
         head = (
             f"{'T degC':>7}{'K0 p2 MPa s^p3':>20}{'p1':>18}{'p3':>19}{'p4':>19}"
