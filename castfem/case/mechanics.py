@@ -9,8 +9,9 @@ from pydantic import Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.thermal import PetscOption
+from castfem.support.messages import choices
 from castfem.values.quantities import Kind, Notation, PositiveDifference, Time
-from castfem.values.tables import Curve, CurveOr, Table
+from castfem.values.tables import Curve, CurveOr, CurveOverEither, Table
 from castfem.values.units import parse_any
 
 if TYPE_CHECKING:
@@ -19,13 +20,15 @@ if TYPE_CHECKING:
 
 FREE = "free"
 _TIME, _LENGTH = Kind("s", "s", above=0.0), Kind("m", "mm", above=0.0)
+_DISTANCE = Kind("m", "mm")
 
 Share = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="1")]
 Ratio = Annotated[float, Kind("1", above=0.0, most=1.0, label="ratio", sample="1e-5")]
 Solid = Annotated[float, Kind("1", least=0.0, most=0.99, label="solid fraction", sample="0.5")]
 Tolerance = Annotated[float, Kind("1", above=0.0, most=0.1, label="tolerance", sample="1e-8")]
-ForceOfTime = Annotated[
-    float | Table, Curve(Kind("N", "kN", label="force", sample="10 kN"), over="time")
+Force = Annotated[
+    float | Table,
+    CurveOverEither(Kind("N", "kN", label="force", sample="10 kN"), over="time", other="position"),
 ]
 MomentOfTime = Annotated[
     float | Table, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), over="time")
@@ -44,11 +47,43 @@ Gradient = Annotated[
 ]
 
 
+AXES = {"intrados": 0.5, "centre": 0.0, "extrados": -0.5}
+"""Places of a neutral axis by name: from the middle towards the intrados, over the thickness."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisMark(Notation):
+    """Annotation of a field that takes the place of a neutral axis."""
+
+    takes: str = (
+        '`"free"`, `"intrados"`, `"centre"`, `"extrados"`, or distance from the middle towards '
+        'the intrados: `"20 mm"`'
+    )
+
+    def read(self, given: object) -> Any:
+        """Return the word, or the distance in m; raise ValueError if it is neither."""
+        if given is None or given == FREE or given in AXES:
+            return given
+        try:
+            return _DISTANCE.read(given)
+        except ValueError as error:
+            raise ValueError(f'{error}; or "{FREE}", {choices(AXES)}') from None
+
+    def write(self, value: Any) -> Any:
+        """Return what reads back to the same place."""
+        return _DISTANCE.write(value) if isinstance(value, float) else value
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"enum": [FREE, *AXES]}, _DISTANCE.json_schema()]}
+
+
 class Motions(TableModel):
     """How the two planes that bound the slice move: e = 1 + a0 + a1 x + a2 y (eq. 37).
 
     Each motion is free, or imposed as a value or a table over time; what the section's symmetry
-    excludes stays zero.
+    excludes stays zero. Where the rolls of [machine] bend the strand they give a2 for a0, (41).
     """
 
     a0: AxialStrain = Field(
@@ -63,15 +98,31 @@ class Motions(TableModel):
     across: AxialStrain | None = Field(
         None, description="uniform strain along y, for a strip cut out of something wide"
     )
-    force: ForceOfTime = Field(
-        written("0 kN"), description="external axial force on the whole strand"
-    )
+    force: Force = Field(written("0 kN"), description="external axial force on the whole strand")
     moment_x: MomentOfTime = Field(
         written("0 kN m"),
         description="external moment with x, on the whole strand",
     )
     moment_y: MomentOfTime = Field(
         written("0 kN m"), description="external moment with y, on the whole strand"
+    )
+    neutral_axis: Annotated[Any, AxisMark()] = Field(
+        None,
+        description="of a strand that its machine bends: where the thickness of the slice stays 1 "
+        "(eq. 42-44); by default free, found by equilibrium",
+        examples=["free"],
+    )
+    closing: Literal["tangential", "axial"] | None = Field(
+        None,
+        description="of a strand that its machine bends: what the force balances, N - kM, from "
+        "which the work of bending is taken, or N alone as in the thesis; by default tangential",
+        examples=["tangential"],
+    )
+    force_contains_bending: bool | None = Field(
+        None,
+        description="whether the force, as a measured one, has the work of bending in it; asked "
+        "for where a table over position is closed tangentially, else false",
+        examples=[True],
     )
 
 

@@ -120,6 +120,12 @@ class Case(TableModel):
         return None if last < 0 else self.cooling[last].to
 
     @property
+    def bends(self) -> bool:
+        """Whether the rolls of its machine bend the strand; false as well where none are sound."""
+        rolls = None if self.machine is None else self.machine.pairs()
+        return rolls is not None and any(math.isfinite(pair.radius) for pair in rolls.pairs)
+
+    @property
     def output_fields(self) -> tuple[FieldName, ...]:
         """The fields to write: those asked for, or what the simulation has."""
         if self.output.fields is not None:

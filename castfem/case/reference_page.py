@@ -14,7 +14,7 @@ from castfem.case.base import TableModel
 from castfem.case.casting import Casting, Output, Reference, Steel
 from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.machine import Machine, RollSegment, RollTable
-from castfem.case.mechanics import Coupling, Held, Mechanics, Motions, WindowMark
+from castfem.case.mechanics import AxisMark, Coupling, Held, Mechanics, Motions, WindowMark
 from castfem.case.mould import ContactSettings, Copper, Friction, Mould
 from castfem.case.problems import submodels
 from castfem.case.section import Mesh, Section
@@ -166,7 +166,7 @@ def _takes(field: FieldInfo) -> str:
     for mark in field.metadata:
         if isinstance(mark, Kind | Curve):
             return _mark(mark, example)
-        if isinstance(mark, TaperMark | RollTable | WindowMark):
+        if isinstance(mark, TaperMark | RollTable | WindowMark | AxisMark):
             return mark.takes
         if isinstance(mark, NameOf):
             return ", ".join(f'`"{name}"`' for name in mark.register)
@@ -180,7 +180,7 @@ def _mark(mark: Kind | Curve, example: object) -> str:
         value = mark.kind.example if example == mark.word else example
         return f'`"{mark.word}"`; {_mark(plain, value)}'
     if isinstance(mark, Curve):
-        return f"{_mark(mark.kind, example)}, or a table over {mark.over}"
+        return f"{_mark(mark.kind, example)}, or a table over {mark.arguments}"
     text = str(example or mark.example)
     return f"{mark.name}: `{text}`" if mark.unit == "1" else f'{mark.name}: `"{text}"`'
 

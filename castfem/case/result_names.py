@@ -21,6 +21,7 @@ AT_PROBES = {
     "displacement": "mm",
     "size": "mm",
     "gap": "mm",
+    "axial_stress": "MPa",
 }
 """Results at a probe, whose name stands behind (shell_mid_face), and a unit of each."""
 WHOLE = {
@@ -38,6 +39,10 @@ WHOLE = {
     "colder_than_data": "percent",
     "hotter_than_data": "percent",
     "faster_than_data": "percent",
+    "curvature": "1/m",
+    "neutral_axis": "mm",
+    "bending_moment": "kN m",
+    "bending_work": "kJ/m",
     "gap_max": "mm",
     "mean_contact_pressure_max": "MPa",
     "contact_pressure_max": "MPa",

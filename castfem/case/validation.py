@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from castfem.case import effort, result_names
+from castfem.case.bending import check_bending
 from castfem.case.build_mould import check_mould
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
@@ -46,6 +47,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from check_mould(case.mould, case.section)
     yield from _mould_and_zones(case)
     yield from check_machine(case)
+    yield from check_bending(case)
     yield from _output(case)
     yield from _references(case)
     yield from check_verification(case)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from dolfinx import fem
 from castfem.contact.checkpoint import ContactArchive
 from castfem.contact.state import ContactState
 from castfem.fem import dof_values, reductions
+from castfem.mechanics.planes import STRAIGHT, Bending
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.quadrature import Cellwise
 from castfem.mechanics.state import MechanicalState
@@ -67,7 +69,8 @@ class Archive:
     @staticmethod
     def description(state: MechanicalState) -> dict[str, Any]:
         """What of `state` is no array over the section."""
-        return {
+        bent = {} if state.bending == STRAIGHT else {"bending": asdict(state.bending)}
+        return bent | {
             "time": state.time,
             "modes": state.modes.tolist(),
             "scalars": state.scalars.tolist(),
@@ -95,6 +98,7 @@ class Archive:
             internal=self._by_point("internal", arrays),
             pressure=arrays["pressure"][cells].ravel() if "pressure" in arrays else np.zeros(0),
             contact=self._touching(arrays),
+            bending=Bending(**description.get("bending", {})),
         )
 
     def _touching(self, arrays: dict[str, Array]) -> ContactState | None:

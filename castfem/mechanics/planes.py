@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -24,6 +24,32 @@ from castfem.forms.mechanics import MODES
 from castfem.values.types import Array
 
 Course = Callable[[float], float]
+
+STILL = 1e-9  # of a curvature: how much it changes by rounding alone
+
+
+@dataclass(frozen=True, slots=True)
+class Bending:
+    """What the machine's curvature has done to the slice so far; part of its state.
+
+    Moments and work are those of the modelled part of the section.
+
+    Attributes:
+        curvature: k of the strand's middle, 1/m.
+        moment: M = int sigma_zz y da, N m; positive where the intrados is pulled.
+        work: Int M dk from the first instant on, J per m of strand; bending takes less than zero.
+        axis: Where the slice's thickness has not changed in the last step, m from the middle
+            towards the intrados; None where the curvature stayed.
+    """
+
+    curvature: float = 0.0
+    moment: float = 0.0
+    work: float = 0.0
+    axis: float | None = None
+
+
+STRAIGHT = Bending()
+"""Of a strand that goes straight down."""
 
 
 class Planes(Protocol):
@@ -42,6 +68,27 @@ class Planes(Protocol):
 
     def load(self, time: float) -> Array:
         """External axial force (N), moments of sigma_zz with x and y (N m), and force across."""
+
+    def closed(self, past: Bending, time: float) -> tuple[Array, Array]:
+        """Closing directions (4, free) of a step that ends at `time` (s), and the load (4,)."""
+
+    def start(self, time: float) -> Bending:
+        """The bending of a slice that is cast at `time` (s)."""
+
+    def passed(
+        self, past: Bending, time: float, moment: Callable[[], float], change: Array
+    ) -> Bending:
+        """The bending after a step to `time` (s).
+
+        Args:
+            past: Before it.
+            time: At its end, s.
+            moment: Tells M at its end, N m; asked by planes alone that are bent.
+            change: Of the generalized strains over the step (4,).
+        """
+
+    def handed(self, now: Bending) -> float:
+        """Axial force that bending has left in the slice, N: N - F where nothing else acts."""
 
 
 LOADS = ("force", "moment_x", "moment_y")
@@ -76,16 +123,17 @@ class ScaledMotions:
     coupled: bool
 
     @classmethod
-    def of(cls, planes: Planes, time: float, length: float) -> ScaledMotions:
-        """Motions at `time` (s) of a section of size `length` (m).
+    def of(cls, planes: Planes, past: Bending, time: float, length: float) -> ScaledMotions:
+        """Motions of a section of size `length` (m) in a step from `past` to `time` (s).
 
         An unknown of unit size moves the slice by about its own unit of length.
         """
-        offset, directions, closing = planes.at(time)
+        offset, directions, _ = planes.at(time)
+        closing, forces = planes.closed(past, time)
         reach = np.array([[1.0], [length], [length], [1.0]])
         scaling = 1.0 / (np.abs(directions * reach).max(axis=0) * length)
-        load = (closing * scaling).T @ planes.load(time)
-        coupled = closing is not directions
+        load = (closing * scaling).T @ forces
+        coupled = not np.array_equal(closing, directions)
         return cls(offset, directions * scaling, closing * scaling, load, scaling, coupled)
 
     def modes(self, unknowns: Array) -> Array:
@@ -164,6 +212,24 @@ class PlainPlanes:
         """See `Planes`."""
         return np.array([self.force(time), self.moment_x(time), self.moment_y(time), 0.0])
 
+    def closed(self, past: Bending, time: float) -> tuple[Array, Array]:
+        """See `Planes`."""
+        return self.at(time)[2], self.load(time)
+
+    def start(self, time: float) -> Bending:
+        """See `Planes`."""
+        return STRAIGHT
+
+    def passed(
+        self, past: Bending, time: float, moment: Callable[[], float], change: Array
+    ) -> Bending:
+        """See `Planes`."""
+        return past
+
+    def handed(self, now: Bending) -> float:
+        """See `Planes`."""
+        return 0.0
+
 
 @dataclass(frozen=True)
 class BentPlanes:
@@ -175,29 +241,45 @@ class BentPlanes:
         a2 = -a0 k                                                (41)
         a0 = 1/(1 - k y1),  a2 = -k/(1 - k y1)                    (43)-(44)
 
-    the first with a0 free and closed by the axial force, the first of (38): the rolls, which impose
-    the curvature, balance the moment.  The second with the neutral axis imposed at y1. The slice is
-    free of strain in the position of its first instant: a curved mould casts a curved strand.
+    the first with a0 free, the second with the neutral axis imposed at y1.  The slice is free of
+    strain in the position of its first instant: a curved mould casts a curved strand.
+
+    What closes a0: in a curved strand, t along it and q_t the force of friction per metre against
+    the casting direction, equilibrium is N' = k M' - q_t and M' = Q, so that
+
+        (N - k M)' = -q_t - M k'
+
+    Rolls without friction conserve N - k M where the curvature stays, and where it changes the
+    drives below pay for the work of bending, -M k' >= 0 in a strand that flows.  The "tangential"
+    closing says so: N - k M = F - int M dk, the virtual motion [1, 0, -k] that leaves the centre of
+    curvature where it is.  The integral is taken by the trapezoidal rule, its share of the step
+    itself implicitly: with k at mid-step in the virtual motion.  The "axial" one is the first of
+    (38) as it stands, N = F.
 
     Attributes:
         curvature: 1/R over time, 1/m; linear between the rolls (`castfem.machine`).
         half_thickness: h/2, m.
-        neutral_axis: y1, m; None to let axial equilibrium find it.
-        force: External axial force over time, N.
+        neutral_axis: y1, m; None to let equilibrium find it.
+        force: External axial force F over time, N.
+        closing: What F balances: N - k M, "tangential", or N, "axial".
+        contains_work: F has the work of bending in it, as a measured effort has: it is not taken
+            off once more.
     """
 
     curvature: Course
     half_thickness: float
     neutral_axis: float | None = None
     force: Course = _still
+    closing: Literal["tangential", "axial"] = "tangential"
+    contains_work: bool = False
 
     @property
     def free(self) -> tuple[str, ...]:
         """See `Planes`."""
         return ("a0",) if self.neutral_axis is None else ()
 
-    def _middle(self, time: float) -> float:
-        """Curvature of the strand's middle, 1/m."""
+    def middle(self, time: float) -> float:
+        """Curvature k of the strand's middle, 1/m."""
         chi = self.curvature(time)
         slack = 1.0 - chi * self.half_thickness
         if not slack > 0.0:
@@ -209,14 +291,50 @@ class BentPlanes:
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
         """See `Planes`."""
-        k = self._middle(time)
+        k = self.middle(time)
         if self.neutral_axis is None:
             direction = np.array([[1.0], [0.0], [-k], [0.0]])
-            return np.array([0.0, 0.0, -k, 0.0]), direction, np.eye(4)[:, :1]
+            return np.array([0.0, 0.0, -k, 0.0]), direction, self._virtual(k)
         thickness = 1.0 / (1.0 - k * self.neutral_axis)
         none = np.zeros((4, 0))
         return np.array([thickness - 1.0, 0.0, -k * thickness, 0.0]), none, none
 
+    def _virtual(self, k: float) -> Array:
+        """Virtual motion that closes a0, (4, 1)."""
+        return np.array([[1.0], [0.0], [-k if self.closing == "tangential" else 0.0], [0.0]])
+
     def load(self, time: float) -> Array:
         """See `Planes`."""
         return np.array([self.force(time), 0.0, 0.0, 0.0])
+
+    def closed(self, past: Bending, time: float) -> tuple[Array, Array]:
+        """See `Planes`."""
+        if self.neutral_axis is not None:
+            return np.zeros((4, 0)), self.load(time)
+        k = self.middle(time)
+        if self.closing == "axial" or self.contains_work:
+            return self._virtual(k), self.load(time)
+        # N - k M = F - W - dk (M_old + M) / 2, with the unknown M on the left: dk / 2 off its k.
+        change = k - past.curvature
+        taken = past.work + 0.5 * change * past.moment
+        return self._virtual(k - 0.5 * change), self.load(time) - [taken, 0.0, 0.0, 0.0]
+
+    def start(self, time: float) -> Bending:
+        """See `Planes`."""
+        return Bending(curvature=self.middle(time))
+
+    def passed(
+        self, past: Bending, time: float, moment: Callable[[], float], change: Array
+    ) -> Bending:
+        """See `Planes`."""
+        k, now = self.middle(time), moment()
+        turned = k - past.curvature
+        still = abs(turned) <= STILL * max(abs(k), abs(past.curvature))
+        axis = None if still else -float(change[0] / change[2])
+        return Bending(k, now, past.work + 0.5 * turned * (past.moment + now), axis)
+
+    def handed(self, now: Bending) -> float:
+        """See `Planes`."""
+        if self.closing == "axial" or self.neutral_axis is not None:
+            return 0.0
+        return now.curvature * now.moment - (0.0 if self.contains_work else now.work)

@@ -155,7 +155,7 @@ class MechanicalProblem:
             self._material.begin(stiff(before), stiff(after), thermal, self.dt, fed)
         fields.u_old.x.array[:] = old.displacement
         fields.modes_old.value[:] = old.modes
-        self._motions = ScaledMotions.of(slice_.planes, time, self.scales.length)
+        self._motions = ScaledMotions.of(slice_.planes, old.bending, time, self.scales.length)
         self._from = old.scalars / self._motions.scaling
         self.pressure: Array = np.zeros(0)
         if slice_.ferrostatic is not None and fields.pressure is not None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from castfem.contact.state import ContactState
+from castfem.mechanics.planes import STRAIGHT, Bending
 from castfem.values.types import Array
 
 
@@ -29,6 +30,7 @@ class MechanicalState:
         internal: What the law remembers (points, states).
         pressure: Ferrostatic pressure at the points of the mean stress, Pa; empty without one.
         contact: Contact with a wall; None without one.
+        bending: By the machine's curvature; all zero in a strand that goes straight down.
     """
 
     time: float
@@ -43,6 +45,7 @@ class MechanicalState:
     internal: Array
     pressure: Array
     contact: ContactState | None = None
+    bending: Bending = STRAIGHT
 
 
 @dataclass(frozen=True, slots=True)

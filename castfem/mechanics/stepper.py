@@ -55,6 +55,7 @@ class MechanicalStepper:
             internal=law.initial_state(points),
             pressure=np.zeros(0),
             contact=None if problem.contact is None else problem.contact.initial(),
+            bending=problem.slice.planes.start(time),
         )
 
     def step(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalResult:
@@ -123,7 +124,14 @@ class MechanicalStepper:
             internal=problem.response.state.copy(),
             pressure=problem.pressure,
             contact=None if problem.contact is None else problem.contact.state(),
+            bending=problem.slice.planes.passed(
+                old.bending, time, self._moment, residual_state.modes - old.modes
+            ),
         )
+
+    def _moment(self) -> float:
+        """Moment of the axial stress with y, N m (collective)."""
+        return float(self.problem.work_on(np.eye(4)[:, 2:3])[0])
 
     def _unsteadiness(self, before: Array, now: Array) -> float:
         """Change of the displacement's rate over a step, relative."""

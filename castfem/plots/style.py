@@ -222,9 +222,10 @@ def _palette(maps: tuple[str, ...]) -> Image.Image:
 
 def probe_colours(probes: list[str]) -> dict[str, str]:
     """One colour a probe."""
-    others = [probe for probe in probes if probe not in _COLOURS]
+    own = {probe: _COLOURS.get(probe.removesuffix("_intrados")) for probe in probes}
+    others = [probe for probe, colour in own.items() if colour is None]
     spare = {probe: _OTHER_COLOURS[i % len(_OTHER_COLOURS)] for i, probe in enumerate(others)}
-    return {probe: _COLOURS.get(probe, spare.get(probe, "k")) for probe in probes}
+    return {probe: colour or spare[probe] for probe, colour in own.items()}
 
 
 def dress(axes: list[Axes], course: Course) -> None:

@@ -15,6 +15,7 @@ from castfem.constitutive.base import equivalent_strain, equivalent_stress
 from castfem.contact.summary import summary
 from castfem.fem import dof_values, reductions
 from castfem.fem.line_probes import LineProbes, Profile
+from castfem.mechanics.planes import BentPlanes
 from castfem.mechanics.state import MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.surface_gap import SurfaceGap
@@ -56,7 +57,8 @@ class MechanicalSampler:
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalSample:
         """Read the committed `state` (collective)."""
         points = self.problem.points
-        stress = equivalent_stress(points.recovered(state.stress))
+        recovered = points.recovered(state.stress)
+        stress = equivalent_stress(recovered)
         places = points.deviator.position
         peak, *where = reductions.peak(self.section.comm, stress, places)
         fields = [points.moved(state.displacement, state.modes), points.at_vertices(stress)]
@@ -87,6 +89,9 @@ class MechanicalSampler:
             gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
             pressure=self._pressed(state),
             beyond=self._beyond(state),
+            axial_stress=self._axial(recovered),
+            bending=state.bending,
+            handed=self.problem.slice.planes.handed(state.bending),
         )
 
     def _beyond(self, state: MechanicalState) -> dict[str, float]:
@@ -117,6 +122,13 @@ class MechanicalSampler:
             offset, directions, _ = planes.at(time)
             ends.append(offset + directions @ scalars)
         return self._with_modes(found, np.asarray((ends[0] - ends[1]) / INSTANT))
+
+    def _axial(self, recovered: Array) -> dict[str, float]:
+        """Axial stress at the start of each probe, Pa; empty where no machine bends the strand."""
+        if not isinstance(self.problem.slice.planes, BentPlanes):
+            return {}
+        starts = self.probes.starts(self.problem.points.at_vertices(recovered[:, 2])[:, None])
+        return {name: float(values[0]) for name, values in starts.items()}
 
     def _pressed(self, state: MechanicalState) -> dict[str, float]:
         """Contact pressure around the start of each probe, Pa; empty without a mould."""

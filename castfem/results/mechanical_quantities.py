@@ -188,3 +188,53 @@ def hotter_than_data(sample: Sample) -> float:
 def faster_than_data(sample: Sample) -> float:
     """Largest share of the shell on the way that was strained faster than the data of its law."""
     return _beyond(sample, "faster")
+
+
+@quantity("axial_stress", unit="MPa", label="axial stress, {}", each="probe", needs=("bending",))
+def axial_stress(sample: Sample, probe: str) -> float:
+    """Stress along the strand at the surface, where a machine bends it."""
+    return sample.strained.axial_stress[probe]
+
+
+@quantity("curvature", unit="1/m", label="curvature of the strand's middle", needs=("bending",))
+def curvature(sample: Sample) -> float:
+    """Curvature that the rolls give the middle of the strand."""
+    return sample.bending.curvature
+
+
+@quantity(
+    "neutral_axis",
+    unit="mm",
+    label="neutral axis, from the middle towards the intrados",
+    axis="neutral axis (y)",
+    needs=("bending",),
+)
+def neutral_axis(sample: Sample) -> float | None:
+    """Where the thickness of the slice has not changed in the step, y from the middle.
+
+    The intrados lies at y > 0. There is none where the curvature stays.
+    """
+    return sample.bending.axis
+
+
+@quantity(
+    "bending_moment",
+    unit="kN m",
+    label="bending moment, positive where it pulls the intrados",
+    axis="bending moment",
+    needs=("bending",),
+)
+def bending_moment(sample: Sample) -> float:
+    """Moment M = int sigma_zz y da of the whole strand about its middle."""
+    return sample.bending.moment * sample.simulation.section.multiplicity
+
+
+@quantity(
+    "bending_work",
+    unit="kJ/m",
+    label="work of bending and straightening",
+    needs=("bending",),
+)
+def bending_work(sample: Sample) -> float:
+    """Work - int M dk that a metre of the whole strand has taken from the drives to here."""
+    return -sample.bending.work * sample.simulation.section.multiplicity

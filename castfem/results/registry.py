@@ -42,6 +42,7 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     ),
     "mould": lambda simulation: simulation.case.mould is not None,
     "friction": lambda simulation: _has_friction(simulation),
+    "bending": lambda simulation: simulation.mechanics is not None and simulation.case.bends,
 }
 _MODULES = tuple(
     f"castfem.results.{name}_quantities" for name in ("thermal", "mechanical", "mould")

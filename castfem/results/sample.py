@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
     from castfem.coupling.staggered import StrandState
     from castfem.fem.line_probes import Profile
+    from castfem.mechanics.planes import Bending
     from castfem.mechanics.state import Balance
     from castfem.simulation.simulation import Simulation
 
@@ -39,6 +40,10 @@ class MechanicalSample:
         pressure: Contact pressure there, a mean over a length of the surface, Pa; likewise.
         beyond: Share of the solid that is colder, hotter, strained faster than the data of the law;
             empty where the law does not say, or while there is hardly a shell.
+        axial_stress: Stress along the strand at the start of each probe, Pa.
+        bending: By the machine's curvature. handed: Axial force that bending has left, N: the rolls
+            turn it with the strand, and the drives pay for the work. With `load` and `pull` it is
+            the force of the stress where the neutral axis is free.
     """
 
     newton: int
@@ -56,6 +61,9 @@ class MechanicalSample:
     gap: dict[str, float]
     pressure: dict[str, float]
     beyond: dict[str, float]
+    axial_stress: dict[str, float]
+    bending: Bending
+    handed: float
 
 
 @dataclass(slots=True)
@@ -103,6 +111,11 @@ class Sample:
         """The strained slice of a simulation with mechanics."""
         assert self.mechanics is not None, "of a quantity that needs mechanics"
         return self.mechanics
+
+    @property
+    def bending(self) -> Bending:
+        """What the machine's curvature has done to the slice."""
+        return self.strained.bending
 
     @property
     def contact(self) -> ContactSummary:

@@ -12,7 +12,7 @@ from castfem.values.same_place import same_instant
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
     from castfem.results.run_state import RunState
-    from castfem.results.sample import Sample
+    from castfem.results.sample import MechanicalSample, Sample
     from castfem.simulation.simulation import Simulation
 
 
@@ -151,6 +151,14 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
     }
 
 
+def _handed(mechanics: MechanicalSample) -> dict[str, Quantity]:
+    """What a machine that bends the strand leaves in it."""
+    if not mechanics.handed:
+        return {}
+    label = "left by bending and straightening, kM - int M dk, modelled part"
+    return {"bending": Quantity(mechanics.handed, "kN", label)}
+
+
 def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
     """Forces of the slice at the end of the run."""
     if sample is None or sample.mechanics is None or sample.mechanics.balance is None:
@@ -166,8 +174,9 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
                 "kN",
                 "pull of the friction on the way here, modelled part",
             ),
+            **_handed(mechanics),
             "reaction": Quantity(
-                along - mechanics.load - mechanics.withdrawal_resistance,
+                along - mechanics.load - mechanics.withdrawal_resistance - mechanics.handed,
                 "kN",
                 "the rest: borne by the planes, 0 where they are free",
             ),

@@ -8,13 +8,21 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from castfem.case import mechanics as given
+from castfem.case.bending import axis_position
 from castfem.case.build_mould import build_mould
+from castfem.case.machine import thickness_of
 from castfem.contact.settings import Contact
 from castfem.errors import InputError
 from castfem.fem.section import Section
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import Course, PlainPlanes, allowed_modes
+from castfem.mechanics.planes import (
+    BentPlanes,
+    Course,
+    PlainPlanes,
+    Planes,
+    allowed_modes,
+)
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import SPRING, PrescribedDisplacement
@@ -73,11 +81,10 @@ def make_slice(
     case: Case, table: given.Mechanics, machine: Machine, steel: Steel, section: Section
 ) -> Slice:
     """What the slice of `case` is made of and how it is held."""
-    free = given.free_motions(table.planes, allowed_modes(section.groups))
     return Slice(
         law=build_law(table, steel),
         thermal_strain=steel.thermal_strain,
-        planes=_planes(table.planes, free, section.multiplicity),
+        planes=_planes(case, table.planes, machine, section),
         held=tuple(_held(one) for one in table.held),
         ferrostatic=_ferrostatic(case, table, machine, steel),
         contact=_contact(case, machine, section),
@@ -101,13 +108,20 @@ def _contact(case: Case, machine: Machine, section: Section) -> Contact | None:
     )
 
 
-def _shared(value: float | Table, parts: int) -> Course:
-    """What each of the equal parts of the section bears of a load on the whole."""
-    course = as_function(value)
-    return lambda time: course(time) / parts
+def _shared(value: float | Table, machine: Machine, parts: int) -> Course:
+    """What each of the equal parts of the section bears over time of a load on the whole."""
+    profile = as_function(value)
+    if isinstance(value, Table) and value.over == "position":
+        return lambda time: profile(machine.position(time)) / parts
+    return lambda time: profile(time) / parts
 
 
-def _planes(motions: given.Motions, free: tuple[str, ...], parts: int) -> PlainPlanes:
+def _planes(case: Case, motions: given.Motions, machine: Machine, section: Section) -> Planes:
+    """What rules the planes: the rolls of a machine that bends the strand, or the case alone."""
+    force = _shared(motions.force, machine, section.multiplicity)
+    if case.bends:
+        return _bent(case, motions, machine, force)
+    free = given.free_motions(motions, allowed_modes(section.groups))
     imposed = {
         name: as_function(value)
         for name in ("a0", "a1", "a2", "across")
@@ -116,9 +130,23 @@ def _planes(motions: given.Motions, free: tuple[str, ...], parts: int) -> PlainP
     return PlainPlanes(
         free=free,
         imposed=imposed,
-        force=_shared(motions.force, parts),
-        moment_x=_shared(motions.moment_x, parts),
-        moment_y=_shared(motions.moment_y, parts),
+        force=force,
+        moment_x=_shared(motions.moment_x, machine, section.multiplicity),
+        moment_y=_shared(motions.moment_y, machine, section.multiplicity),
+    )
+
+
+def _bent(case: Case, motions: given.Motions, machine: Machine, force: Course) -> BentPlanes:
+    """Planes that follow the curvature of the machine."""
+    thickness = thickness_of(case.section)
+    assert thickness is not None, "a strand that can be bent has a thickness"
+    return BentPlanes(
+        curvature=lambda time: machine.curvature(machine.position(time), "extrados"),
+        half_thickness=0.5 * thickness,
+        neutral_axis=axis_position(motions.neutral_axis, thickness),
+        force=force,
+        closing=motions.closing or "tangential",
+        contains_work=bool(motions.force_contains_bending),
     )
 
 

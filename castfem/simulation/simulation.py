@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from castfem.materials import Steel
     from castfem.mechanics.stepper import MechanicalStepper
     from castfem.meshes import SectionMesh
+    from castfem.values.types import Array
     from castfem.verification import ClosedForm
 
 # T(H) is tabulated from the coldest surroundings to the start; beyond, the end values hold.
@@ -122,7 +123,7 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         zones = Zones(case, machine, steel, Surface(section, shape))
         curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None)
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
-        probes = LineProbes(section)
+        probes = LineProbes(section, _probe_lines(case, section))
     stepping = case.thermal.time
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
     milestones = _milestones(case, machine, zones)
@@ -137,6 +138,17 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         case, machine, steel, section, stepper, zones, probes, control, steps, mechanics, coupling,
         start_temperature=start, watch=watch, exact=exact,
     )  # fmt: skip
+
+
+def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]:
+    """Lines of the probes; where a machine bends the strand, both faces are told by name."""
+    named = {}
+    for name, line in section.probes.items():
+        opposite = [n for n in section.probes if n.replace("_extrados", "") == name != n]
+        if case.bends and opposite:
+            name = opposite[0].replace("_extrados", "_intrados")
+        named[name] = line
+    return named
 
 
 def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:

@@ -21,7 +21,7 @@ def thickness(modes: np.ndarray, y: float) -> float:
 @pytest.mark.parametrize("radius", [4.0, 10.0, 1e9])
 def test_planes_meet_in_the_centre_of_curvature(radius: float) -> None:
     """(40)-(41): whatever a0 comes to, the thickness vanishes at y = R - h/2."""
-    planes = BentPlanes(lambda t: 1 / radius, 0.1)
+    planes = BentPlanes(lambda t: 1 / radius, 0.1, closing="axial")
     offset, directions, closing = planes.at(0.0)
     assert closing[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
     for strain in (0.0, 0.02, -0.01):
@@ -58,9 +58,8 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     """Free of axial force, the neutral axis of an elastic strand is its middle; M = E I / R."""
     half, radius = 0.05, 10.0
     mesh = mapped(1, 4, box(0.1, 2 * half, 0.0, -half), groups=("symmetry_x", *FREE[1:]))
-    scene = SliceScene(
-        mesh, elastic(E), given={"planes": BentPlanes(lambda t: min(t, 1.0) / radius, half)}
-    )
+    planes = BentPlanes(lambda t: min(t, 1.0) / radius, half, closing="axial")
+    scene = SliceScene(mesh, elastic(E), given={"planes": planes})
     for time in (0.25, 0.5, 1.0):
         result = scene.step(time)
     a0, a2 = scene.state.modes[[0, 2]]
@@ -72,11 +71,8 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
         [0.0, 0.5 * 0.1 * 0.0, E * inertia * a2], rel=1e-10, abs=1e-3
     )
     # With a pull F the axis moves by F / (E A) / a2 away from the middle.
-    pulled = SliceScene(
-        mesh,
-        elastic(E),
-        given={"planes": BentPlanes(lambda t: t / radius, half, force=lambda t: 1e6 * t)},
-    )
+    planes = BentPlanes(lambda t: t / radius, half, force=lambda t: 1e6 * t, closing="axial")
+    pulled = SliceScene(mesh, elastic(E), given={"planes": planes})
     balance = pulled.step(1.0).balance
     assert balance is not None
     assert balance.axial[0] == pytest.approx(1e6, rel=1e-9)

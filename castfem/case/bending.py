@@ -1,0 +1,116 @@
+"""What a strand that its machine bends may be, and how its planes may be ruled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from castfem.case.machine import thickness_of
+from castfem.case.mechanics import AXES, FREE, Motions
+from castfem.case.model import Case
+from castfem.case.problems import Problem
+from castfem.case.section import Strip
+from castfem.values.tables import Table
+from castfem.values.units import format
+
+_PATH = ("mechanics", "planes")
+_ITS_OWN = ("neutral_axis", "closing", "force_contains_bending")
+_RULED = ("a1", "a2", "across", "moment_x", "moment_y")
+
+
+def axis_position(given: Any, thickness: float) -> float | None:
+    """Return where an imposed neutral axis lies, m from the middle inwards; None if it is free."""
+    if given is None or given == FREE:
+        return None
+    return AXES[given] * thickness if isinstance(given, str) else float(given)
+
+
+def check_bending(case: Case) -> Iterator[Problem]:
+    """Yield what does not go with a machine that bends the strand, or goes with such a one alone.
+
+    Of a faulty case it yields what can be told.
+    """
+    planes = None if case.mechanics is None else case.mechanics.planes
+    if planes is None or case.section is None or isinstance(case.section, Strip):
+        return
+    machine = case.machine
+    if machine is None and "machine" in case.model_fields_set:
+        return  # a faulty one
+    if not case.bends:
+        if machine is not None and machine.pairs() is None:
+            return
+        for key in _ITS_OWN:
+            if getattr(planes, key) is not None:
+                yield Problem(
+                    (*_PATH, key),
+                    "is for a strand that its machine bends; give the rolls of [machine] a radius, "
+                    "or leave it out",
+                )
+        return
+    if "a2" in case.section.barred():
+        yield Problem(
+            ("section", "symmetry"),
+            '("quarter") mirrors the strand at y = 0, which the rolls of [machine] bend: intrados '
+            'and extrados differ; give symmetry = "half" or "whole"',
+        )
+        return
+    yield from _ruled(planes)
+    yield from _axis(planes, thickness_of(case.section))
+    yield from _closing(planes)
+
+
+def _ruled(planes: Motions) -> Iterator[Problem]:
+    """Yield motions that the rolls rule."""
+    names = [n for n in _RULED if getattr(planes, n) not in (None, 0.0)]
+    if planes.a0 not in (None, FREE):
+        names.insert(0, "a0")
+    for name in names:
+        yield Problem(
+            (*_PATH, name),
+            "is not free to be given: the rolls of [machine] impose the curvature, equilibrium or "
+            "neutral_axis finds the rest; leave it out",
+        )
+
+
+def _axis(planes: Motions, thickness: float | None) -> Iterator[Problem]:
+    """Yield a neutral axis that lies outside of the strand, or beside a force."""
+    if thickness is None:
+        return
+    axis = axis_position(planes.neutral_axis, thickness)
+    if axis is None:
+        return
+    if abs(axis) > 0.5 * thickness:
+        most = format(0.5 * thickness, "m", "mm")
+        yield Problem(
+            (*_PATH, "neutral_axis"),
+            f"({format(axis, 'm', 'mm')}) lies outside of the strand; from -{most} (extrados) to "
+            f"{most} (intrados)",
+        )
+    for name in ("force", "closing", "force_contains_bending"):
+        if getattr(planes, name) not in (None, 0.0):
+            yield Problem(
+                (*_PATH, name),
+                "has no effect where the neutral axis is imposed, nothing balances it; leave it "
+                f'out, or give neutral_axis = "{FREE}"',
+            )
+
+
+def _closing(planes: Motions) -> Iterator[Problem]:
+    """Yield work of bending that would be counted twice, or never was."""
+    key = "force_contains_bending"
+    if planes.neutral_axis not in (None, FREE):
+        return
+    if planes.closing == "axial":
+        if planes.force_contains_bending is not None:
+            yield Problem(
+                (*_PATH, key),
+                'tells what closing = "tangential" does with the force; leave one of the two out',
+            )
+        return
+    along = isinstance(planes.force, Table) and planes.force.over == "position"
+    if along and key not in planes.model_fields_set:
+        yield Problem(
+            (*_PATH, key),
+            "is missing; true for a measured or maker's curve of the effort, which has the work of "
+            "bending in it, false for a sum of resistances and drives without it",
+        )
