@@ -163,19 +163,19 @@ class Mechanics(TableModel):
     )
     mush: Literal["none", "geometric", "linear"] | None = Field(
         None,
-        description="how the modulus of the mush goes with the solid fraction; none: it is as soft "
-        "as the liquid. By default geometric where the liquid is elastic or a coherency is given, "
-        "else none",
+        description="how the modulus of the mushy zone goes with the solid fraction; none: it is "
+        "as soft as the liquid. By default geometric where the liquid is elastic or a coherency is "
+        "given, else none",
         examples=["geometric"],
     )
     coherency: Solid = Field(
-        0.0, description="solid fraction up to which the mush is as soft as the liquid"
+        0.0, description="solid fraction up to which the mushy zone is as soft as the liquid"
     )
     ferrostatic: Literal["proportional", "full", "none", "off"] = Field(
         "full",
-        description="pressure of the liquid in the mush: full until all is solid, for the liquid "
-        "between the crystals bears it; proportional to the liquid (eq. 219); none as soon as "
-        "anything is solid; off: no pressure at all",
+        description="pressure of the liquid in the mushy zone: full until all is solid, for the "
+        "liquid between the crystals bears it; proportional to the liquid (eq. 219); none as soon "
+        "as anything is solid; off: no pressure at all",
     )
     strain: Literal["small", "large"] = Field(
         "small", description="small strain, or an objective update on the deformed slice"

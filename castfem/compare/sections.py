@@ -227,7 +227,7 @@ def _draw_states(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
 
 
 def _draw_stress(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
-    """Von Mises stress of what is solid, in one scale; mush and liquid are grey.
+    """Von Mises stress of what is solid, in one scale; mushy zone and liquid are grey.
 
     Of a run without mechanics there is an empty frame: any grey would mean soft steel.
     """

@@ -61,8 +61,8 @@ class MaterialStep:
 
     Attributes:
         strain_increment: Total strain, Mandel, (n, 4).
-        thermal_increment: Isotropic thermal strain, (n,); already 0 for what happens in the mush
-            and the liquid.
+        thermal_increment: Isotropic thermal strain, (n,); already 0 for what happens in the
+            mushy zone and the liquid.
         temperature_old: At the start, K, (n,).
         temperature: At the end, K, (n,).
         dt: Length of the step, s.

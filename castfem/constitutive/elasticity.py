@@ -58,8 +58,8 @@ class Solidity:
         fraction: Solid fraction over temperature in K; None where nothing is ever liquid.
         stiffness_ratio: Young's modulus of the liquid over that of the solid.
         mush: Between them the modulus goes geometrically or linearly with the solid fraction; with
-            "none" the mush is as soft as the liquid down to the solidus.
-        coherency: Solid fraction up to which the mush is as soft as the liquid.
+            "none" the mushy zone is as soft as the liquid down to the solidus.
+        coherency: Solid fraction up to which the mushy zone is as soft as the liquid.
         from_freezing: Count the strain of a step only from the moment of freezing on.
         memory: Whether what is not solid keeps its stress from one step to the next.
 

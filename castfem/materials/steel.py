@@ -138,7 +138,7 @@ class Steel:
         return self.fraction(temperature, side)
 
     def thermal_strain(self, temperature: npt.ArrayLike) -> Array:
-        """Linear thermal strain since the solidus; 0 in mush and liquid, negative in the shell."""
+        """Linear thermal strain since the solidus; 0 above it, negative in the shell."""
         if self.expansion is None:
             raise self._missing("thermal_expansion")
         t = np.asarray(temperature, float)
@@ -148,8 +148,8 @@ class Steel:
     def thermal_expansion(self, temperature: npt.ArrayLike) -> Array:
         """Mean coefficient of thermal linear expansion since the solidus, 1/K.
 
-        It is 0 in mush and liquid.  Nearer to the solidus than 1 mK it is the value there, where
-        strain over temperature would be 0 over 0.
+        It is 0 in mushy zone and liquid.  Nearer to the solidus than 1 mK it is the value there,
+        where strain over temperature would be 0 over 0.
         """
         t = np.asarray(temperature, float)
         solid = np.minimum(t, self.solidus - NEAR_SOLIDUS)
@@ -184,8 +184,8 @@ class Steel:
         changes by 1 % in 150 K.
 
         Of a section that moves with its steel, H = rho(T) (h(T) - h(poured)) per volume that the
-        steel had when it froze: liquid and mush are fed with steel as it was poured, solid keeps
-        the mass it froze with, that is the density at the solidus.
+        steel had when it froze: liquid and mushy zone are fed with steel as it was poured, solid
+        keeps the mass it froze with, that is the density at the solidus.
 
         Args:
             lower: First temperature, K.

@@ -21,7 +21,7 @@ class Slice:
 
     Attributes:
         law: Constitutive law.
-        thermal_strain: Linear thermal strain over temperature, K; 0 in mush and liquid.
+        thermal_strain: Linear thermal strain over temperature, K; 0 in mushy zone and liquid.
         planes: Motion of the bounding planes.
         held: Prescribed displacements beside the lines of symmetry.
         loads: Surface loads.

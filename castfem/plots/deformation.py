@@ -43,7 +43,7 @@ _UNCLEAR = 4.0  # ratio of the sides from which axes of equal scale leave no roo
 
 
 def draw_von_mises(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figure | None:
-    """Von Mises stress in what is solid, on the distorted section; mush and liquid are grey.
+    """Von Mises stress in what is solid, on the distorted section; mushy zone and liquid are grey.
 
     Args:
         fields: Of the run.
@@ -131,7 +131,7 @@ def _magnified(fields: Fields, index: int) -> tuple[Distortion, float]:
 
 
 def cover_soft(axes: Axes, mesh: Triangulation, kelvin: Array, steel: Steel) -> list[Line2D]:
-    """Covers mush and liquid with grey; returns the legend of what it drew."""
+    """Covers mushy zone and liquid with grey; returns the legend of what it drew."""
     from matplotlib.lines import Line2D
 
     if kelvin.max() <= steel.solidus:

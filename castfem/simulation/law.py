@@ -20,7 +20,7 @@ def build_law(
     law_origin: str = "mechanics.law",
     elasticity_origin: str = "mechanics.elasticity",
 ) -> RadialReturn:
-    """The law of the slice, with the elasticity and the mush of `table`.
+    """The law of the slice, with the elasticity and the mushy zone of `table`.
 
     Args:
         table: What the case says.

@@ -19,7 +19,7 @@ class ThreeZones:
     """Similarity solution of an alloy whose solid fraction is linear in T (thesis (12)).
 
     Half-space x > 0, initially at `initial`, surface held at `surface` from t = 0.  Solid, mush and
-    liquid obey the same k and c, the mush with c + L / (Tl - Ts).  In each zone T is an error
+    liquid obey the same k and c, the mushy zone with c + L / (Tl - Ts).  In each zone T is an error
     function of eta = x / (2 sqrt t); temperature and flux are continuous at both fronts.
     """
 
