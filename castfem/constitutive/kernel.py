@@ -182,8 +182,7 @@ def _return(  # type: ignore[no-untyped-def]
     """
     shear3 = 3.0 * c[SHEAR]
     goal = math.log(trial - threshold)
-    high = math.log(trial / shear3)
-    low = NOTHING
+    low, high = NOTHING, math.log(trial / shear3)
     z, fall = high, 1.0
     if signed and old + left * math.exp(high) <= 0.0:
         # While flow goes back e = q/E, and with p4 > 0 no stress at all is a root beside the one
@@ -197,6 +196,8 @@ def _return(  # type: ignore[no-untyped-def]
         total = flow + shear3 * increment
         excess = math.log(total) - goal if total > 0.0 else NOTHING
         if excess > 0.0:
+            if z == TINY_LN:
+                return 0.0, trial, 1.0, 0.0
             high = z
         else:
             low = z
@@ -213,7 +214,11 @@ def _return(  # type: ignore[no-untyped-def]
                 new, fall = z - fall, 2.0 * fall
         z = new
         if z < TINY_LN:
-            return 0.0, trial, 1.0, 0.0
+            if not (signed or left < 1.0):
+                return 0.0, trial, 1.0, 0.0
+            # With strain that recovers, or flow back, the left side may be flat near the right end
+            # and a Newton step from there pass the root: that there is no flow has to be checked.
+            z = TINY_LN
         if high - low <= ROUNDING * (1.0 + abs(z)):
             break
     increment = math.exp(z)

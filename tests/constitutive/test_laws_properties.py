@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from castfem.constitutive import MaterialStep, ThermoElastic, equivalent_stress
-from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive import (
+    MaterialStep,
+    NortonHoff,
+    Response,
+    ThermoElastic,
+    equivalent_strain,
+    equivalent_stress,
+    kernel,
+)
+from castfem.constitutive.flow_laws import Hardening, RadialReturn
 from castfem.values.types import Array
 
-from .samples import every_law, random_states
+from .samples import FADING, every_law, random_states
 
 LAWS = every_law()
 ALL = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 RATE_DEPENDENT = [k for k in LAWS if k not in ("elastic",) and not k.startswith("plastic")]
+RECOVERING = [
+    k for k, v in LAWS.items() if isinstance(v, Hardening) and v.recovery_time is not None
+]
 ONE = np.array([1.0, 1.0, 1.0, 0.0])
 
 
@@ -34,15 +47,48 @@ def scale(law: RadialReturn, step: MaterialStep, stress: Array) -> Array:
     return np.asarray((size + carried)[:, None])
 
 
+def opposite(law: RadialReturn, state: Array) -> Array:
+    """The state of material that was strained the other way: p has no sign, a tensor has."""
+    other = state.copy()
+    if law.signed:
+        other[:, :3] *= -1.0
+    return other
+
+
+def tensor(state: Array) -> Array:
+    """Mandel tensors (n, 4) of the states of a signed law."""
+    xx, yy, xy = state[:, :3].T
+    return np.column_stack([xx, yy, -(xx + yy), xy])
+
+
+def deviator(stress: Array) -> Array:
+    """Of Mandel vectors (n, 4)."""
+    return stress - stress[:, :3].mean(axis=1)[:, None] * ONE
+
+
+def back_stress(law: RadialReturn, c: Array, state: Array) -> Array:
+    """X = 2/3 f1 r^(f2 - 1) E of signed austenite, of all else none, (n, 4)."""
+    if not (law.signed and law.kind == kernel.STEEL):
+        return np.zeros((len(state), 4))
+    strain = law.strain(state)
+    factor, exponent = c[:, kernel.HARDENING], c[:, kernel.HARDENING_EXPONENT] - 1.0
+    level = (1.0 - c[:, kernel.DELTA_WEIGHT]) * factor
+    level[strain > 0.0] *= strain[strain > 0.0] ** exponent[strain > 0.0]
+    return np.asarray(2.0 / 3.0 * level[:, None] * tensor(state))
+
+
 @ALL
 def test_the_opposite_gives_the_opposite(law: RadialReturn) -> None:
-    """Strain, thermal strain and stress turned around: the stress too; state and work the same."""
+    """Strain, thermal strain, stress and tensors of the state turned around: what comes out too.
+
+    Work, tangent and what has no sign stay the same.
+    """
     for step, stress, state in parts(law, 21):
         found = law.integrate(step, stress, state)
         turned = step_of(step, -step.strain_increment, -step.thermal_increment, step.dt)
-        other = law.integrate(turned, -stress, state)
+        other = law.integrate(turned, -stress, opposite(law, state))
         np.testing.assert_array_equal(other.stress, -found.stress)
-        np.testing.assert_array_equal(other.state, found.state)
+        np.testing.assert_array_equal(other.state, opposite(law, found.state))
         np.testing.assert_array_equal(other.dissipation, found.dissipation)
         np.testing.assert_array_equal(other.tangent, found.tangent)
 
@@ -63,42 +109,132 @@ def test_pressure_changes_nothing_but_the_mean(law: RadialReturn) -> None:
         assert (np.abs(other.stress - found.stress - more) <= 1e-10 * size).all()
         if state.shape[1]:
             elastic = size[:, 0] / c[:, 0]
-            assert (np.abs(other.state - found.state)[:, 0] <= 1e-10 * elastic).all()
+            strains = 3 if law.signed else 1
+            off = np.abs(other.state - found.state)[:, :strains].max(axis=1)
+            assert (off <= 1e-10 * elastic).all()
 
 
 @ALL
 def test_work_is_stress_times_flow(law: RadialReturn) -> None:
-    """The dissipation of a step is q dp."""
+    """The dissipation of a step is q dp; of a law with a tensor (s - X):dE.
+
+    What a back stress takes is stored. Flow is what the state has gained and what of it has
+    recovered since, E (1 + dt/tau) - E_old.
+    """
     for step, stress, state in parts(law, 23):
         found = law.integrate(step, stress, state)
         if not state.shape[1]:
             assert not found.dissipation.any()
             continue
-        fresh = law.coefficients(step.temperature_old, step.temperature)[:, 6] > 0.0
-        flow = found.state[:, 0] - np.where(fresh, 0.0, state[:, 0])
-        expected = equivalent_stress(found.stress) * flow
-        # q is the difference of large means, dp that of large flows.
-        noise = 1e-13 * np.abs(found.stress).max(axis=1) * flow
-        noise += 1e-13 * equivalent_stress(found.stress) * found.state[:, 0]
+        c = law.coefficients(step.temperature_old, step.temperature)
+        virgin = c[:, kernel.FRESH] > 0.0
+        grown = 1.0 + c[:, kernel.SHARE] * step.dt * c[:, kernel.RECOVERY]
+        back = back_stress(law, c, found.state)
+        active = deviator(found.stress) - back
+        level, strain = equivalent_stress(active), grown * law.strain(found.state)
+        if law.signed:
+            before = np.where(virgin[:, None], 0.0, tensor(state))
+            gained = grown[:, None] * tensor(found.state) - before
+            expected, flow = np.sum(active * gained, axis=1), equivalent_strain(gained)
+        else:
+            flow = np.abs(grown * found.state[:, 0] - np.where(virgin, 0.0, state[:, 0]))
+            expected = level * flow
+        # q is the difference of large means and back stresses, dp that of large flows.
+        noise = 1e-13 * (np.abs(found.stress) + np.abs(back)).max(axis=1) * flow
+        noise += 1e-13 * level * strain
         assert (np.abs(found.dissipation - expected) <= 1e-9 * expected + noise).all()
+
+
+def virgins() -> tuple[Array, Array]:
+    """Temperatures (n,) and strain increments (n, 4) from 1e-5 to some 0.2."""
+    rng, n = np.random.default_rng(7), 500
+    heat = rng.uniform(900.0, 1700.0, n)
+    return heat, rng.normal(size=(n, 4)) * 10.0 ** rng.uniform(-5.0, -1.0, n)[:, None]
+
+
+def strained(law: RadialReturn, heat: Array, strain: Array, dt: float) -> Response:
+    """Answer of material that was never strained before."""
+    step = MaterialStep(strain, np.zeros(len(heat)), heat, heat, dt)
+    return law.integrate(step, np.zeros((len(heat), 4)), law.initial_state(len(heat)))
+
+
+def curve_strain(law: RadialReturn, heat: Array, found: Response) -> Array:
+    """Strain e = p + q/E that a flow curve is read at."""
+    young = law.coefficients(heat, heat)[:, kernel.YOUNG]
+    return np.asarray(law.strain(found.state) + equivalent_stress(found.stress) / young)
+
+
+def strongest(law: RadialReturn, heat: Array) -> Array:
+    """Strain p4/p1 beyond which a curve falls; infinite where it never does."""
+    peak = np.full(len(heat), np.inf)
+    if isinstance(law, NortonHoff):
+        p1, p4 = law.p1(heat), law.p4(heat)
+        peak[p1 > 0.0] = np.maximum(p4 / np.where(p1 > 0.0, p1, 1.0), 0.0)[p1 > 0.0]
+    return peak
 
 
 @pytest.mark.parametrize("name", RATE_DEPENDENT)
 def test_more_time_flows_more(name: str) -> None:
-    """The same strain in more time: never a higher stress, for virgin material."""
+    """The same strain in more time: never a higher stress, for virgin material.
+
+    Steel that recovers from softening is the exception: with the strain it loses what had softened
+    it, and is stronger after a slow strain beyond the top of its curve than after a fast one.
+    """
     law = LAWS[name]
-    rng = np.random.default_rng(7)
-    n = 500
-    heat = rng.uniform(900.0, 1700.0, n)
-    strain = rng.normal(size=(n, 4)) * 10.0 ** rng.uniform(-5.0, -1.0, n)[:, None]
-    none, stress, state = np.zeros(n), np.zeros((n, 4)), law.initial_state(n)
-    before = np.full(n, np.inf)
-    trial = ThermoElastic(law.elasticity).integrate(
-        MaterialStep(strain, none, heat, heat, 1.0), stress, np.empty((n, 0))
-    )
-    first = equivalent_stress(trial.stress)
+    heat, strain = virgins()
+    elastic = ThermoElastic(law.elasticity)
+    first = equivalent_stress(strained(elastic, heat, strain, 1.0).stress)
+    before, softened = first, np.zeros(len(heat), dtype=bool)
     for dt in 10.0 ** np.arange(-12.0, 7.0):
-        found = law.integrate(MaterialStep(strain, none, heat, heat, float(dt)), stress, state)
+        found = strained(law, heat, strain, float(dt))
         q = equivalent_stress(found.stress)
-        assert (q <= np.minimum(before, first) * (1.0 + 1e-10)).all()
+        most = np.where(softened, first, np.minimum(before, first))
+        assert (q <= most * (1.0 + 1e-10)).all()
         before = q
+        if name in RECOVERING:
+            softened = curve_strain(law, heat, found) > strongest(law, heat)
+
+
+@pytest.mark.parametrize("name", RECOVERING)
+def test_more_time_flows_more_if_no_more_recovers(name: str) -> None:
+    """Slower, the recovery time as much longer: never a higher stress, softened or not."""
+    law = LAWS[name]
+    assert isinstance(law, Hardening)
+    heat, strain = virgins()
+    for part in (1e-3, 1e-1, 10.0):
+        before = np.full(len(heat), np.inf)
+        for dt in 10.0 ** np.arange(-12.0, 7.0):
+
+            def time(t: Array, scale: float = float(dt) / part) -> Array:
+                return np.asarray(scale * FADING(t))
+
+            found = strained(replace(law, recovery_time=time), heat, strain, float(dt))
+            q = equivalent_stress(found.stress)
+            assert (q <= before * (1.0 + 1e-10)).all()
+            before = q
+
+
+@pytest.mark.parametrize("name", [k for k in RECOVERING if isinstance(LAWS[k], NortonHoff)])
+def test_recovery_undoes_hardening_and_softening(name: str) -> None:
+    """The same step, more recovered: weaker below the top of the curve, stronger beyond it."""
+    law = LAWS[name]
+    assert isinstance(law, NortonHoff)
+    heat, strain = virgins()
+    peak, weaker, stronger = strongest(law, heat), 0, 0
+    found = strained(replace(law, recovery_time=None), heat, strain, 1.0)
+    for scale in 10.0 ** np.arange(5.0, -5.0, -0.5):
+
+        def time(t: Array, scale: float = float(scale)) -> Array:
+            return np.asarray(scale * FADING(t))
+
+        more = strained(replace(law, recovery_time=time), heat, strain, 1.0)
+        q, before = equivalent_stress(more.stress), equivalent_stress(found.stress)
+        below = curve_strain(law, heat, found) <= peak
+        beyond = curve_strain(law, heat, more) >= peak
+        assert (q <= before * (1.0 + 1e-10))[below].all()
+        assert (q >= before * (1.0 - 1e-10))[beyond].all()
+        weaker += (q < 0.99 * before)[below].sum()
+        stronger += (q > 1.01 * before)[beyond].sum()
+        found = more
+    assert weaker > 500
+    assert (stronger > 20) == bool(np.isfinite(peak).any())
