@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-ALL_LAWS = "one of kozlowski_zhu, norton_hoff_kozlowski, norton_hoff_kozlowski_p1, weiner_boley"
+from castfem.constitutive import available_laws
+
+ALL_LAWS = "one of " + ", ".join(available_laws())
 
 
 @pytest.mark.parametrize(
