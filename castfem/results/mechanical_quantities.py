@@ -205,7 +205,7 @@ def curvature(sample: Sample) -> float:
 @quantity(
     "neutral_axis",
     unit="mm",
-    label="neutral axis, from the middle towards the intrados",
+    label="neutral axis, y from the middle towards the intrados",
     axis="neutral axis (y)",
     needs=("bending",),
 )

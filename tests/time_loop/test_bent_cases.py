@@ -13,7 +13,7 @@ import pytest
 from bent_case import HALF, RADIUS, SEGMENT, bent
 from moulded import marched as moulded_march
 
-from castfem.case import Case
+from castfem.case import Case, load_case
 from castfem.errors import InputError
 from castfem.mechanics.planes import BentPlanes
 from castfem.output.history import read_history
@@ -68,6 +68,23 @@ def test_an_imposed_neutral_axis(given: str, axis: float) -> None:
     a0, _, a2, _ = planes.at(time)[0]
     assert 1.0 + a0 == pytest.approx((radius - HALF) / (radius - HALF - axis), rel=1e-12)
     assert a2 == pytest.approx(-1.0 / (radius - HALF - axis), rel=1e-12)
+
+
+def test_an_effort_from_a_file(tmp_path: Path) -> None:
+    """Over position, of the whole strand; the resolved case has its rows."""
+    path = tmp_path / "effort.csv"
+    path.write_text("position [mm], value [kN]\n0, 0\n500, 20\n1500, 40\n")
+    given = {"force": {"file": str(path)}, "force_contains_bending": True}
+    case = bent(mechanics__planes=given)
+    planes, position = planes_of(case)
+    for time, effort in ((2.0, 4.8e3), (15.0, 28e3)):
+        assert position(time) == pytest.approx(0.06 * time, rel=1e-12)
+        assert planes.load(time)[0] == pytest.approx(0.5 * effort, rel=1e-12)
+    assert planes.contains_work
+    resolved = tmp_path / "case.toml"
+    resolved.write_text(case.resolved_toml())
+    path.unlink()
+    assert load_case(resolved).physics_hash() == case.physics_hash()
 
 
 def test_a_half_bears_half() -> None:
