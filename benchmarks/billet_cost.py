@@ -52,12 +52,12 @@ class Divided(Stopwatch):
         return {k[n:]: s for k, s in self.seconds.items() if k.startswith(MECHANICS)}
 
 
-def march(mould: str, changes: Sequence[str]) -> dict[str, Any]:
+def run_case(mould: str, changes: Sequence[str]) -> dict[str, Any]:
     """March one billet; seconds of all, of the mechanics by section, and counts."""
     watch = Divided()
-    scene = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF, watch)
-    assert scene.mechanics is not None
-    step = scene.mechanics.step
+    simulation = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF, watch)
+    assert simulation.mechanics is not None
+    step = simulation.mechanics.step
 
     def watched(*given: Any) -> MechanicalResult:
         watch.side = MECHANICS
@@ -67,13 +67,13 @@ def march(mould: str, changes: Sequence[str]) -> dict[str, Any]:
         finally:
             watch.side = ""
 
-    scene.mechanics.step = watched  # type: ignore[method-assign]
-    one = TimeLoop(scene)
+    simulation.mechanics.step = watched  # type: ignore[method-assign]
+    one = TimeLoop(simulation)
     before, start = sum(watch.seconds.values()), process_time()
     with watch.section("march"):
         one.run()
     found: dict[str, Any] = {
-        "cells": scene.section.mesh.topology.index_map(2).size_global,
+        "cells": simulation.section.mesh.topology.index_map(2).size_global,
         "intervals": one.run_state.counts.windows,
         "passes": one.run_state.counts.coupling_iterations or one.run_state.counts.windows,
         "cut": one.run_state.counts.cut_back,
@@ -83,7 +83,7 @@ def march(mould: str, changes: Sequence[str]) -> dict[str, Any]:
         "libraries": sum(s for k, s in watch.seconds.items() if k.endswith(LIBRARIES)),
         "parts": watch.mechanics(),
     }
-    scene.destroy()
+    simulation.destroy()
     keys = textwrap.shorten(" ".join(changes), 90, placeholder=" ...")
     print(f"  {mould} {keys}: {found['seconds']:.1f} s", flush=True)
     return found
@@ -117,7 +117,7 @@ def moulds(output: Output, quick: bool) -> None:
     best: dict[str, dict[str, Any]] = {}
     for _ in range(1 if quick else REPEATS):  # in turns: a slow minute hits all alike
         for label, (mould, changes) in chosen.items():
-            found = march(mould, (*keys, *changes))
+            found = run_case(mould, (*keys, *changes))
             if label not in best or found["seconds"] < best[label]["seconds"]:
                 best[label] = found
     rows: list[dict[str, Any]] = []
@@ -165,7 +165,7 @@ def growth(output: Output, quick: bool) -> None:
         for size in (3.0, 2.0) if quick else SIZES:
             # The small ones are repeated: they are over too soon to be told from noise.
             keys = (*mesh(size), every(0.5 if quick else 0.1))
-            tried = [march(mould, keys) for _ in range(2 if size > 0.6 and not quick else 1)]
+            tried = [run_case(mould, keys) for _ in range(2 if size > 0.6 and not quick else 1)]
             found = min(tried, key=lambda f: f["seconds"])
             rows.append({"mould": NAMES[mould], **numbers(found)})
     output.csv("billet_cells", rows)

@@ -177,24 +177,24 @@ class Found:
 def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> Found:
     """March one billet with some keys changed."""
     case = load_case(CASES / f"{mould}.toml", (*QUIET, *changes))
-    scene = build(case, MPI.COMM_SELF)
+    simulation = build(case, MPI.COMM_SELF)
     listener = Listener(process_time() + patience)
-    march = TimeLoop(scene, listener)  # type: ignore[arg-type]
+    loop = TimeLoop(simulation, listener)  # type: ignore[arg-type]
     start, failure = process_time(), ""
     try:
-        march.run()
+        loop.run()
     except CastfemError as error:
         failure = str(error)
     seconds = process_time() - start
-    assert march.run_state.sample is not None
-    summary = quantities(march.run_state.sample)
+    assert loop.run_state.sample is not None
+    summary = quantities(loop.run_state.sample)
     values = {n: q.shown for n, q in summary.items()}
-    values |= _on_the_way(listener, scene.steel.solidus, scene.steel.liquidus)
-    cells = scene.section.mesh.topology.index_map(2).size_global
-    iterations = 0 if scene.mechanics is None else scene.mechanics.problem.iterations
-    scene.destroy()
+    values |= _on_the_way(listener, simulation.steel.solidus, simulation.steel.liquidus)
+    cells = simulation.section.mesh.topology.index_map(2).size_global
+    iterations = 0 if simulation.mechanics is None else simulation.mechanics.problem.iterations
+    simulation.destroy()
     found = Found(
-        values, seconds, cells, failure, march.run_state.counts.cut_back, iterations,
+        values, seconds, cells, failure, loop.run_state.counts.cut_back, iterations,
         {n: q.label for n, q in summary.items()}, {n: q.shown_unit for n, q in summary.items()},
     )  # fmt: skip
     print(f"  {mould} {' '.join(changes)}: {seconds:.1f} s {failure}", flush=True)

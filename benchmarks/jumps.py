@@ -58,21 +58,21 @@ class Listener:
         self.mid_face.append(float(sample.profiles["mid_face"].temperature[0]))
 
 
-def march(settings: Settings, coefficient: float) -> dict[str, Any]:
+def run_case(settings: Settings, coefficient: float) -> dict[str, Any]:
     """Quench the billet with a coefficient (kW/m2K); what came of it."""
     document = billet_case(settings).document()
     law = {"law": "convection", "coefficient": f"{coefficient} kW/(m^2 K)", "ambient": "25 degC"}
     document["cooling"][0]["surface"] = [law]
     document["output"] = {"fields": []}
-    scene = build(from_document(document, "jump"), MPI.COMM_SELF)
+    simulation = build(from_document(document, "jump"), MPI.COMM_SELF)
     heard = Listener()
     try:
-        run = TimeLoop(scene, heard)  # type: ignore[arg-type]
+        run = TimeLoop(simulation, heard)  # type: ignore[arg-type]
         start = perf_counter()
         run.run()
         wall = perf_counter() - start
     finally:
-        scene.destroy()
+        simulation.destroy()
     instants = np.arange(FROM, run.run_state.state.time + 1e-9, EVERY)
     at = np.searchsorted(heard.times, instants - 1e-6)
     return {
@@ -93,12 +93,12 @@ def main(output: Output, quick: bool = False) -> None:
     rows = []
     for mesh in (coarse,) if quick else (coarse, shipped):
         for coefficient in COEFFICIENTS[2:] if quick else COEFFICIENTS:
-            exact = march(replace(mesh, step=0.1 if quick else FINE), coefficient)
+            exact = run_case(replace(mesh, step=0.1 if quick else FINE), coefficient)
             for step in STEPS[:1] if quick else STEPS:
                 for kind in KINDS:
                     scheme = "backward_euler" if kind == KINDS[2] else "sdirk2"
                     with alone(kind):
-                        found = march(replace(mesh, scheme=scheme, step=step), coefficient)
+                        found = run_case(replace(mesh, scheme=scheme, step=step), coefficient)
                     apart = np.abs(found["mid_face"] - exact["mid_face"]).max()
                     rows.append(
                         {

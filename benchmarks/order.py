@@ -56,9 +56,9 @@ class Corner:
 def marched(*changes: str) -> Corner:
     """March the shipped case on coarse cells."""
     case = load_case(CASES / "mechanics_first.toml", (*QUIET, *COARSE[:4], *changes))
-    scene, corner = build(case, MPI.COMM_SELF), Corner()
-    TimeLoop(scene, corner).run()  # type: ignore[arg-type]
-    scene.destroy()
+    simulation, corner = build(case, MPI.COMM_SELF), Corner()
+    TimeLoop(simulation, corner).run()  # type: ignore[arg-type]
+    simulation.destroy()
     return corner
 
 

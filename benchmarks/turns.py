@@ -45,23 +45,23 @@ class Faces:
 def run(mould: str, changes: tuple[str, ...], interval: float, passes: int) -> dict[str, Any]:
     """March one scene; a row of the table."""
     keys = (*QUIET, *COARSE, f"coupling.interval={interval} s", f"coupling.passes={passes}")
-    scene = build(load_case(CASES / f"{mould}.toml", (*keys, *changes)), MPI.COMM_SELF)
+    simulation = build(load_case(CASES / f"{mould}.toml", (*keys, *changes)), MPI.COMM_SELF)
     faces = Faces()
-    march = TimeLoop(scene, faces)  # type: ignore[arg-type]
+    loop = TimeLoop(simulation, faces)  # type: ignore[arg-type]
     start = process_time()
-    march.run()
+    loop.run()
     seconds = process_time() - start
-    found = summarise(march.run_state, "finished")
-    scene.destroy()
+    found = summarise(loop.run_state, "finished")
+    simulation.destroy()
     late = faces.temperature[len(faces.temperature) // 4 :]
     return {
         "scene": NAMES[mould] + (", 20 kW/(m² K), to 300 mm" if changes else ""),
         "interval": interval,
         "allowed": passes,
-        "intervals": march.run_state.counts.windows,
-        "passes": march.run_state.counts.coupling_iterations,
-        "cut": march.run_state.counts.cut_back,
-        "unsettled": march.run_state.counts.gap_not_converged,
+        "intervals": loop.run_state.counts.windows,
+        "passes": loop.run_state.counts.coupling_iterations,
+        "cut": loop.run_state.counts.cut_back,
+        "unsettled": loop.run_state.counts.gap_not_converged,
         "swing": float(np.abs(np.diff(late, 2)).mean()),
         "heat": found.quantities["heat_removed_slice"].value / 1e3,
         "peak": found.quantities["von_mises_max"].value / 1e6,
@@ -86,11 +86,11 @@ FORMS = {"swing": ".1f", "heat": ".2f", "peak": ".1f", "seconds": ".1f"}
 
 
 def main(output: Output, quick: bool) -> None:
-    """Every scene with one pass and with the shipped number."""
+    """Every case with one iteration and with the shipped number."""
     rows = []
-    for scene in TURNS[-1:] if quick else TURNS:
+    for case in TURNS[-1:] if quick else TURNS:
         for passes in PASSES:
-            rows.append(run(*scene, passes))
+            rows.append(run(*case, passes))
             print(f"  {rows[-1]}", flush=True)
     output.csv("turns", rows)
     show(output)

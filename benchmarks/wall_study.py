@@ -54,17 +54,17 @@ class Marched:
         return np.array([getattr(m.contact, name) for m in self.mechanics])
 
 
-def march(mould: str, changes: Iterable[str]) -> Marched:
+def run_case(mould: str, changes: Iterable[str]) -> Marched:
     """March one billet with some keys changed."""
-    scene = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF)
+    simulation = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF)
     found = Marched()
-    one = TimeLoop(scene, found)  # type: ignore[arg-type]
+    one = TimeLoop(simulation, found)  # type: ignore[arg-type]
     start = process_time()
     one.run()
     found.seconds = process_time() - start
     found.newton, found.cut = one.run_state.counts.newton_mechanics, one.run_state.counts.cut_back
     found.values = {n: q.value for n, q in summarise(one.run_state, "finished").quantities.items()}
-    scene.destroy()
+    simulation.destroy()
     keys = textwrap.shorten(" ".join(changes), 120, placeholder=" ...")
     print(f"  {mould} {keys}: {found.seconds:.1f} s", flush=True)
     return found
@@ -88,7 +88,9 @@ PLAIN = 5  # of the scenes: the moulds as shipped
 def factors(output: Output, quick: bool) -> None:
     """Iterations, cuts and time by the factor, and how far the results are from the last."""
     scenes = SCENES[:2] if quick else SCENES
-    found = {f: [march(m, (*COARSE, *c, touch("penalty", f))) for m, c in scenes] for f in FACTORS}
+    found = {
+        f: [run_case(m, (*COARSE, *c, touch("penalty", f))) for m, c in scenes] for f in FACTORS
+    }
     last, rows = found[FACTORS[-1]], []
     for factor, runs in found.items():
         pairs = list(zip(runs, last, strict=True))[:PLAIN]
@@ -141,7 +143,7 @@ def frictions(output: Output, quick: bool) -> None:
     rows = []
     for name, law in list(LAWS.items())[: 1 if quick else None]:
         for mould in ("taper_1", "taper_0"):
-            found = march(mould, (*COARSE, f"mould.friction={{{law}}}"))
+            found = run_case(mould, (*COARSE, f"mould.friction={{{law}}}"))
             values = found.values
             rows.append(
                 {
@@ -181,7 +183,7 @@ def cells(output: Output, quick: bool) -> None:
     for cell in ("quadrilateral", "triangle"):
         for size in sizes:
             keys = [f"mesh.{k}_size={size} mm" for k in ("surface", "corner")]
-            found[cell, size] = march("taper_1", (*EARLY, *keys, f"mesh.cell={cell}"))
+            found[cell, size] = run_case("taper_1", (*EARLY, *keys, f"mesh.cell={cell}"))
     exact = found["quadrilateral", sizes[-1]].contact("force")[9:, 0]
     rows = []
     for size in sizes:
@@ -239,8 +241,8 @@ def springs(output: Output, quick: bool) -> None:
     still: dict[str, float] = {}
     for stiffness in SPRINGS[:2] if quick else SPRINGS:
         with sprung(stiffness):
-            held = march("taper_1", ("casting.length=180 mm", *HALF))
-            free = march("taper_minus_3", ("casting.length=90 mm", *HALF))
+            held = run_case("taper_1", ("casting.length=180 mm", *HALF))
+            free = run_case("taper_minus_3", ("casting.length=90 mm", *HALF))
         still = still or free.mechanics[-1].moved
         moved = free.mechanics[-1].moved
         rows.append(

@@ -1,4 +1,4 @@
-"""The tables [mechanics] and [coupling]: what the slice is made of, and how its march is cut up."""
+"""The tables [mechanics] and [coupling]: what the slice is made of, and how its run is cut up."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ from castfem.case.section import Mesh, Section
 from castfem.case.thermal import Thermal
 from castfem.case.verification import Verification
 from castfem.errors import InputError
-from castfem.mould.taper import stretch_ends
+from castfem.mould.taper import segment_ends
 from castfem.values.tables import Table as TableOfValues
 
 _NOT_PHYSICS: Any = {
@@ -150,7 +150,7 @@ class Case(TableModel):
         if table is None:
             return ()
         courses = [given.course(table.length) for given in table.taper.parts.values()]
-        knots = stretch_ends(courses, table.length)
+        knots = segment_ends(courses, table.length)
         warmth = table.copper.temperature if table.condition == "cold" else None
         if isinstance(warmth, TableOfValues):
             knots += [p for p in warmth.arguments if 0.0 < p < table.length]

@@ -18,7 +18,7 @@ from castfem.case.mould import Mould
 from castfem.case.problems import Problem
 from castfem.case.section import Section
 from castfem.case.validation import law_groups
-from castfem.mould.taper import Course
+from castfem.mould.taper import TaperProfile
 from castfem.support.messages import Path
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import Kind
@@ -160,9 +160,9 @@ def _taper(mould: Mould, section: Section) -> Iterator[Problem]:
         part = "" if name == "face" else f"{name}: "
         how = "closes" if closed > 0.0 else "opens"
         near = ""
-        if len(given.stretches) == 1:
-            tenth = 0.1 * given.stretches[0].mean
-            single = given.stretches[0].top == given.stretches[0].bottom
+        if len(given.segments) == 1:
+            tenth = 0.1 * given.segments[0].mean
+            single = given.segments[0].top == given.segments[0].bottom
             if single and abs(tenth) <= _USUAL_TAPER:
                 near = f"; did you mean {100.0 * tenth:.3g} %/m?"
         yield Problem(
@@ -170,7 +170,7 @@ def _taper(mould: Mould, section: Section) -> Iterator[Problem]:
         )
 
 
-def _closing(course: Course, start: float, length: float) -> float:
+def _closing(course: TaperProfile, start: float, length: float) -> float:
     """Return the largest closing (w_in - w_out) / w_out at any position, negative: opening."""
     positions = [z for z in course.knots() if z < length] + [length]
     closed = [start / course.half(z, start) - 1.0 for z in positions]

@@ -1,4 +1,4 @@
-"""How a taper is written: one value, stretches, a parabola, a table; alike all round or not."""
+"""How a taper is written: one value, segments, a parabola, a table; alike all round or not."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
-from castfem.mould.taper import Course, Displaced, Stretch, Taper
+from castfem.mould.taper import Displaced, Taper, TaperProfile, TaperSegment
 from castfem.values.quantities import Kind, Notation
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Curve, Table
@@ -21,7 +21,7 @@ _MOST = 0.5
 _END = Kind("m", "mm", above=0.0)
 _CLOSING = Curve(Kind("m", "mm", label="displacement", sample="0.5 mm"), over="position")
 _FORMS = (
-    '"1 %/m", stretches [{ to = "300 mm", taper = "2 %/m" }, { taper = "1 %/m" }], a parabola '
+    '"1 %/m", segments [{ to = "300 mm", taper = "2 %/m" }, { taper = "1 %/m" }], a parabola '
     '{ top = "2 %/m", exit = "0.4 %/m" }, or a table over position of how far the wall has moved in'
 )
 
@@ -31,36 +31,36 @@ class Given:
     """A taper as given; `castfem.mould.taper` says what it means.
 
     Attributes:
-        stretches: In casting order; the last one may have no end.
-        closing: Displacement of the wall over position instead of stretches.
+        segments: In casting order; the last one may have no end.
+        closing: Displacement of the wall over position instead of segments.
     """
 
-    stretches: tuple[Stretch, ...] = ()
+    segments: tuple[TaperSegment, ...] = ()
     closing: Table | None = None
 
-    def course(self, length: float) -> Course:
+    def course(self, length: float) -> TaperProfile:
         """Return the course along a mould of that length, m.
 
         Raises:
-            ValueError: The stretches do not fill the mould, or close it altogether.
+            ValueError: The segments do not fill the mould, or close it altogether.
         """
         if self.closing is not None:
             return Displaced(self.closing)
-        *before, last = self.stretches
+        *before, last = self.segments
         end = length if last.end is None else last.end
         inner = before[-1].end if before else 0.0
         assert inner is not None
         if inner >= length:
             raise ValueError(
-                f"a stretch of the taper ends {1e3 * inner:g} mm below the meniscus, where the "
+                f"a segment of the taper ends {1e3 * inner:g} mm below the meniscus, where the "
                 f"mould has ended ({1e3 * length:g} mm)"
             )
         if abs(end - length) > ROUNDING * length:
             raise ValueError(
-                f"the last stretch of the taper ends {1e3 * end:g} mm below the meniscus, the "
+                f"the last segment of the taper ends {1e3 * end:g} mm below the meniscus, the "
                 f"mould {1e3 * length:g} mm; leave out its 'to'"
             )
-        return Taper((*before, Stretch(length, last.top, last.bottom)))
+        return Taper((*before, TaperSegment(length, last.top, last.bottom)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +94,7 @@ PARTS = tuple(f.name for f in fields(Perimeter))
 class TaperMark(Notation):
     """Annotation of a field that takes a taper."""
 
-    takes: str = 'taper: `"1 %/m"`, or stretches, a parabola, a table over position'
+    takes: str = 'taper: `"1 %/m"`, or segments, a parabola, a table over position'
 
     def read(self, given: object) -> Perimeter:
         """Return the tapers, or raise ValueError."""
@@ -120,10 +120,10 @@ class TaperMark(Notation):
     ) -> dict[str, Any]:
         value, end = TAPER.json_schema(), _END.json_schema()
         parabola = {"top": value, "exit": value}
-        stretch = _object({"to": end, "taper": value, **parabola})
+        segment = _object({"to": end, "taper": value, **parabola})
         one = [
             value,
-            {"type": "array", "items": stretch, "minItems": 1},
+            {"type": "array", "items": segment, "minItems": 1},
             _object(parabola, required=["top", "exit"]),
             *_CLOSING.__get_pydantic_json_schema__(schema, handler)["anyOf"][1:],
         ]
@@ -149,42 +149,42 @@ def _read(given: object) -> Given:
         return given
     if isinstance(given, str):
         value = _value(given)
-        return Given((Stretch(None, value, value),))
+        return Given((TaperSegment(None, value, value),))
     if isinstance(given, Mapping):
         if set(given) & {"position", "file", "value"}:
             table = _CLOSING.read(given)
             assert isinstance(table, Table)
             return Given(closing=table)
-        return Given((_stretch(given, ("top", "exit"), ends=False),))
+        return Given((_segment(given, ("top", "exit"), ends=False),))
     if isinstance(given, Sequence) and given:
-        return Given(_stretches(given))
+        return Given(_segments(given))
     raise ValueError(f"a taper is needed: {_FORMS}")
 
 
-def _stretches(given: Sequence[Any]) -> tuple[Stretch, ...]:
-    found: list[Stretch] = []
+def _segments(given: Sequence[Any]) -> tuple[TaperSegment, ...]:
+    found: list[TaperSegment] = []
     for number, entry in enumerate(given, start=1):
         try:
             if not isinstance(entry, Mapping):
                 raise ValueError('must be a table such as { to = "300 mm", taper = "2 %/m" }')
             keys = ("taper",) if "taper" in entry else ("top", "exit")
-            stretch = _stretch(entry, keys, ends=True)
+            segment = _segment(entry, keys, ends=True)
             above = found[-1].end if found else 0.0
-            if stretch.end is None and number < len(given):
-                raise ValueError("'to' is missing; only the last stretch may leave it out")
-            if stretch.end is not None and above is not None and stretch.end <= above:
+            if segment.end is None and number < len(given):
+                raise ValueError("'to' is missing; only the last segment may leave it out")
+            if segment.end is not None and above is not None and segment.end <= above:
                 raise ValueError(
-                    f"'to' ({1e3 * stretch.end:g} mm) does not lie beyond the end of the stretch "
+                    f"'to' ({1e3 * segment.end:g} mm) does not lie beyond the end of the segment "
                     f"before ({1e3 * above:g} mm)"
                 )
         except ValueError as error:
-            raise ValueError(f"stretch {number}: {error}") from None
-        found.append(stretch)
+            raise ValueError(f"segment {number}: {error}") from None
+        found.append(segment)
     return tuple(found)
 
 
-def _stretch(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> Stretch:
-    """Read one stretch whose taper stands under `keys`: one of it, or its top and its exit."""
+def _segment(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> TaperSegment:
+    """Read one segment whose taper stands under `keys`: one of it, or its top and its exit."""
     allowed = (*(("to",) if ends else ()), *keys)
     for key in given:
         if key not in allowed:
@@ -202,7 +202,7 @@ def _stretch(given: Mapping[str, Any], keys: tuple[str, ...], *, ends: bool) -> 
         end = _END.read(given["to"]) if "to" in given else None
     except ValueError as error:
         raise ValueError(f"to: {error}") from None
-    return Stretch(end, values[0], values[-1])
+    return TaperSegment(end, values[0], values[-1])
 
 
 def _value(given: object) -> float:
@@ -219,14 +219,14 @@ def _write(given: Given) -> Any:
     """Return what `_read` reads back to the same taper."""
     if given.closing is not None:
         return _CLOSING.write(given.closing)
-    if len(given.stretches) == 1 and given.stretches[0].end is None:
-        entry = _entry(given.stretches[0])
+    if len(given.segments) == 1 and given.segments[0].end is None:
+        entry = _entry(given.segments[0])
         return entry.get("taper", entry)
-    return [_entry(stretch) for stretch in given.stretches]
+    return [_entry(segment) for segment in given.segments]
 
 
-def _entry(stretch: Stretch) -> dict[str, Any]:
-    end = {} if stretch.end is None else {"to": _END.write(stretch.end)}
-    if stretch.top == stretch.bottom:
-        return {**end, "taper": TAPER.write(stretch.top)}
-    return {**end, "top": TAPER.write(stretch.top), "exit": TAPER.write(stretch.bottom)}
+def _entry(segment: TaperSegment) -> dict[str, Any]:
+    end = {} if segment.end is None else {"to": _END.write(segment.end)}
+    if segment.top == segment.bottom:
+        return {**end, "taper": TAPER.write(segment.top)}
+    return {**end, "top": TAPER.write(segment.top), "exit": TAPER.write(segment.bottom)}

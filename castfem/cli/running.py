@@ -1,4 +1,4 @@
-"""`castfem run`: validate, look at the folder, march, and end all ranks in order."""
+"""`castfem run`: validate, look at the folder, run, and end all ranks in order."""
 
 from __future__ import annotations
 

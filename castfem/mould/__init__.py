@@ -22,14 +22,13 @@ from castfem.mould.cavity import (
 from castfem.mould.contour import Contour
 from castfem.mould.mould import Expansion, Mould, Zone
 from castfem.mould.segments import Circular, Parabolic, Segment, Straight
-from castfem.mould.taper import Course, Displaced, Stretch, Taper, taper_between
+from castfem.mould.taper import Displaced, Taper, TaperProfile, TaperSegment, taper_between
 from castfem.mould.wall import GapFunction, PlaneWall, Wall
 
 __all__ = [
     "Cavity",
     "Circular",
     "Contour",
-    "Course",
     "Displaced",
     "Expansion",
     "FreeCavity",
@@ -42,8 +41,9 @@ __all__ = [
     "Segment",
     "Sides",
     "Straight",
-    "Stretch",
     "Taper",
+    "TaperProfile",
+    "TaperSegment",
     "Tapers",
     "Wall",
     "Zone",

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from castfem.mould.contour import Contour
 from castfem.mould.segments import Circular, Parabolic, Point, Segment, Straight
-from castfem.mould.taper import Course
+from castfem.mould.taper import TaperProfile
 
 _PLANE = 1e-12
 """Bulge of a face over its distance from the centre, below which it is taken as plane."""
@@ -29,23 +29,23 @@ class Tapers:
         corner: Of the section at its corners; None where the faces stay plane.
     """
 
-    width: Course
-    height: Course
-    corner: Course | None = None
+    width: TaperProfile
+    height: TaperProfile
+    corner: TaperProfile | None = None
 
     @property
-    def courses(self) -> tuple[Course, ...]:
+    def courses(self) -> tuple[TaperProfile, ...]:
         """All that are given."""
         return tuple(c for c in (self.width, self.height, self.corner) if c is not None)
 
-    def of(self, dimension: str) -> tuple[Course, ...]:
+    def of(self, dimension: str) -> tuple[TaperProfile, ...]:
         """Return those a dimension of the cavity depends on."""
         if dimension == "diagonal":
             return (self.width, self.height) if self.corner is None else (self.corner,)
         return (self.height,) if dimension == "height" else (self.width,)
 
 
-def same(course: Course) -> Tapers:
+def same(course: TaperProfile) -> Tapers:
     """Return one course for the whole perimeter."""
     return Tapers(course, course)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from castfem.mould.cavity import Cavity, Tapers
 from castfem.mould.contour import Contour
-from castfem.mould.taper import stretch_ends, taper_between
+from castfem.mould.taper import segment_ends, taper_between
 from castfem.mould.wall import GapFunction
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Constant, Table
@@ -100,7 +100,7 @@ class Mould:
         self.cavity, self.length, self.tapers = cavity, length, tapers
         self.wall_temperature, self.expansion = wall_temperature, expansion
         self._built: tuple[float, Contour] | None = None
-        for position in stretch_ends(tapers.courses, length):
+        for position in segment_ends(tapers.courses, length):
             self.contour(position)
 
     def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:
@@ -152,7 +152,7 @@ class Mould:
         """
         found = []
         for name in self.dimensions(0.0):
-            ends = stretch_ends(self.tapers.of(name), self.length)
+            ends = segment_ends(self.tapers.of(name), self.length)
             size = {z: self.dimensions(z, as_made=as_made)[name] for z in ends}
             pairs = list(itertools.pairwise(ends))
             if len(pairs) > 1:

@@ -23,8 +23,8 @@ from castfem.values.tables import Table
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
-    """A stretch of the mould with one taper.
+class TaperSegment:
+    """A segment of the mould with one taper.
 
     Attributes:
         end: Where it ends, from the meniscus, m; None for the end of the mould.
@@ -42,7 +42,7 @@ class Stretch:
         return 0.5 * (self.top + self.bottom)
 
 
-class Course(Protocol):
+class TaperProfile(Protocol):
     """How a linear dimension of the cavity goes with the position below the meniscus."""
 
     def half(self, position: float, start: float) -> float:
@@ -54,53 +54,53 @@ class Course(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Taper:
-    """Taper in stretches: one for a single taper, two for a double one, and so on.
+    """Taper in segments: one for a single taper, two for a double one, and so on.
 
     Attributes:
-        stretches: In casting order, each with its end; the last one ends with the mould.
+        segments: In casting order, each with its end; the last one ends with the mould.
     """
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[TaperSegment, ...]
 
     def __post_init__(self) -> None:
-        """Refuse stretches that are out of order, or that close the mould altogether."""
+        """Refuse segments that are out of order, or that close the mould altogether."""
         top = 0.0
-        for number, stretch in enumerate(self.stretches, start=1):
-            if stretch.end is None or not stretch.end > top:
+        for number, segment in enumerate(self.segments, start=1):
+            if segment.end is None or not segment.end > top:
                 raise ValueError(
-                    f"stretch {number} of the taper must end beyond the one before ({top:g} m)"
+                    f"segment {number} of the taper must end beyond the one before ({top:g} m)"
                 )
-            if not 1.0 + stretch.mean * (stretch.end - top) > 0.0:
+            if not 1.0 + segment.mean * (segment.end - top) > 0.0:
                 raise ValueError(
-                    f"a taper of {100.0 * stretch.mean:g} %/m over {stretch.end - top:g} m has no "
+                    f"a taper of {100.0 * segment.mean:g} %/m over {segment.end - top:g} m has no "
                     "outlet: by (300) it must be above -100 % over its length"
                 )
-            top = stretch.end
-        if not self.stretches:
-            raise ValueError("a taper needs at least one stretch")
+            top = segment.end
+        if not self.segments:
+            raise ValueError("a taper needs at least one segment")
 
     @classmethod
     def single(cls, taper: float, length: float) -> Taper:
         """Return one taper (1/m) from the meniscus to `length` (m)."""
-        return cls((Stretch(length, taper, taper),))
+        return cls((TaperSegment(length, taper, taper),))
 
     def half(self, position: float, start: float) -> float:
-        """Return half the dimension at a position, m; see `Course`."""
+        """Return half the dimension at a position, m; see `TaperProfile`."""
         size, top = start, 0.0
-        for stretch in self.stretches:
-            assert stretch.end is not None
-            height = stretch.end - top
-            outlet = size / (1.0 + stretch.mean * height)
-            if position < stretch.end:
+        for segment in self.segments:
+            assert segment.end is not None
+            height = segment.end - top
+            outlet = size / (1.0 + segment.mean * height)
+            if position < segment.end:
                 down = max(position - top, 0.0)
-                local = stretch.top + 0.5 * (stretch.bottom - stretch.top) * down / height
+                local = segment.top + 0.5 * (segment.bottom - segment.top) * down / height
                 return size - outlet * local * down
-            size, top = outlet, stretch.end
+            size, top = outlet, segment.end
         return size
 
     def knots(self) -> tuple[float, ...]:
-        """Return the ends of the stretches with the meniscus; see `Course`."""
-        return (0.0, *(float(s.end or 0.0) for s in self.stretches))
+        """Return the ends of the segments with the meniscus; see `TaperProfile`."""
+        return (0.0, *(float(s.end or 0.0) for s in self.segments))
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,14 +114,14 @@ class Displaced:
     closing: Table
 
     def half(self, position: float, start: float) -> float:
-        """Return half the dimension at a position, m; see `Course`.
+        """Return half the dimension at a position, m; see `TaperProfile`.
 
         The table tells the wall's movement since the meniscus: its value there is taken off.
         """
         return start - (self.closing(position) - self.closing(0.0))
 
     def knots(self) -> tuple[float, ...]:
-        """Return its positions from the meniscus on; see `Course`."""
+        """Return its positions from the meniscus on; see `TaperProfile`."""
         return (0.0, *(p for p in self.closing.kinks if p > 0.0))
 
 
@@ -130,8 +130,8 @@ def taper_between(inlet: float, outlet: float, height: float) -> float:
     return (inlet - outlet) / (outlet * height)
 
 
-def stretch_ends(courses: Sequence[Course], length: float) -> list[float]:
-    """Return the ends of all stretches between the meniscus and the end of the mould, m."""
+def segment_ends(courses: Sequence[TaperProfile], length: float) -> list[float]:
+    """Return the ends of all segments between the meniscus and the end of the mould, m."""
     ends = [0.0]
     for knot in sorted({k for course in courses for k in course.knots()} | {length}):
         if ends[-1] + ROUNDING * length < knot <= length * (1.0 - ROUNDING) or knot == length:

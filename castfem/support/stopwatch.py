@@ -68,7 +68,7 @@ def profile_table(watch: Stopwatch) -> str:
         share = seconds / whole if whole else 0.0
         lines.append(f"{name:<24}{seconds:>10.3f}{share:>8.1%}{watch.calls.get(name, 0):>9}")
     inside = watch.share(LIBRARIES, of=MARCH)
-    lines.append(f"of the march {inside:.0%} is spent inside PETSc and DOLFINx")
+    lines.append(f"of the time loop {inside:.0%} is spent inside PETSc and DOLFINx")
     return "\n".join(lines)
 
 

@@ -16,9 +16,9 @@ from castfem.mould import (
     RectangleCavity,
     RoundCavity,
     Straight,
-    Stretch,
     Taper,
     Tapers,
+    TaperSegment,
     same,
     taper_between,
 )
@@ -73,7 +73,7 @@ def test_diagonal_of_the_billet_is_that_of_the_thesis():
 def test_double_and_triple_taper_hold_zone_by_zone():
     tapers = (0.02, 0.008, -0.003)
     ends = (0.2, 0.35, L)
-    triple = mould(Taper(tuple(Stretch(e, t, t) for e, t in zip(ends, tapers, strict=True))))
+    triple = mould(Taper(tuple(TaperSegment(e, t, t) for e, t in zip(ends, tapers, strict=True))))
     zones = [z for z in triple.zones() if z.dimension == "width"]
     assert [(z.start, z.end) for z in zones] == [(0.0, 0.2), (0.2, 0.35), (0.35, L), (0.0, L)]
     assert [z.taper for z in zones[:3]] == pytest.approx(tapers, rel=1e-12)
@@ -85,7 +85,7 @@ def test_double_and_triple_taper_hold_zone_by_zone():
 
 def test_parabolic_taper_goes_linearly_from_top_to_exit():
     top, exit_ = 0.02, 0.004
-    parabola = mould(Taper((Stretch(L, top, exit_),)))
+    parabola = mould(Taper((TaperSegment(L, top, exit_),)))
     zone = next(z for z in parabola.zones() if z.dimension == "width")
     assert zone.taper == pytest.approx(0.5 * (top + exit_), rel=1e-13)
     h = 1e-6
@@ -274,7 +274,7 @@ def test_wall_temperature_along_the_mould():
         ),
         (lambda: mould(Taper.single(-2.0, L)), "-200 %/m over 0.6 m has no outlet"),
         (lambda: mould(Taper.single(0.0, L), length=0.0), "must be positive"),
-        (lambda: Taper((Stretch(0.3, 0, 0), Stretch(0.2, 0, 0))), "stretch 2"),
+        (lambda: Taper((TaperSegment(0.3, 0, 0), TaperSegment(0.2, 0, 0))), "segment 2"),
         (lambda: Taper(()), "at least one"),
         (lambda: moved((0.0, 0.0), (0.0, 1.0)), "must increase"),
         (lambda: moved((0.0,), (0.0, 1.0)), "as many"),

@@ -241,12 +241,12 @@ MISTAKES = {
     "order": (
         'taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "200 mm", taper = "2 %/m" }]',
         "mould.taper",
-        ["stretch 2", "'to' (200 mm)", "beyond the end of the stretch before (300 mm)"],
+        ["segment 2", "'to' (200 mm)", "beyond the end of the segment before (300 mm)"],
     ),
     "open end": (
         'taper = [{ taper = "1 %/m" }, { taper = "2 %/m" }]',
         "mould.taper",
-        ["stretch 1", "only the last stretch may leave it out"],
+        ["segment 1", "only the last segment may leave it out"],
     ),
     "too short": (
         'taper = [{ to = "300 mm", taper = "1 %/m" }, { to = "500 mm", taper = "2 %/m" }]',
@@ -358,4 +358,4 @@ def test_reference_page_describes_the_mould():
     page = markdown_page()
     for part in ("### `[mould]`", "### `[mould.copper]`", '`[mould.friction], law = "viscous"`'):
         assert part in page
-    assert '| `taper` | taper: `"1 %/m"`, or stretches' in page
+    assert '| `taper` | taper: `"1 %/m"`, or segments' in page

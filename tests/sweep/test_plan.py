@@ -199,7 +199,7 @@ def test_tapers_of_several_values(tmp_path, text):
     table = tmp_path / "runs.csv"
     table.write_text(text)
     found = plan(castfem.load("billet125/taper_0"), [], table)
-    tapers = [v.case.mould.taper.face.stretches for v in found]
+    tapers = [v.case.mould.taper.face.segments for v in found]
     assert [[(s.end, s.top, s.bottom) for s in taper] for taper in tapers] == [
         [(None, 0.01, 0.01)],
         [(0.03, 0.02, 0.02), (None, 0.008, 0.008)],
