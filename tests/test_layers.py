@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).parents[1]
 
@@ -42,6 +43,12 @@ def test_every_package_has_its_place(packages: ModuleType) -> None:
         "machine",
         "mould",
     }
+
+
+def test_picture_shows_the_imports_of_today(packages: ModuleType) -> None:
+    """Where it does not: python tools/packages.py."""
+    with Image.open(ROOT / "docs" / "figures" / "packages.png") as picture:
+        assert picture.info["Description"] == packages.written(packages.arrows())
 
 
 def test_types_count(packages: ModuleType, tmp_path: Path) -> None:
