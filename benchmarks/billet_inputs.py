@@ -24,7 +24,7 @@ class Variant:
     liquid: bool = False
 
 
-LAWS = ROOT / "castfem" / "laws" / "data"
+LAWS = ROOT / "castfem" / "constitutive" / "data"
 
 
 def scaled(name: str, key: str, factor: float, folder: Path) -> str:
