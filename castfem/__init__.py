@@ -3,16 +3,16 @@
 `load`, `run` and `Result` are for scripts (docs/scripting.md); they are imported at first use, so
 that `import castfem` costs nothing.
 
-What there is, upstream first; nothing knows what comes after it (tests/test_layers.py):
+What there is, upstream first; nothing knows what comes after it (docs/architecture.md):
 
     errors values/ support/         numbers with units; what everything uses
     meshes/ forms/ fem/             sections as plain arrays; weak forms in UFL; DOLFINx and PETSc
     materials/ constitutive/        steels, and what strains them
-    mould/                          the wall the strand passes
+    machine/ mould/                 what the strand meets on its way
     thermal/ contact/ mechanics/    the problems, one step at a time
     verification/ output/           closed forms; the files of a run
-    case/                           case files, checked; those that are shipped
     coupling/                       temperature and mechanics in turn
+    case/                           case files, checked; those that are shipped
     simulation/                     from a case to all that computes it
     results/                        what is read off the slice, and the summary
     time_loop/                      from the meniscus to the end

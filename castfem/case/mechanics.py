@@ -1,4 +1,7 @@
-"""The tables [mechanics] and [coupling]: what the slice is made of, and how its run is cut up."""
+"""The tables [mechanics] and [coupling]: what the slice is made of, and how its run is cut up.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

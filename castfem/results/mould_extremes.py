@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING
 
-from castfem.constitutive.data_range import KINDS
 from castfem.mould.mould import is_below
 
 if TYPE_CHECKING:
@@ -116,6 +115,8 @@ class BeyondData:
 
     def recall(self, memory: dict[str, float | None]) -> None:
         """Take up what `memory` gave; an older checkpoint has nothing of it."""
+        from castfem.constitutive.data_range import KINDS  # no part of a run without mechanics
+
         for kind in KINDS:
             share, position = memory.get(f"{kind}_share"), memory.get(f"{kind}_position")
             if share is not None and position is not None:

@@ -20,13 +20,13 @@ def found(**values: float) -> Found:
 
 def test_times_of_a_march_are_all_accounted_for() -> None:
     small = (*mesh(4.0), every(0.25), "casting.length=60 mm")
-    walled = billet_cost.march("taper_1", small)
+    walled = billet_cost.run_case("taper_1", small)
     numbers = billet_cost.numbers(walled)
     assert walled["watched"] == pytest.approx(walled["seconds"], rel=0.02)
     assert {"petsc", "assembly", "law", "contact"} <= set(walled["parts"])
     assert 0.0 < numbers["libraries_mechanics"] < 100.0
     assert 50.0 < numbers["mechanics"] < 100.0
-    free = billet_cost.numbers(billet_cost.march("idealised", small))
+    free = billet_cost.numbers(billet_cost.run_case("idealised", small))
     assert free["contact"] == 0.0 < numbers["contact"]
 
 

@@ -112,7 +112,7 @@ guess = state.enthalpy.copy()
 if MPI.COMM_WORLD.rank == 1:
     guess[:] = np.nan
 stage = scene.problem.solve_stage(state.enthalpy, guess, 0.1, 0.1)
-ended = f"converged {stage.outcome.converged} {stage.outcome.reason}"
+ended = f"converged {stage.result.converged} {stage.result.reason}"
 for words in MPI.COMM_WORLD.gather(ended) or ():  # one rank speaks: lines of two would mix
     print(words)
 scene.destroy()
