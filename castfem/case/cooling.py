@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -82,13 +83,13 @@ class HeatLaw(Variants):
         "with it; by default the whole outer surface",
     )
 
+    @abstractmethod
     def build(self, around: Surroundings) -> flux_laws.SurfaceLaw | flux_laws.PrescribedTemperature:
         """Return the law as arrays in, flux out.
 
         Raises:
             InputError: The rest of the case lacks what the law leaves to it.
         """
-        raise NotImplementedError(f'heat law "{self.tag}" does not say how it is built')
 
     def milestones(self) -> tuple[float, ...]:
         """Return the instants at which what it is given changes its slope in time, s."""

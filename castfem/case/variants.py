@@ -7,6 +7,7 @@ in the JSON schema and on the reference page.
 
 from __future__ import annotations
 
+import inspect
 import typing
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
@@ -32,11 +33,20 @@ class Variants(TableModel):
 
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
-        """Enter a kind under its value of the key."""
+        """Enter a kind under its value of the key.
+
+        Raises:
+            TypeError: It leaves out what the base asks of all kinds (its abstract methods): told
+                where the kind is defined, not in the middle of a run.
+        """
         super().__pydantic_init_subclass__(**kwargs)
         tag = tag_of(cls)
-        if tag is not None:
-            cls.kinds[tag] = cls
+        if tag is None:
+            return
+        if inspect.isabstract(cls):
+            missing = ", ".join(sorted(cls.__abstractmethods__))
+            raise TypeError(f'{cls.__name__} ({cls.tag_key} = "{tag}") does not define {missing}')
+        cls.kinds[tag] = cls
 
     @property
     def tag(self) -> str:

@@ -80,7 +80,9 @@ def _locked(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NotImplementedError:  # filelock's error where flock() is unknown to the file system
+    # By this name filelock tells that the file system knows no flock() (ENOSYS): nothing of ours is
+    # left to be written.
+    except NotImplementedError:
         return False
     return True
 
