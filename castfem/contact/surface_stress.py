@@ -53,18 +53,18 @@ class SurfaceStress:
         self,
         old: ContactState,
         temperatures: tuple[Array, Array],
+        liquid: Array,
         dt: float,
         solid: Solid,
-        liquid: Array,
     ) -> None:
         """Prepare a step.
 
         Args:
             old: Committed state.
             temperatures: At the points, at start and end of the step, K.
+            liquid: Ferrostatic pressure at the points at its end, Pa.
             dt: Its length, s.
             solid: Has the thermal strain.
-            liquid: Ferrostatic pressure at the points at its end, Pa.
         """
         before, after = temperatures
         strain = solid.thermal_strain

@@ -18,8 +18,9 @@ from castfem.contact.friction import return_friction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
+from castfem.contact.surface_liquid import SurfaceLiquid
 from castfem.contact.surface_stress import SurfaceStress
-from castfem.fem import dof_values, reductions
+from castfem.fem import reductions
 from castfem.fem.section import Section
 from castfem.forms import contact as forms
 from castfem.forms import finite_strain
@@ -31,9 +32,6 @@ TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), 
 STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
 RASTER = 2.0**-32  # of the section's size
 HOLDING_GAP = 1e-2  # of the height of surface cells: a wall farther away holds nothing
-LEAK = 1e-4  # m: a gap across which liquid that comes to the surface still runs to the wall
-# Of the height of surface cells: depth of the first of two Gauss points, those of the mean stress.
-SKIN = 0.5 - 0.5 / 3.0**0.5
 
 
 class WallContact:
@@ -48,6 +46,7 @@ class WallContact:
     Attributes:
         facets: Points. symmetric: Whether contact leaves a symmetric tangent symmetric.
         at_vertices: Operator from vertex values to the points.
+        liquid: What of the surface is solid in the step, and what its liquid does.
         stiffness: K_p of the step at the points (n,), Pa/m.
         now: What was evaluated last.
 
@@ -65,9 +64,9 @@ class WallContact:
         trial = ufl.TrialFunction(space)
         self._moves = facets.operator(trial, space)
         self._gradients = facets.operator(ufl.grad(trial), space)
-        vertex = section.vertex_space
-        self.at_vertices = facets.operator(ufl.TrialFunction(vertex), vertex)
-        self._slopes = facets.operator(ufl.grad(ufl.TrialFunction(vertex)), vertex)
+        rubs = contact.friction is not None
+        self.liquid = SurfaceLiquid(section, facets, solid, rubs)
+        self.at_vertices = self.liquid.at_vertices
         self._large = solid.large_strain
         self._surface, self._stress = self._geometry(mesh)
         self._given = FacetFields(facets, WIDTH)
@@ -178,83 +177,17 @@ class WallContact:
         travelled = self._position - contact.position(start)
         self._travel.value = travelled
         self._slip = travelled - (contact.stroke(end) - contact.stroke(start))
-        temperatures = self._at_points_from(before), self._at_points_from(after)
+        self.liquid.begin(old.gap, before, after, end)
         # Not the tangent's, which of a point that freezes within the step has a share alone.
         # Liquid presses with what its depth gives, not with its stiffness: it is met as the solid
         # that it becomes, or what it sank into the wall would be pushed out as it freezes.
-        elasticity = solid.law.elasticity
-        bulk = elasticity.moduli(np.minimum(temperatures[1], elasticity.solidity.solidus))[1]
+        elasticity, surface = solid.law.elasticity, self.liquid.temperatures[1]
+        bulk = elasticity.moduli(np.minimum(surface, elasticity.solidity.solidus))[1]
         self.stiffness = contact.strength * bulk / self._height
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
-        solidity = solid.law.elasticity.solidity
-        fed = solid.liquid == "fed"
-        backed = self._below(after) if fed else temperatures[1]
-        self._molten: Flags = np.maximum(temperatures[1], backed) > solidity.solidus
-        # Of liquid at the surface, which runs to the wall wherever that is and presses on it.
-        self._pool: Array = np.zeros(self.facets.count)
-        self._opened: Flags = np.zeros(self.facets.count, dtype=bool)
-        if fed:
-            fluid = solidity.weight(temperatures[1]) == 0.0
-            self._pool = np.where(fluid, self._liquid(after, end), 0.0)
-            self._opened = fluid & (temperatures[0] <= solidity.solidus) & (old.gap > LEAK)
         if self._stress is not None:
-            liquid = self._liquid(after, end)
-            if fed:
-                temperatures = self._hottest(before), self._hottest(after)
-                if solid.ferrostatic is not None:
-                    liquid = np.asarray(solid.ferrostatic.pressure(temperatures[1], end))
-            self._stress.begin(old, temperatures, self._dt, solid, liquid)
-
-    def breakout(self) -> str:
-        """Where the shell melts open off the wall in a step; empty if nowhere (collective).
-
-        Fed liquid would run out there until the wall or its own freezing stops it, which is another
-        model's.
-        """
-        gap = np.where(self._opened, self._old.gap, -np.inf)
-        if reductions.largest(self.section.comm, gap) == -np.inf:
-            return ""
-        widest, x, y = reductions.peak(self.section.comm, gap, self.facets.position)
-        return (
-            f"a breakout: the shell melts open at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm, "
-            + (f"{1e3 * widest:.3g} mm off the wall" if np.isfinite(widest) else "below the mould")
-            + "; keep the mould nearer (taper), or cool more"
-        )
-
-    def _liquid(self, temperature: Array, end: float) -> Array:
-        """Ferrostatic pressure at the points that nothing holds but the wall (n,), Pa."""
-        liquid = self._solid.ferrostatic
-        if liquid is None:
-            return np.zeros(self.facets.count)
-        pressure = liquid.pressure(self._at_points_from(temperature), end)
-        if liquid.outside == "held":
-            pressure = pressure - self._at_points_from(liquid.pressure(temperature, end))
-        return pressure
-
-    def _hottest(self, owned: Array) -> Array:
-        """Largest temperature in the cell of each point (n,), K.
-
-        A cell that has not frozen as a whole has hardly any stiffness where its liquid is fed. A
-        stress that the surface alone would have by the same strain would have no counterpart in it.
-        """
-        vertex = self.section.vertex_space
-        local = dof_values.with_ghosts(vertex, owned)
-        cells = np.asarray(vertex.dofmap.list)[self.facets.cells]
-        hottest = local[cells].max(axis=1) if len(cells) else np.zeros(0)
-        return np.asarray(np.repeat(hottest, self.facets.per_facet))
-
-    def _below(self, owned: Array) -> Array:
-        """Temperature at the depth of the first points of the mean stress below each point, K."""
-        local = dof_values.with_ghosts(self.section.vertex_space, owned)
-        slope = (self._slopes @ local).reshape(-1, 2)
-        outward = np.einsum("ni,ni->n", slope, self.facets.normal)
-        return np.asarray(self.at_vertices @ local - SKIN * self.facets.height * outward)
-
-    def _at_points_from(self, owned: Array) -> Array:
-        """Values at the points from those of the owned vertices."""
-        local = dof_values.with_ghosts(self.section.vertex_space, owned)
-        return np.asarray(self.at_vertices @ local)
+            self._stress.begin(old, *self.liquid.of_stress(), self._dt, solid)
 
     def evaluate(self) -> float:
         """Meet the wall with the displacement and the generalized strains the fields hold.
@@ -275,7 +208,7 @@ class WallContact:
         else:
             pressure = forms.penalty_pressure(self.stiffness, near)
         drawn = -stress - self.stiffness * near
-        pool = np.where(np.isfinite(gap), self._pool, 0.0)
+        pool = np.where(np.isfinite(gap), self.liquid.pool, 0.0)
         wets = pool > 0.0
         if self._stress is not None:
             drawn[wets] = -self.stiffness[wets] * near[wets]
@@ -302,10 +235,7 @@ class WallContact:
             slides, friction = self._with_friction(coefficients, along, moved - before, pressure)
         self._given.fill(coefficients)
         if wets.any():
-            n = n.copy()
-            found = np.copysign(np.hypot(*borne.T), np.einsum("ni,ni->n", borne, n))
-            pressure = np.where(wets, found, pressure)
-            n[wets] = borne[wets] / pressure[wets, None]
+            pressure, n = _directed(borne, n, wets, pressure)
         strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
         self.now = ContactEvaluation(
             place, n, gap, pressure, friction, slides, stretch, coefficients, strain
@@ -372,7 +302,7 @@ class WallContact:
         trial = self._old.friction - self.stiffness[:, None] * moved
         answer = return_friction(self.contact.friction, trial, pressure, self.stiffness, self._dt)
         for part in (answer.traction, answer.by_pressure, answer.by_trial):
-            part[self._molten] = 0.0
+            part[self.liquid.molten] = 0.0
         frame = np.zeros((len(along), 3, 2))
         frame[:, :2, 0], frame[:, 2, 1] = along, 1.0
         coefficients[:, TRACTION] += np.einsum("nij,nj->ni", frame, answer.traction)
@@ -460,6 +390,21 @@ class WallContact:
     def _lever(self, place: Array) -> Array:
         x = place if self._large else self.facets.position
         return np.column_stack([np.ones(len(x)), x])
+
+
+def _directed(borne: Array, normal: Array, wets: Flags, pressure: Array) -> tuple[Array, Array]:
+    """Pressure and its direction, where liquid presses along the strand's normal, not the wall's.
+
+    Args:
+        borne: What the wall bears (n, 2), Pa.
+        normal: Of the wall (n, 2).
+        wets: Where there is liquid (n,).
+        pressure: Along the wall's normal (n,), Pa.
+    """
+    found = np.copysign(np.hypot(*borne.T), np.einsum("ni,ni->n", borne, normal))
+    pressure, normal = np.where(wets, found, pressure), normal.copy()
+    normal[wets] = borne[wets] / pressure[wets, None]
+    return pressure, normal
 
 
 def _part(function: fem.Function, columns: slice) -> ufl.core.expr.Expr:

@@ -271,7 +271,8 @@ class MechanicalProblem:
         fields, points, response = self.fields, self.points, self.response
         fields.u.x.array[: self.owned] = local[: self.owned]
         fields.u.x.scatter_forward()
-        modes = self._motions.modes(self.bordered.share(local))
+        scalars = self.bordered.share(local)
+        modes = self._motions.modes(scalars)
         fields.modes.value[:] = modes
         with self.watch.section("kinematics"):
             strain, angle = self.kinematics.increments()
@@ -287,7 +288,7 @@ class MechanicalProblem:
                 noise = self.contact.evaluate()
         parts = *fields.take_stress(points, response), self.pressure
         forces, balance = self._forces()
-        balance += self._drag * (self.bordered.share(local) - self._from)
+        balance += self._drag * (scalars - self._from)
         scale = self.scales.stress(parts, response, local[: self.owned], self._first, noise)
         self._first = self._first or scale.typical
         return ResidualState(local.copy(), modes, forces, balance, scale)

@@ -62,7 +62,7 @@ class MechanicalStepper:
         """Advance `old` to `time` (s) and to `temperature` (owned,), K; `old` is left untouched."""
         problem = self.problem
         problem.begin(old, time, temperature)
-        if problem.contact is not None and (reason := problem.contact.breakout()):
+        if problem.contact is not None and (reason := problem.contact.liquid.breakout()):
             return replace(self._failed(old, 0, reason, time, temperature), refused=True)
         result = problem.solve(self._guesses(old))
         newton = result.iterations

@@ -145,11 +145,11 @@ def test_a_shell_that_melts_open_off_its_wall_is_a_breakout() -> None:
         fresh = contact.initial()
         off = replace(fresh, gap=np.full_like(fresh.gap, 1.2e-3))
         contact.begin(off, 1.0, 1.1, solid, liquid)
-        assert "a breakout: the shell melts open at x = " in contact.breakout()
-        assert "1.2 mm off the wall" in contact.breakout()
+        assert "a breakout: the shell melts open at x = " in contact.liquid.breakout()
+        assert "1.2 mm off the wall" in contact.liquid.breakout()
         for state, before in ((replace(off, gap=off.gap / 100.0), solid), (off, liquid)):
             contact.begin(state, 1.0, 1.1, before, liquid)
-            assert contact.breakout() == ""
+            assert contact.liquid.breakout() == ""
         hot = made.stepper.initial(steel.solidus + 5.0).point.temperature
         old = replace(made.mechanics.initial(1.0, solid), contact=off)  # type: ignore[union-attr]
         result = made.mechanics.step(old, 1.1, hot)  # type: ignore[union-attr]
