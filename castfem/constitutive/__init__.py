@@ -10,13 +10,8 @@ from castfem.constitutive.base import (
     equivalent_stress,
 )
 from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.flow_laws import (
-    NortonCreep,
-    NortonHoff,
-    PerfectlyPlastic,
-    ThermoElastic,
-    UnifiedSteel,
-)
+from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic, ThermoElastic
+from castfem.constitutive.hardening_laws import NortonHoff, UnifiedSteel
 from castfem.constitutive.parameters import available_laws, law_from, load_elasticity, load_law
 
 __all__ = [

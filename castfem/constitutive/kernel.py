@@ -296,7 +296,7 @@ def _curve_stress(  # type: ignore[no-untyped-def]
 def _return_to_curve(  # type: ignore[no-untyped-def]
     c, old, left, before, rate_old, trial, carried, dt
 ):
-    """Law (163) with the yield limit found automatically, see `flow_laws.NortonHoff`.
+    """Law (163) with the yield limit found automatically, see `NortonHoff`.
 
     `before` is the strain that had hardened the carried stress at the start of the step.
 

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from castfem.constitutive.curves import modified_norton_hoff, yield_limit
 from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonHoff
+from castfem.constitutive.hardening_laws import NortonHoff
 from castfem.constitutive.uniaxial import Tension, pull
 from castfem.values.tables import Constant
 from castfem.values.types import Array

@@ -19,7 +19,8 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive.flow_laws import RATE, TENSOR, RadialReturn
+from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.hardening_laws import RATE, TENSOR
 from castfem.values.tables import Constant, celsius
 from castfem.values.types import Array
 

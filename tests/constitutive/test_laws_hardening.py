@@ -21,7 +21,8 @@ from castfem.constitutive import (
     load_law,
 )
 from castfem.constitutive.curves import Austenite
-from castfem.constitutive.flow_laws import TENSOR, RadialReturn
+from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.hardening_laws import TENSOR
 from castfem.constitutive.uniaxial import AXIAL, pull
 from castfem.values.tables import Constant
 from castfem.values.types import Array

@@ -16,7 +16,8 @@ from castfem.constitutive import (
     equivalent_stress,
     kernel,
 )
-from castfem.constitutive.flow_laws import Hardening, RadialReturn
+from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.hardening_laws import Hardening
 from castfem.values.types import Array
 
 from .samples import FADING, every_law, random_states

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from castfem.constitutive.elasticity import Elasticity, Solidity
-from castfem.constitutive.flow_laws import NortonHoff, PerfectlyPlastic, ThermoElastic
+from castfem.constitutive.flow_laws import PerfectlyPlastic, ThermoElastic
+from castfem.constitutive.hardening_laws import NortonHoff
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement

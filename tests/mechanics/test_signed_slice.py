@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonHoff, UnifiedSteel
+from castfem.constitutive.hardening_laws import NortonHoff, UnifiedSteel
 from castfem.values.tables import Constant
 from castfem.values.types import Array
 from mechanics.scenes import SliceScene, box, expansion, mapped

@@ -10,11 +10,8 @@ import pytest
 from castfem.constitutive.base import rotation
 from castfem.constitutive.curves import norton_relaxation
 from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import (
-    NortonCreep,
-    PerfectlyPlastic,
-    UnifiedSteel,
-)
+from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
+from castfem.constitutive.hardening_laws import UnifiedSteel
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.values.tables import Constant

@@ -12,7 +12,7 @@ import numpy as np
 
 from castfem.constitutive.curves import modified_norton_hoff
 from castfem.constitutive.elasticity import Curve, Elasticity
-from castfem.constitutive.flow_laws import NortonHoff
+from castfem.constitutive.hardening_laws import NortonHoff
 from castfem.constitutive.identification.measured import TensileData
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Constant, Table
