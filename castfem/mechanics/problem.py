@@ -26,7 +26,8 @@ from castfem.mechanics.line_search import step_share
 from castfem.mechanics.liquid import FedLiquid
 from castfem.mechanics.material_points import FedPoints, Material
 from castfem.mechanics.options import split_options
-from castfem.mechanics.planes import ScaledMotions, check_modes
+from castfem.mechanics.plane_equations import PlaneEquations
+from castfem.mechanics.planes import check_modes
 from castfem.mechanics.quadrature import Integration, Points, displacement_element
 from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales
@@ -38,8 +39,6 @@ from castfem.values.types import Array
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
 STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
 LEAST_YOUNG = 1e-6  # the same over that of the solid at the solidus, where nothing presses
-# What holds the planes in a step while there is hardly a shell: this much of the section, solid.
-DRAG = 1e-3
 NEARLY = 1e-2  # of the square of the imbalance: what leaves less of it has not overshot, whatever
 # its work: along a correction that is no longer than rounding that may have any sign
 PATIENCE = 8  # Newton iterations in which contact may overshoot
@@ -62,6 +61,7 @@ class MechanicalProblem:
         contact: Contact with the wall, or None.
         owned: This rank's own displacement unknowns. free: Free motions of the planes.
         liquid: Where the liquid is fed; None where it is an elastic body.
+        planes: Equations of the planes' free motions.
         iterations: Newton iterations since the start.
 
     Raises:
@@ -95,7 +95,7 @@ class MechanicalProblem:
         self.response = self._material.response
         self._build_solver(options or {})
         self.iterations: int = 0
-        self._slack, self._drag = 1.0, 0.0
+        self._slack = 1.0
         self.residual_state: ResidualState | None = None
 
     def _build_forms(self, springs: float | None) -> None:
@@ -114,6 +114,9 @@ class MechanicalProblem:
         )  # fmt: skip
         held = [*symmetry_supports(section.groups), *slice_.held]
         self.constraints = Constraints(section, self.space, held, slice_.pin, springs)
+        self.planes = PlaneEquations(
+            slice_.planes, self.fields, self.kinematics, self.contact, self.scales
+        )
         self.liquid: FedLiquid | None = None
         if slice_.liquid == "fed":
             supports = self.constraints.conditions
@@ -155,8 +158,7 @@ class MechanicalProblem:
             self._material.begin(stiff(before), stiff(after), thermal, self.dt, fed)
         fields.u_old.x.array[:] = old.displacement
         fields.modes_old.value[:] = old.modes
-        self._motions = ScaledMotions.of(slice_.planes, old.bending, time, self.scales.length)
-        self._from = old.scalars / self._motions.scaling
+        self.planes.begin(old, time)
         self.pressure: Array = np.zeros(0)
         if slice_.ferrostatic is not None and fields.pressure is not None:
             self.pressure = slice_.ferrostatic.pressure(after[self.points.deviator_points :], time)
@@ -222,20 +224,13 @@ class MechanicalProblem:
         return result.iterations
 
     def _feed(self, liquid: FedLiquid, temperature: Array, time: float) -> FedPoints:
-        """Where there is liquid, and what stands in for its stiffness.
-
-        A slice without a shell has next to nothing that balances an axial force, and slivers of
-        solid in cells that are mostly liquid give way by changing volume: the planes would drift
-        by so much a step, however short.  Until there is a shell they are held from step to step by
-        a stiffness that forgets: it delays a shell of a tenth of a millimetre by about a step.
-        """
+        """Where there is liquid, and what stands in for its stiffness."""
         elasticity, pressing = self.slice.law.elasticity, self.slice.ferrostatic
         solid = elasticity.solidity.weight(temperature) > 0.0
         liquid.begin(solid)
         head = 0.0 if pressing is None else pressing.head(time)
         young = float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
-        section = young * self.scales.area / self.scales.length**2
-        self._drag = 0.0 if liquid.bears else DRAG * section
+        self.planes.hold(0.0 if liquid.bears else young)
         return FedPoints(liquid.carries, ~solid, max(STAND_IN * head, LEAST_YOUNG * young))
 
     def _prescribe(self, liquid: FedLiquid, old: Array) -> None:
@@ -248,7 +243,7 @@ class MechanicalProblem:
         if self.liquid is not None:
             guess = guess.copy()
             guess[self.liquid.deep] = self._target[self.liquid.deep]
-        return self.bordered.join(guess, scalars / self._motions.scaling)
+        return self.bordered.join(guess, scalars / self.planes.motions.scaling)
 
     def _imbalance(self, local: Array) -> float:
         """Size of the residual at local unknowns."""
@@ -264,7 +259,7 @@ class MechanicalProblem:
 
     def free_scalars(self, local: Array) -> Array:
         """Free scalars, on every rank, of the local unknowns."""
-        return np.asarray(self.bordered.share(local) * self._motions.scaling)
+        return np.asarray(self.bordered.share(local) * self.planes.motions.scaling)
 
     def _evaluate(self, local: Array) -> ResidualState:
         """Stress and forces at a set of unknowns: the law is integrated here, and only here."""
@@ -272,7 +267,7 @@ class MechanicalProblem:
         fields.u.x.array[: self.owned] = local[: self.owned]
         fields.u.x.scatter_forward()
         scalars = self.bordered.share(local)
-        modes = self._motions.modes(scalars)
+        modes = self.planes.motions.modes(scalars)
         fields.modes.value[:] = modes
         with self.watch.section("kinematics"):
             strain, angle = self.kinematics.increments()
@@ -287,21 +282,12 @@ class MechanicalProblem:
             with self.watch.section("contact"):
                 noise = self.contact.evaluate()
         parts = *fields.take_stress(points, response), self.pressure
-        forces, balance = self._forces()
-        balance += self._drag * (scalars - self._from)
+        with self.watch.section("assembly"):
+            forces = self._assemble(self.kinematics.forms.work).copy()
+            balance = self.planes.balance(scalars)
         scale = self.scales.stress(parts, response, local[: self.owned], self._first, noise)
         self._first = self._first or scale.typical
         return ResidualState(local.copy(), modes, forces, balance, scale)
-
-    def _forces(self) -> tuple[Array, Array]:
-        """Nodal forces, and work on the free motions of the planes."""
-        compiled = self.kinematics.forms
-        with self.watch.section("assembly"):
-            forces = self._assemble(compiled.work).copy()
-            balance = self.work_on(self._motions.closing) - self._motions.load
-            if self.contact is not None:
-                balance += self.contact.work_on(self._motions.closing)
-        return forces, balance
 
     def _assemble(self, form: fem.Form, beside: Array | float = 0.0) -> Array:
         """Assembled linear form and what stands beside it at the local unknowns, ghosts included.
@@ -314,14 +300,6 @@ class MechanicalProblem:
         fem.assemble_vector(vector.array, form)
         vector.scatter_reverse(la.InsertMode.add)
         return vector.array[: self.owned]
-
-    def work_on(self, directions: Array) -> Array:
-        """Work of the stress along directions (4, k) of the generalized strains, N/m each."""
-        work = np.zeros(directions.shape[1])
-        for i, direction in enumerate(directions.T):
-            self.fields.one.value[:] = direction
-            work[i] = fem.assemble_scalar(self.kinematics.forms.mode_work)
-        return reductions.totals(self.section.comm, work) if len(work) else work
 
     def residual(self, x: PETSc.Vec, out: PETSc.Vec) -> None:
         """Forces that are not in equilibrium, N/m."""
@@ -408,39 +386,13 @@ class MechanicalProblem:
             self.kinematics.volume.add_to(self._matrix, self.constraints.free)
             if self.constraints.springs is not None:
                 self.constraints.springs.add_to(self._matrix)
-            self._fill_bordered_system(self.bordered)
-
-    def _fill_bordered_system(self, bordered: BorderedSystem) -> None:
-        """Derivatives by, and of the balance of, the free motions of the planes."""
-        compiled, fields, motions = self.kinematics.forms, self.fields, self._motions
-        volume = self.kinematics.volume
-        corner = np.zeros_like(bordered.corner)
-        for i in range(self.free):
-            assert compiled.column is not None and compiled.corner is not None
-            direction, closing = motions.directions[:, i], motions.closing[:, i]
-            fields.one.value[:] = direction
-            bordered.columns[:, i] = self._assemble(compiled.column, volume.column(direction))
-            if motions.coupled or compiled.row is not None:
-                fields.one.value[:] = closing
-                form = compiled.row or compiled.column
-                bordered.rows[:, i] = self._assemble(form, volume.row(closing))
-            else:
-                bordered.rows[:, i] = bordered.columns[:, i]
-            bordered.columns[self.constraints.prescribed, i] = 0.0
-            for j in range(self.free):
-                other = motions.directions[:, j]
-                fields.other.value[:] = other
-                corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(closing, other)
-        if self.free:
-            bordered.corner[:] = reductions.totals(self.section.comm, corner)
-            bordered.corner[:] += self._drag * np.eye(self.free)
-        bordered.updated()
+            self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
         """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""
         assert self.residual_state is not None
         residual = f.getArray(readonly=True)
-        sizes = self._criteria.sizes(self.residual_state, residual, self._motions.load)
+        sizes = self._criteria.sizes(self.residual_state, residual, self.planes.motions.load)
         return {name: size / self._slack for name, size in sizes.items()}
 
     def destroy(self) -> None:

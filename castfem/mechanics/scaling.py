@@ -47,21 +47,21 @@ class Scales:
         space: Space of the displacement.
 
     Attributes:
-        length: Larger extent of the section, m. area: m2.
+        comm: Ranks. length: Larger extent of the section, m. area: m2.
         reach: Force per length on each owned degree of freedom per unit of stress around it, m.
     """
 
     def __init__(self, points: Points, space: fem.FunctionSpace) -> None:
-        self._points, self._comm = points, points.section.comm
+        self._points, self.comm = points, points.section.comm
         ends = [
-            (reductions.smallest(self._comm, v), reductions.largest(self._comm, v))
+            (reductions.smallest(self.comm, v), reductions.largest(self.comm, v))
             for v in points.position.T
         ]
         self.length = max(high - low for low, high in ends)
         weights = np.repeat(points.deviator.volume, 4)
         self.reach = dof_values.summed(space, abs(points.strain[: len(weights)]).T @ weights)
-        self.area = reductions.total(self._comm, float(points.deviator.volume.sum()))
-        self._finest = np.sqrt(reductions.smallest(self._comm, points.deviator.volume))
+        self.area = reductions.total(self.comm, float(points.deviator.volume.sum()))
+        self._finest = np.sqrt(reductions.smallest(self.comm, points.deviator.volume))
 
     def stress(
         self,
@@ -87,10 +87,10 @@ class Scales:
         if pressure.size:
             volumetric += 2.0 * pressure**2
         squares = np.concatenate([np.einsum("ij,ij->i", deviator, deviator), volumetric])
-        sums = reductions.totals(self._comm, [volume @ squares, volume @ np.sqrt(squares)])
+        sums = reductions.totals(self.comm, [volume @ squares, volume @ np.sqrt(squares)])
         stiff = response.tangent[deviator_points:, 0, 0].max(initial=0.0)
         farthest = max(float(moved.max(initial=0.0)), -float(moved.min(initial=0.0)))
-        sizes = reductions.largest_of(self._comm, [stiff, farthest])
+        sizes = reductions.largest_of(self.comm, [stiff, farthest])
         typical = float(sums[0] / sums[1]) if sums[1] > 0.0 else 0.0
         # Never so much that a displacement which has run away would count as good enough.
         rounding = ROUNDING * (float(sizes[0] * sizes[1]) / self._finest + before) + noise

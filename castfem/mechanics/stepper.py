@@ -131,7 +131,7 @@ class MechanicalStepper:
 
     def _moment(self) -> float:
         """Moment of the axial stress with y, N m (collective)."""
-        return float(self.problem.work_on(np.eye(4)[:, 2:3])[0])
+        return float(self.problem.planes.work_on(np.eye(4)[:, 2:3])[0])
 
     def _unsteadiness(self, before: Array, now: Array) -> float:
         """Change of the displacement's rate over a step, relative."""
@@ -142,7 +142,7 @@ class MechanicalStepper:
         """Forces of the state that the problem has come to."""
         problem, residual_state = self.problem, self.problem.residual_state
         assert residual_state is not None
-        axial = problem.work_on(np.eye(4)[:, :3])
+        axial = problem.planes.work_on(np.eye(4)[:, :3])
         supports = problem.constraints.dofs
         held = residual_state.forces[supports]
         sums = [held[supports % 2 == i].sum() for i in range(2)]

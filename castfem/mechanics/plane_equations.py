@@ -1,0 +1,112 @@
+"""Equations of the planes' free motions: the slice's balance along them, and its derivatives.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from dolfinx import fem
+
+from castfem.contact.wall_contact import WallContact
+from castfem.fem import reductions
+from castfem.fem.bordered_system import BorderedSystem
+from castfem.mechanics.kinematics import Fields, Kinematics
+from castfem.mechanics.planes import Planes, ScaledMotions
+from castfem.mechanics.scaling import Scales
+from castfem.mechanics.state import MechanicalState
+from castfem.values.types import Array, Indices
+
+# What holds the planes in a step while there is hardly a shell: this much of the section, solid.
+DRAG = 1e-3
+
+
+class PlaneEquations:
+    """The balance of axial force and moments (38), of the motions that are free.
+
+    Before there is a shell next to nothing in the slice balances an axial force, and slivers of
+    solid in cells that are mostly liquid give way by changing volume: the planes would drift by so
+    much a step, however short.  Until there is one they are held from step to step by a stiffness
+    that forgets: it delays a shell of a tenth of a millimetre by about a step.
+
+    Args:
+        planes: What rules the planes.
+        fields: Displacement and generalized strains as the forms see them.
+        kinematics: Has the compiled forms.
+        contact: With a wall, or None.
+        scales: Sizes of the slice.
+    """
+
+    def __init__(
+        self,
+        planes: Planes,
+        fields: Fields,
+        kinematics: Kinematics,
+        contact: WallContact | None,
+        scales: Scales,
+    ) -> None:
+        self._planes, self._fields, self._kinematics = planes, fields, kinematics
+        self._contact, self._scales = contact, scales
+        self._comm, self._drag = scales.comm, 0.0
+
+    def begin(self, old: MechanicalState, time: float) -> None:
+        """Prepare a step from the committed state `old` to `time` (s)."""
+        self.motions = ScaledMotions.of(self._planes, old.bending, time, self._scales.length)
+        self._from = old.scalars / self.motions.scaling
+
+    def hold(self, young: float) -> None:
+        """Hold the planes where they are, with a section of this Young's modulus, Pa; 0 for no."""
+        self._drag = DRAG * (young * self._scales.area / self._scales.length**2)
+
+    def work_on(self, directions: Array) -> Array:
+        """Work of the stress along directions (4, k) of the generalized strains, N/m each."""
+        work = np.zeros(directions.shape[1])
+        for i, direction in enumerate(directions.T):
+            self._fields.one.value[:] = direction
+            work[i] = fem.assemble_scalar(self._kinematics.forms.mode_work)
+        return reductions.totals(self._comm, work) if len(work) else work
+
+    def balance(self, scalars: Array) -> Array:
+        """What is out of balance along the free motions, with these scaled scalars (free,)."""
+        found = self.work_on(self.motions.closing) - self.motions.load
+        if self._contact is not None:
+            found += self._contact.work_on(self.motions.closing)
+        return np.asarray(found + self._drag * (scalars - self._from))
+
+    def fill(
+        self,
+        bordered: BorderedSystem,
+        assemble: Callable[[fem.Form, Array], Array],
+        prescribed: Indices,
+    ) -> None:
+        """Derivatives by, and of the balance of, the free motions.
+
+        Args:
+            bordered: Gets columns, rows and corner.
+            assemble: A linear form and what stands beside it, at this rank's own unknowns.
+            prescribed: Unknowns whose displacement is given.
+        """
+        compiled, fields, motions = self._kinematics.forms, self._fields, self.motions
+        volume, free = self._kinematics.volume, motions.directions.shape[1]
+        corner = np.zeros_like(bordered.corner)
+        for i in range(free):
+            assert compiled.column is not None and compiled.corner is not None
+            direction, closing = motions.directions[:, i], motions.closing[:, i]
+            fields.one.value[:] = direction
+            bordered.columns[:, i] = assemble(compiled.column, volume.column(direction))
+            if motions.coupled or compiled.row is not None:
+                fields.one.value[:] = closing
+                form = compiled.row or compiled.column
+                bordered.rows[:, i] = assemble(form, volume.row(closing))
+            else:
+                bordered.rows[:, i] = bordered.columns[:, i]
+            bordered.columns[prescribed, i] = 0.0
+            for j in range(free):
+                other = motions.directions[:, j]
+                fields.other.value[:] = other
+                corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(closing, other)
+        if free:
+            bordered.corner[:] = reductions.totals(self._comm, corner) + self._drag * np.eye(free)
+        bordered.updated()
