@@ -31,6 +31,7 @@ BENCHMARKS = {
     "billet_cost": "benchmarks.billet_cost",
     "turns": "benchmarks.turns",
     "wall": "benchmarks.wall_study",
+    "before_shell": "benchmarks.before_shell",
     "order": "benchmarks.order",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
@@ -46,6 +47,7 @@ PAGES = {
     "billet_cost": "benchmarks_mechanics.md",
     "turns": "coupling.md",
     "wall": "contact.md",
+    "before_shell": "mechanics.md",
     "order": "coupling.md",
 }
 """Pages of those whose tables do not stand in the first."""

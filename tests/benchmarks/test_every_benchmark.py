@@ -33,6 +33,7 @@ SLOW = {
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
 
 SMALL: dict[str, dict[str, Any]] = {
+    "before_shell": {"FEW": ((2.0, 0.5, 0.3),)},
     "turns": {"TURNS": (("taper_1", (), 0.5),)},
     "wall": {"PARTS": (wall_study.frictions, wall_study.factors), "FACTORS": (10, 1000)},
 }

@@ -135,10 +135,10 @@ def test_more_passes_come_to_one_answer() -> None:
         kelvin: marched(billet("taper_0", *long, f"coupling.settled={kelvin} K")).value(
             "heat_removed"
         )
-        for kelvin in (1e3, 1.0, 1e-1, 1e-3)
+        for kelvin in (1e3, 1.0, 1e-2, 1e-4)
     }
-    away = {kelvin: abs(found - heat[1e-3]) for kelvin, found in heat.items()}
-    assert away[1.0] < 0.05 * away[1e3] and away[0.1] < 0.6 * away[1.0]
+    away = {kelvin: abs(found - heat[1e-4]) for kelvin, found in heat.items()}
+    assert away[1.0] < 0.05 * away[1e3] and away[1e-2] < 0.05 * away[1.0]
 
 
 def test_triangles_agree_with_quadrilaterals() -> None:
