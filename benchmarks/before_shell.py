@@ -29,10 +29,13 @@ def main(output: Output, quick: bool) -> None:
         changes += ["mesh.face_size=8 mm", "mesh.core_size=10 mm", f"coupling.interval={window} s"]
         found = run_case("taper_1", [*changes, *([law] if coefficient else [])])
         strains = [sample.strain for sample in found.mechanics]
+        # Without friction no force is left along the strand but what holds the planes.
+        forces = [abs(s.balance.axial[0]) for s in found.mechanics if s.balance is not None]
         rows.append(
             {
                 "size": size, "window": window, "friction": coefficient,
                 "longest": 100.0 * max(0.0, *strains), "end": 100.0 * strains[-1],
+                "held": None if coefficient else max(forces),
                 "peak": found.values["von_mises_max"] / 1e6,
             }
         )  # fmt: skip
@@ -44,7 +47,8 @@ def show(output: Output) -> None:
     """The table, from the data."""
     head = {
         "size": "surface cells, mm", "window": "window, s", "friction": "friction",
-        "longest": "axial strain, % at most", "end": "at the end", "peak": "peak stress, MPa",
+        "longest": "axial strain, % at most", "end": "at the end", "held": "what holds, N",
+        "peak": "peak stress, MPa",
     }  # fmt: skip
-    forms = {"longest": ".4f", "end": ".4f", "peak": ".2f"}
+    forms = {"longest": ".4f", "end": ".4f", "held": ".2f", "peak": ".2f"}
     output.insert("before the shell", table(output.rows("before_shell"), head, forms))

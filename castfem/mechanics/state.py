@@ -54,7 +54,8 @@ class Balance:
 
     Attributes:
         axial: Int sigma_zz da (N), and its moments with x and y (N m), (3,): the left of (38).
-        axial_error: Largest imbalance of a free motion of the planes, over the sum of the absolute
+        axial_error: Largest imbalance of a free motion of the planes, what holds them before there
+            is a shell (`plane_equations`) counted in, over the sum of the absolute
             forces.
         forces_error: Largest imbalance of a free node, over the force of the mean stress there.
         support: Sum of the forces of all supports, x and y, N/m.
