@@ -27,8 +27,9 @@ def test_axial_strain_does_not_hang_on_the_interval(sets: tuple[str, ...]) -> No
     assert fine[-1] == pytest.approx(coarse[-1], abs=0.6e-4)
 
 
-def test_a_strand_without_a_shell_keeps_its_thickness() -> None:
-    """An axial force that nothing bears is told, and no strain of the slice is made of it."""
-    kept = strained("0.1 s", "casting.length=40 mm")
-    assert kept.states[-1].mechanical is not None
-    assert max(abs(strain) for strain in course(kept)) < 1e-9
+def test_a_small_force_moves_planes_without_a_shell_by_next_to_nothing() -> None:
+    """A hundredth of a newton on the strand: liquid alone gave way by 0.2 % in 40 mm."""
+    kept = strained("0.1 s", "casting.length=40 mm", "mechanics.planes.force=0.01 N")
+    strains = course(kept)
+    assert len(strains) > 5
+    assert 0.0 < max(strains) < 2e-6
