@@ -1,4 +1,4 @@
-"""What a strand that its machine bends may be, and how its planes may be ruled."""
+"""What a strand that its machine bends may be, and how its planes may be constrained."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from castfem.case.machine import thickness_of
-from castfem.case.mechanics import AXES, FREE, Motions
+from castfem.case.mechanics import AXES, FREE, GeneralizedPlaneStrain
 from castfem.case.model import Case
 from castfem.case.problems import Problem
 from castfem.case.section import Strip
@@ -15,7 +15,7 @@ from castfem.values.units import format
 
 _PATH = ("mechanics", "planes")
 _ITS_OWN = ("neutral_axis", "closing", "force_contains_bending")
-_RULED = ("a1", "a2", "across", "moment_x", "moment_y")
+_IMPOSED = ("a1", "a2", "across", "moment_x", "moment_y")
 
 
 def axis_position(given: Any, thickness: float) -> float | None:
@@ -54,14 +54,14 @@ def check_bending(case: Case) -> Iterator[Problem]:
             'and extrados differ; give symmetry = "half" or "whole"',
         )
         return
-    yield from _ruled(planes)
+    yield from _imposed(planes)
     yield from _axis(planes, thickness_of(case.section))
-    yield from _closing(planes)
+    yield from _work(planes)
 
 
-def _ruled(planes: Motions) -> Iterator[Problem]:
-    """Yield motions that the rolls rule."""
-    names = [n for n in _RULED if getattr(planes, n) not in (None, 0.0)]
+def _imposed(planes: GeneralizedPlaneStrain) -> Iterator[Problem]:
+    """Yield generalized strains that the rolls impose."""
+    names = [n for n in _IMPOSED if getattr(planes, n) not in (None, 0.0)]
     if planes.a0 not in (None, FREE):
         names.insert(0, "a0")
     for name in names:
@@ -72,7 +72,7 @@ def _ruled(planes: Motions) -> Iterator[Problem]:
         )
 
 
-def _axis(planes: Motions, thickness: float | None) -> Iterator[Problem]:
+def _axis(planes: GeneralizedPlaneStrain, thickness: float | None) -> Iterator[Problem]:
     """Yield a neutral axis that lies outside of the strand, or beside a force."""
     if thickness is None:
         return
@@ -95,7 +95,7 @@ def _axis(planes: Motions, thickness: float | None) -> Iterator[Problem]:
             )
 
 
-def _closing(planes: Motions) -> Iterator[Problem]:
+def _work(planes: GeneralizedPlaneStrain) -> Iterator[Problem]:
     """Yield work of bending that would be counted twice, or never was."""
     key = "force_contains_bending"
     if planes.neutral_axis not in (None, FREE):

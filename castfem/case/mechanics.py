@@ -82,10 +82,10 @@ class AxisMark(Notation):
         return {"anyOf": [{"enum": [FREE, *AXES]}, _DISTANCE.json_schema()]}
 
 
-class Motions(TableModel):
-    """How the two planes that bound the slice move: e = 1 + a0 + a1 x + a2 y (eq. 37).
+class GeneralizedPlaneStrain(TableModel):
+    """Degrees of freedom of the two planes that bound the slice: e = 1 + a0 + a1 x + a2 y (37).
 
-    Each motion is free, or imposed as a value or a table over time; what the section's symmetry
+    Each is free, or imposed as a value or a table over time; what the section's symmetry
     excludes stays zero. Where the rolls of [machine] bend the strand they give a2 for a0, (41).
     """
 
@@ -129,7 +129,7 @@ class Motions(TableModel):
     )
 
 
-class Held(TableModel):
+class GivenDisplacement(TableModel):
     """A displacement given on boundary groups, beside the lines of symmetry."""
 
     on: tuple[str, ...] = Field(
@@ -186,11 +186,13 @@ class Mechanics(TableModel):
     tolerance: Tolerance = Field(
         1e-8, description="forces left unbalanced, relative to the stress there is"
     )
-    planes: Motions = Field(
-        default_factory=lambda: Motions.model_validate({}),
-        description="motion of the bounding planes",
+    planes: GeneralizedPlaneStrain = Field(
+        default_factory=lambda: GeneralizedPlaneStrain.model_validate({}),
+        description="degrees of freedom of generalized plane strain",
     )
-    held: tuple[Held, ...] = Field((), description="displacements given on the surface")
+    held: tuple[GivenDisplacement, ...] = Field(
+        (), description="displacements given on the surface"
+    )
     solver: dict[str, PetscOption] = Field(
         default_factory=dict, description="PETSc options of the nonlinear solver, merged over ours"
     )
@@ -274,9 +276,9 @@ class Coupling(TableModel):
     )
 
 
-def free_motions(motions: Motions, allowed: tuple[str, ...]) -> tuple[str, ...]:
-    """Names of the free motions; of those that are not given, a1 and a2 as far as `allowed`."""
-    given = {name: getattr(motions, name) for name in ("a0", "a1", "a2", "across")}
+def free_strains(planes: GeneralizedPlaneStrain, allowed: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the free generalized strains; by default a1 and a2 as far as `allowed`."""
+    given = {name: getattr(planes, name) for name in ("a0", "a1", "a2", "across")}
     return tuple(
         name
         for name, value in given.items()

@@ -14,7 +14,14 @@ from castfem.case.base import TableModel
 from castfem.case.casting import Casting, Output, Reference, Steel
 from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.machine import Machine, RollSegment, RollTable
-from castfem.case.mechanics import AxisMark, Coupling, Held, Mechanics, Motions, WindowMark
+from castfem.case.mechanics import (
+    AxisMark,
+    Coupling,
+    GeneralizedPlaneStrain,
+    GivenDisplacement,
+    Mechanics,
+    WindowMark,
+)
 from castfem.case.mould import ContactSettings, Copper, Friction, Mould
 from castfem.case.problems import submodels
 from castfem.case.section import Mesh, Section
@@ -96,8 +103,8 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[thermal.time]", Stepping),
     ("[thermal.time.adaptive]", Adaptive),
     ("[mechanics]", Mechanics),
-    ("[mechanics.planes]", Motions),
-    ("[[mechanics.held]]", Held),
+    ("[mechanics.planes]", GeneralizedPlaneStrain),
+    ("[[mechanics.held]]", GivenDisplacement),
     ("[coupling]", Coupling),
     ("[mould]", Mould),
     ("[mould.copper]", Copper),

@@ -16,7 +16,7 @@ from castfem.case.build_mould import check_mould
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
 from castfem.case.machine import check_machine
-from castfem.case.mechanics import Motions
+from castfem.case.mechanics import GeneralizedPlaneStrain
 from castfem.case.model import Case
 from castfem.case.problems import Problem
 from castfem.case.section import Section, Strip
@@ -386,7 +386,7 @@ def _mechanics(case: Case) -> Iterator[Problem]:
         )
 
 
-def _thinned(planes: Motions) -> Iterator[Problem]:
+def _thinned(planes: GeneralizedPlaneStrain) -> Iterator[Problem]:
     """Yield an imposed axial strain that leaves the slice no thickness."""
     given = planes.a0
     values = given.values if isinstance(given, Table) else (given,)
@@ -398,20 +398,20 @@ def _thinned(planes: Motions) -> Iterator[Problem]:
         )
 
 
-def _planes(planes: Motions, section: Section) -> Iterator[Problem]:
-    """Yield motions of the planes, and moments, that the section does not have."""
+def _planes(planes: GeneralizedPlaneStrain, section: Section) -> Iterator[Problem]:
+    """Yield generalized strains, and moments, that the section does not have."""
     path = ("mechanics", "planes")
     if planes.across is not None and not isinstance(section, Strip):
         yield Problem(
             (*path, "across"), "is for a strip; other sections widen by their displacements"
         )
-    for motion, moment, mirror, enough in (
+    for strain, moment, mirror, enough in (
         ("a1", "moment_x", "x = 0", '"whole"'),
         ("a2", "moment_y", "y = 0", '"half" or "whole"'),
     ):
-        if motion not in section.barred():
+        if strain not in section.barred():
             continue
         mend = f"leave it out, or give section.symmetry = {enough}"
-        for name in (motion, moment):
+        for name in (strain, moment):
             if getattr(planes, name) not in (None, 0.0):
                 yield Problem((*path, name), f"the section is mirrored at {mirror}; {mend}")

@@ -134,7 +134,7 @@ class BorderedSystem:
         try:
             z = np.linalg.solve(schur, self.share(local) - through[:, -1])
         except np.linalg.LinAlgError:
-            self.failure = "a free motion of the planes meets no stiffness"
+            self.failure = "a free degree of freedom of the planes meets no stiffness"
             return None
         return self.join(solved[:, -1] - solved[:, :-1] @ z, np.asarray(z))
 

@@ -37,13 +37,13 @@ class Criteria:
         """What is out of balance, over what may be, for each kind of unknown (collective).
 
         "forces": the worst node, as the stress around it that would make such a force, against the
-        stress in the section.  "axial": the worst free motion of the planes against the sum of the
-        absolute forces.  "supports": distance from where supports are to be.
+        stress in the section.  "axial": the worst test direction of the planes against the sum of
+        the absolute forces.  "supports": distance from where supports are to be.
 
         Args:
             residual_state: The unknowns and what is known there.
             residual: Local, N/m; at supports the distance from where they are to be, m.
-            load: Of the free motions of the planes (free,), N/m.
+            load: Along the test directions of the planes (free,), N/m.
         """
         scale, fixed, reach = residual_state.scale, self.constraints.fixed, self.scales.reach
         nodal = np.abs(residual[: len(reach)]) / reach

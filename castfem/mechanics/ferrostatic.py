@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from castfem.errors import InputError
-from castfem.mechanics.planes import Course
+from castfem.mechanics.planes import TimeHistory
 from castfem.values.types import Array
 
 # How much of the pressure is felt at a solid fraction: (219), and the two extremes of Fig. 63.
@@ -44,7 +44,7 @@ class Ferrostatic:
         outside: Where the surface is liquid, the pressure is "held" there, or it is "free".
     """
 
-    head: Course
+    head: TimeHistory
     solid_fraction: Callable[[Array], Array]
     mush: Literal["proportional", "full", "none"] = "proportional"
     outside: Literal["held", "free"] = "held"

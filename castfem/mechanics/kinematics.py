@@ -127,8 +127,8 @@ class Forms:
 
 
 @dataclass(frozen=True, slots=True)
-class Motions:
-    """Motions the forms are written for.
+class Directions:
+    """Directions the forms are written for.
 
     Attributes:
         nodal: Virtual displacement. moved: Displacement.
@@ -141,8 +141,8 @@ class Motions:
     other: mechanics.Direction
 
     @classmethod
-    def of(cls, fields: Fields, mesh: ufl.Mesh) -> Motions:
-        """Motions of a section."""
+    def of(cls, fields: Fields, mesh: ufl.Mesh) -> Directions:
+        """Those of a section."""
         space = fields.u.function_space
         return cls(
             mechanics.of_displacement(ufl.TestFunction(space)),
@@ -168,11 +168,11 @@ class Terms:
     row: ufl.Form | None
     corner: ufl.Form | None
 
-    def touching(self, contact: WallContact | None, motions: Motions) -> Terms:
-        """Add what a wall does; its work on the modes is the wall's own affair."""
+    def touching(self, contact: WallContact | None, directions: Directions) -> Terms:
+        """Add what a wall does; its work along the generalized strains is the wall's own affair."""
         if contact is None:
             return self
-        nodal, moved, one, other = motions.all
+        nodal, moved, one, other = directions.all
         self.work += contact.virtual_work(nodal)
         self.matrix += contact.tangent(moved, nodal)
         if self.column is not None:
@@ -184,7 +184,7 @@ class Terms:
         return self
 
     def compiled(self, section: Section) -> Forms:
-        """Compile the forms; those of free modes only if there are any."""
+        """Compile the forms; those of free generalized strains only if there are any."""
 
         def maybe(name: str, form: ufl.Form | None) -> fem.Form | None:
             return None if form is None else section.compile(name, form)
@@ -204,7 +204,7 @@ class SurfaceLoads:
     """Loads on groups and the constants that carry their values.
 
     Attributes:
-        tractions: Tag-restricted measure tags, constant and course of each traction.
+        tractions: Tag-restricted measure tags, constant and time history of each traction.
         pressures: Likewise.
         measure: Perimeter measure with the boundary tags.
         liquid: Pressure at the vertices of liquid that is held from outside; None if none is.
@@ -260,7 +260,7 @@ class Kinematics(ABC):
         points: Its quadrature points.
         fields: What the forms see.
         loads: On its surface.
-        modes: Whether any motion of the planes is free.
+        modes: Whether any generalized strain is free.
         contact: With a wall; None without one.
 
     Attributes:
@@ -290,16 +290,18 @@ class Kinematics(ABC):
         self.volume = VolumeStiffness(
             fields.u.function_space, points.linear, weights, self._rates, self.constant
         )
-        motions = Motions.of(fields, section.mesh)
-        terms = self._terms(section, loads, modes, motions)
-        self.forms = terms.touching(contact, motions).compiled(section)
+        directions = Directions.of(fields, section.mesh)
+        terms = self._terms(section, loads, modes, directions)
+        self.forms = terms.touching(contact, directions).compiled(section)
 
     @abstractmethod
     def _prepare(self, section: Section, contact: WallContact | None) -> None:
         """Set up what forms and increments need."""
 
     @abstractmethod
-    def _terms(self, section: Section, loads: SurfaceLoads, modes: bool, motions: Motions) -> Terms:
+    def _terms(
+        self, section: Section, loads: SurfaceLoads, modes: bool, directions: Directions
+    ) -> Terms:
         """Forms of the stress and of the loads."""
 
     @abstractmethod
@@ -326,12 +328,14 @@ class SmallStrain(Kinematics):
         # Strain of each generalized strain at the points, rows [xx, yy, zz, xy] that are not 0.
         self._thickness = np.column_stack([np.ones_like(x), x, y])
 
-    def _terms(self, section: Section, loads: SurfaceLoads, modes: bool, motions: Motions) -> Terms:
+    def _terms(
+        self, section: Section, loads: SurfaceLoads, modes: bool, directions: Directions
+    ) -> Terms:
         fields, points, mesh = self._fields, self._points, section.mesh
         v = ufl.TestFunction(fields.u.function_space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        nodal, moved, one, other = (mechanics.strain(m, mesh) for m in motions.all)
+        nodal, moved, one, other = (mechanics.strain(m, mesh) for m in directions.all)
         work = mechanics.virtual_work(fields.deviator, stress, nodal, *rules)
         for tags, traction, _ in loads.tractions:
             work -= mechanics.traction_work(traction, v, loads.measure(tags))
@@ -392,13 +396,15 @@ class LargeStrain(Kinematics):
             for by in (moved, mechanics.of_modes(fields.one, mesh))
         )
 
-    def _terms(self, section: Section, loads: SurfaceLoads, modes: bool, motions: Motions) -> Terms:
+    def _terms(
+        self, section: Section, loads: SurfaceLoads, modes: bool, directions: Directions
+    ) -> Terms:
         fields, points, mesh = self._fields, self._points, section.mesh
         now, old = self._now, self._old
         v = ufl.TestFunction(fields.u.function_space)
         rules = (points.deviator.measure, points.mean.measure)
         stress = mechanics.isotropic(fields.mean, fields.pressure)
-        nodal, moved, one, other = motions.all
+        nodal, moved, one, other = directions.all
         material = (fields.tangent, fields.deviator, fields.mean, fields.pressure)
 
         def derivative(by: mechanics.Direction, virtual: mechanics.Direction) -> ufl.Form:

@@ -1,4 +1,4 @@
-"""Equations of the planes' free motions: the slice's balance along them, and its derivatives.
+"""Equilibrium along the free degrees of freedom of generalized plane strain, and its derivatives.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -14,7 +14,7 @@ from castfem.contact.wall_contact import WallContact
 from castfem.fem import reductions
 from castfem.fem.bordered_system import BorderedSystem
 from castfem.mechanics.kinematics import Fields, Kinematics
-from castfem.mechanics.planes import Planes, ScaledMotions
+from castfem.mechanics.planes import Planes, ScaledPlanes
 from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState
 from castfem.values.types import Array, Indices
@@ -24,7 +24,7 @@ DRAG = 1e-3
 
 
 class PlaneEquations:
-    """The balance of axial force and moments (38), of the motions that are free.
+    """The equilibrium of axial force and moments (38), for the degrees of freedom that are free.
 
     Before there is a shell next to nothing in the slice balances an axial force, and slivers of
     solid in cells that are mostly liquid give way by changing volume: the planes would drift by so
@@ -32,7 +32,7 @@ class PlaneEquations:
     that forgets: it delays a shell of a tenth of a millimetre by about a step.
 
     Args:
-        planes: What rules the planes.
+        planes: What constrains and loads the planes.
         fields: Displacement and generalized strains as the forms see them.
         kinematics: Has the compiled forms.
         contact: With a wall, or None.
@@ -53,7 +53,7 @@ class PlaneEquations:
 
     def begin(self, old: MechanicalState, time: float) -> None:
         """Prepare a step from the committed state `old` to `time` (s)."""
-        self.motions = ScaledMotions.of(self._planes, old.bending, time, self._scales.length)
+        self.motions = ScaledPlanes.of(self._planes, old.bending, time, self._scales.length)
         self._from = old.scalars / self.motions.scaling
 
     def hold(self, young: float) -> None:
@@ -69,10 +69,10 @@ class PlaneEquations:
         return reductions.totals(self._comm, work) if len(work) else work
 
     def balance(self, scalars: Array) -> Array:
-        """What is out of balance along the free motions, with these scaled scalars (free,)."""
-        found = self.work_on(self.motions.closing) - self.motions.load
+        """Residual along the test directions at these scaled scalars (free,), N/m."""
+        found = self.work_on(self.motions.test_directions) - self.motions.load
         if self._contact is not None:
-            found += self._contact.work_on(self.motions.closing)
+            found += self._contact.work_on(self.motions.test_directions)
         return np.asarray(found + self._drag * (scalars - self._from))
 
     def fill(
@@ -81,7 +81,7 @@ class PlaneEquations:
         assemble: Callable[[fem.Form, Array], Array],
         prescribed: Indices,
     ) -> None:
-        """Derivatives by, and of the balance of, the free motions.
+        """Derivatives by the free degrees of freedom, and of their equations.
 
         Args:
             bordered: Gets columns, rows and corner.
@@ -93,20 +93,20 @@ class PlaneEquations:
         corner = np.zeros_like(bordered.corner)
         for i in range(free):
             assert compiled.column is not None and compiled.corner is not None
-            direction, closing = motions.directions[:, i], motions.closing[:, i]
+            direction, test = motions.directions[:, i], motions.test_directions[:, i]
             fields.one.value[:] = direction
             bordered.columns[:, i] = assemble(compiled.column, volume.column(direction))
             if motions.coupled or compiled.row is not None:
-                fields.one.value[:] = closing
+                fields.one.value[:] = test
                 form = compiled.row or compiled.column
-                bordered.rows[:, i] = assemble(form, volume.row(closing))
+                bordered.rows[:, i] = assemble(form, volume.row(test))
             else:
                 bordered.rows[:, i] = bordered.columns[:, i]
             bordered.columns[prescribed, i] = 0.0
             for j in range(free):
                 other = motions.directions[:, j]
                 fields.other.value[:] = other
-                corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(closing, other)
+                corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(test, other)
         if free:
             bordered.corner[:] = reductions.totals(self._comm, corner) + self._drag * np.eye(free)
         bordered.updated()

@@ -1,12 +1,13 @@
-"""The planes that bound the slice: their free, fixed and imposed motions (thesis III.1).
+"""Degrees of freedom of generalized plane strain: free, fixed or imposed (thesis III.1).
 
-The distance of the planes is e = a0 + a1 x + a2 y (37), relative to an undeformed thickness of 1.
-What is carried here are the generalized strains [a0 - 1, a1, a2, across], see
-`castfem.forms.mechanics`.  Whatever rules them, they are
+The slice lies between two planes whose distance is e = a0 + a1 x + a2 y (37), relative to an
+undeformed thickness of 1.  What is carried here are the generalized strains
+[a0 - 1, a1, a2, across], see `castfem.forms.mechanics`.  Whatever constrains the planes, they are
 
     generalized strains = offset(t) + directions(t) z
 
-with free scalars z, each closed by one balance out of (38).
+with free scalars z; to each belongs one equation of equilibrium out of (38), the work of stress and
+load along its test direction.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -23,9 +24,10 @@ from castfem.errors import InputError
 from castfem.forms.mechanics import MODES
 from castfem.values.types import Array
 
-Course = Callable[[float], float]
+TimeHistory = Callable[[float], float]
+"""A quantity over time, s."""
 
-STILL = 1e-9  # of a curvature: how much it changes by rounding alone
+UNCHANGED = 1e-9  # of a curvature: how much it changes by rounding alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,29 +55,29 @@ STRAIGHT = Bending()
 
 
 class Planes(Protocol):
-    """What rules the planes."""
+    """What constrains and loads the degrees of freedom of generalized plane strain."""
 
     @property
     def free(self) -> tuple[str, ...]:
         """Names of the free scalars."""
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
-        """Offset (4,), directions (4, free) and closing directions (4, free) at `time` (s).
+        """Offset (4,), directions (4, free) and test directions (4, free) at `time` (s).
 
-        The work of the stress on each closing direction must be that of the load.  They are the
-        directions themselves but where a constraint couples two motions.
+        The work of the stress along each test direction must be that of the load.  They are the
+        directions themselves but where a constraint couples two generalized strains.
         """
 
     def load(self, time: float) -> Array:
         """External axial force (N), moments of sigma_zz with x and y (N m), and force across."""
 
-    def closed(self, past: Bending, time: float) -> tuple[Array, Array]:
-        """Closing directions (4, free) of a step that ends at `time` (s), and the load (4,)."""
+    def equilibrium(self, past: Bending, time: float) -> tuple[Array, Array]:
+        """Test directions (4, free) of a step that ends at `time` (s), and the load (4,)."""
 
-    def start(self, time: float) -> Bending:
+    def initial_bending(self, time: float) -> Bending:
         """The bending of a slice that is cast at `time` (s)."""
 
-    def passed(
+    def bending_after(
         self, past: Bending, time: float, moment: Callable[[], float], change: Array
     ) -> Bending:
         """The bending after a step to `time` (s).
@@ -83,11 +85,11 @@ class Planes(Protocol):
         Args:
             past: Before it.
             time: At its end, s.
-            moment: Tells M at its end, N m; asked by planes alone that are bent.
+            moment: Computes M at its end, N m; called only for planes that are bent.
             change: Of the generalized strains over the step (4,).
         """
 
-    def handed(self, now: Bending) -> float:
+    def bending_force(self, now: Bending) -> float:
         """Axial force that bending has left in the slice, N: N - F where nothing else acts."""
 
 
@@ -96,45 +98,45 @@ LOADS = ("force", "moment_x", "moment_y")
 
 
 def loads_at(planes: Planes, time: float) -> dict[str, float]:
-    """Return by name the loads (N, N m) that act on a free motion of the planes at `time` (s)."""
-    closing, load = planes.at(time)[2], planes.load(time)
-    felt = np.abs(closing).sum(axis=1) > 0.0
-    return {name: float(load[i]) for i, name in enumerate(LOADS) if load[i] != 0.0 and felt[i]}
+    """Return by name the loads (N, N m) that work along a test direction at `time` (s)."""
+    test, load = planes.at(time)[2], planes.load(time)
+    works = np.abs(test).sum(axis=1) > 0.0
+    return {name: float(load[i]) for i, name in enumerate(LOADS) if load[i] != 0.0 and works[i]}
 
 
 @dataclass(frozen=True, slots=True)
-class ScaledMotions:
-    """Motions of the planes at one instant, in unknowns that are lengths.
+class ScaledPlanes:
+    """Free degrees of freedom of the planes at one instant, scaled to lengths.
 
     Attributes:
-        offset: Generalized strains without the free motions (4,).
+        offset: Generalized strains where the free scalars are zero (4,).
         directions: Generalized strains for each unknown (4, free), 1/m and 1/m2.
-        closing: Directions whose work closes the unknowns (4, free), scaled likewise.
+        test_directions: The work along them is balanced (4, free), scaled likewise.
         load: Work of the external forces on them (free,), N/m.
         scaling: Free scalar for each unknown, 1/m.
-        coupled: Whether `closing` differs from `directions`.
+        coupled: Whether `test_directions` differ from `directions`.
     """
 
     offset: Array
     directions: Array
-    closing: Array
+    test_directions: Array
     load: Array
     scaling: Array
     coupled: bool
 
     @classmethod
-    def of(cls, planes: Planes, past: Bending, time: float, length: float) -> ScaledMotions:
-        """Motions of a section of size `length` (m) in a step from `past` to `time` (s).
+    def of(cls, planes: Planes, past: Bending, time: float, length: float) -> ScaledPlanes:
+        """Those of a section of size `length` (m) in a step from `past` to `time` (s).
 
         An unknown of unit size moves the slice by about its own unit of length.
         """
         offset, directions, _ = planes.at(time)
-        closing, forces = planes.closed(past, time)
-        reach = np.array([[1.0], [length], [length], [1.0]])
-        scaling = 1.0 / (np.abs(directions * reach).max(axis=0) * length)
-        load = (closing * scaling).T @ forces
-        coupled = not np.array_equal(closing, directions)
-        return cls(offset, directions * scaling, closing * scaling, load, scaling, coupled)
+        test, forces = planes.equilibrium(past, time)
+        size = np.array([[1.0], [length], [length], [1.0]])
+        scaling = 1.0 / (np.abs(directions * size).max(axis=0) * length)
+        load = (test * scaling).T @ forces
+        coupled = not np.array_equal(test, directions)
+        return cls(offset, directions * scaling, test * scaling, load, scaling, coupled)
 
     def modes(self, unknowns: Array) -> Array:
         """Generalized strains (4,)."""
@@ -170,7 +172,7 @@ def check_modes(names: tuple[str, ...], groups: tuple[str, ...]) -> None:
         )
 
 
-def _still(time: float) -> float:
+def _zero(time: float) -> float:
     return 0.0
 
 
@@ -186,16 +188,16 @@ class PlainPlanes:
     """
 
     free: tuple[str, ...] = ("a0",)
-    imposed: Mapping[str, Course] = field(default_factory=dict)
-    force: Course = _still
-    moment_x: Course = _still
-    moment_y: Course = _still
+    imposed: Mapping[str, TimeHistory] = field(default_factory=dict)
+    force: TimeHistory = _zero
+    moment_x: TimeHistory = _zero
+    moment_y: TimeHistory = _zero
 
     def __post_init__(self) -> None:
         """Check the names."""
         for name in (*self.free, *self.imposed):
             if name not in MODES:
-                raise InputError(f"{name}: not a motion of the planes; one of {', '.join(MODES)}")
+                raise InputError(f"{name}: not a generalized strain; one of {', '.join(MODES)}")
         both = [n for n in self.free if n in self.imposed]
         if both or len(set(self.free)) < len(self.free):
             raise InputError(f"{', '.join(both or self.free)}: either free or imposed, once")
@@ -203,8 +205,8 @@ class PlainPlanes:
     def at(self, time: float) -> tuple[Array, Array, Array]:
         """See `Planes`."""
         offset = np.zeros(4)
-        for name, course in self.imposed.items():
-            offset[MODES.index(name)] = course(time)
+        for name, history in self.imposed.items():
+            offset[MODES.index(name)] = history(time)
         directions = np.eye(4)[:, [MODES.index(n) for n in self.free]]
         return offset, directions, directions
 
@@ -212,21 +214,21 @@ class PlainPlanes:
         """See `Planes`."""
         return np.array([self.force(time), self.moment_x(time), self.moment_y(time), 0.0])
 
-    def closed(self, past: Bending, time: float) -> tuple[Array, Array]:
+    def equilibrium(self, past: Bending, time: float) -> tuple[Array, Array]:
         """See `Planes`."""
         return self.at(time)[2], self.load(time)
 
-    def start(self, time: float) -> Bending:
+    def initial_bending(self, time: float) -> Bending:
         """See `Planes`."""
         return STRAIGHT
 
-    def passed(
+    def bending_after(
         self, past: Bending, time: float, moment: Callable[[], float], change: Array
     ) -> Bending:
         """See `Planes`."""
         return past
 
-    def handed(self, now: Bending) -> float:
+    def bending_force(self, now: Bending) -> float:
         """See `Planes`."""
         return 0.0
 
@@ -244,33 +246,33 @@ class BentPlanes:
     the first with a0 free, the second with the neutral axis imposed at y1.  The slice is free of
     strain in the position of its first instant: a curved mould casts a curved strand.
 
-    What closes a0: in a curved strand, t along it and q_t the force of friction per metre against
-    the casting direction, equilibrium is N' = k M' - q_t and M' = Q, so that
+    The equation of a0: in a curved strand, t along it and q_t the force of friction per metre
+    against the casting direction, equilibrium is N' = k M' - q_t and M' = Q, so that
 
         (N - k M)' = -q_t - M k'
 
     Rolls without friction conserve N - k M where the curvature stays, and where it changes the
     drives below pay for the work of bending, -M k' >= 0 in a strand that flows.  The "tangential"
-    closing says so: N - k M = F - int M dk, the virtual motion [1, 0, -k] that leaves the centre of
-    curvature where it is.  The integral is taken by the trapezoidal rule, its share of the step
-    itself implicitly: with k at mid-step in the virtual motion.  The "axial" one is the first of
-    (38) as it stands, N = F.
+    test direction [1, 0, -k] says so: N - k M = F - int M dk; along it the centre of curvature
+    stays where it is.  The integral is taken by the trapezoidal rule, its share of the step
+    itself implicitly: with k at mid-step in the test direction.  The "axial" one, [1, 0, 0], is the
+    first of (38) as it stands, N = F.
 
     Attributes:
         curvature: 1/R over time, 1/m; linear between the rolls (`castfem.machine`).
         half_thickness: h/2, m.
         neutral_axis: y1, m; None to let equilibrium find it.
         force: External axial force F over time, N.
-        closing: What F balances: N - k M, "tangential", or N, "axial".
+        test_direction: Test direction, so what F balances: N - k M, "tangential", or N, "axial".
         contains_work: F has the work of bending in it, as a measured effort has: it is not taken
             off once more.
     """
 
-    curvature: Course
+    curvature: TimeHistory
     half_thickness: float
     neutral_axis: float | None = None
-    force: Course = _still
-    closing: Literal["tangential", "axial"] = "tangential"
+    force: TimeHistory = _zero
+    test_direction: Literal["tangential", "axial"] = "tangential"
     contains_work: bool = False
 
     @property
@@ -294,47 +296,47 @@ class BentPlanes:
         k = self.middle(time)
         if self.neutral_axis is None:
             direction = np.array([[1.0], [0.0], [-k], [0.0]])
-            return np.array([0.0, 0.0, -k, 0.0]), direction, self._virtual(k)
+            return np.array([0.0, 0.0, -k, 0.0]), direction, self._test(k)
         thickness = 1.0 / (1.0 - k * self.neutral_axis)
         none = np.zeros((4, 0))
         return np.array([thickness - 1.0, 0.0, -k * thickness, 0.0]), none, none
 
-    def _virtual(self, k: float) -> Array:
-        """Virtual motion that closes a0, (4, 1)."""
-        return np.array([[1.0], [0.0], [-k if self.closing == "tangential" else 0.0], [0.0]])
+    def _test(self, k: float) -> Array:
+        """Test direction of a0, (4, 1)."""
+        return np.array([[1.0], [0.0], [-k if self.test_direction == "tangential" else 0.0], [0.0]])
 
     def load(self, time: float) -> Array:
         """See `Planes`."""
         return np.array([self.force(time), 0.0, 0.0, 0.0])
 
-    def closed(self, past: Bending, time: float) -> tuple[Array, Array]:
+    def equilibrium(self, past: Bending, time: float) -> tuple[Array, Array]:
         """See `Planes`."""
         if self.neutral_axis is not None:
             return np.zeros((4, 0)), self.load(time)
         k = self.middle(time)
-        if self.closing == "axial" or self.contains_work:
-            return self._virtual(k), self.load(time)
+        if self.test_direction == "axial" or self.contains_work:
+            return self._test(k), self.load(time)
         # N - k M = F - W - dk (M_old + M) / 2, with the unknown M on the left: dk / 2 off its k.
         change = k - past.curvature
         taken = past.work + 0.5 * change * past.moment
-        return self._virtual(k - 0.5 * change), self.load(time) - [taken, 0.0, 0.0, 0.0]
+        return self._test(k - 0.5 * change), self.load(time) - [taken, 0.0, 0.0, 0.0]
 
-    def start(self, time: float) -> Bending:
+    def initial_bending(self, time: float) -> Bending:
         """See `Planes`."""
         return Bending(curvature=self.middle(time))
 
-    def passed(
+    def bending_after(
         self, past: Bending, time: float, moment: Callable[[], float], change: Array
     ) -> Bending:
         """See `Planes`."""
         k, now = self.middle(time), moment()
-        turned = k - past.curvature
-        still = abs(turned) <= STILL * max(abs(k), abs(past.curvature))
-        axis = None if still else -float(change[0] / change[2])
-        return Bending(k, now, past.work + 0.5 * turned * (past.moment + now), axis)
+        change_of_k = k - past.curvature
+        unchanged = abs(change_of_k) <= UNCHANGED * max(abs(k), abs(past.curvature))
+        axis = None if unchanged else -float(change[0] / change[2])
+        return Bending(k, now, past.work + 0.5 * change_of_k * (past.moment + now), axis)
 
-    def handed(self, now: Bending) -> float:
+    def bending_force(self, now: Bending) -> float:
         """See `Planes`."""
-        if self.closing == "axial" or self.neutral_axis is not None:
+        if self.test_direction == "axial" or self.neutral_axis is not None:
             return 0.0
         return now.curvature * now.moment - (0.0 if self.contains_work else now.work)

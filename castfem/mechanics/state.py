@@ -20,7 +20,7 @@ class MechanicalState:
         time: Since the meniscus, s.
         displacement: Of this rank's nodes, ghosts included, x and y by turns, m.
         modes: Generalized strains [a0 - 1, a1, a2, across] (4,).
-        scalars: Free motions of the planes (free,).
+        scalars: Free degrees of freedom of the planes (free,).
         rate: d displacement / dt of the owned nodes over the last step, m/s.
         scalar_rate: d scalars / dt.
         unsteadiness: Relative change of the rates over the last step; inf before the first.
@@ -54,9 +54,8 @@ class Balance:
 
     Attributes:
         axial: Int sigma_zz da (N), and its moments with x and y (N m), (3,): the left of (38).
-        axial_error: Largest imbalance of a free motion of the planes, what holds them before there
-            is a shell (`plane_equations`) counted in, over the sum of the absolute
-            forces.
+        axial_error: Largest imbalance along a test direction of the planes, what holds them before
+            there is a shell (`plane_equations`) counted in, over the sum of the absolute forces.
         forces_error: Largest imbalance of a free node, over the force of the mean stress there.
         support: Sum of the forces of all supports, x and y, N/m.
     """

@@ -55,7 +55,7 @@ class MechanicalStepper:
             internal=law.initial_state(points),
             pressure=np.zeros(0),
             contact=None if problem.contact is None else problem.contact.initial(),
-            bending=problem.slice.planes.start(time),
+            bending=problem.slice.planes.initial_bending(time),
         )
 
     def step(self, old: MechanicalState, time: float, temperature: Array) -> MechanicalResult:
@@ -124,7 +124,7 @@ class MechanicalStepper:
             internal=problem.response.state.copy(),
             pressure=problem.pressure,
             contact=None if problem.contact is None else problem.contact.state(),
-            bending=problem.slice.planes.passed(
+            bending=problem.slice.planes.bending_after(
                 old.bending, time, self._moment, residual_state.modes - old.modes
             ),
         )

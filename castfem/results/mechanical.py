@@ -91,7 +91,7 @@ class MechanicalSampler:
             beyond=self._beyond(state),
             axial_stress=self._axial(recovered),
             bending=state.bending,
-            handed=self.problem.slice.planes.handed(state.bending),
+            bending_force=self.problem.slice.planes.bending_force(state.bending),
         )
 
     def _beyond(self, state: MechanicalState) -> dict[str, float]:

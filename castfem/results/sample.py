@@ -41,9 +41,9 @@ class MechanicalSample:
         beyond: Share of the solid that is colder, hotter, strained faster than the data of the law;
             empty where the law does not say, or while there is hardly a shell.
         axial_stress: Stress along the strand at the start of each probe, Pa.
-        bending: By the machine's curvature. handed: Axial force that bending has left, N: the rolls
-            turn it with the strand, and the drives pay for the work. With `load` and `pull` it is
-            the force of the stress where the neutral axis is free.
+        bending: By the machine's curvature. bending_force: Axial force that bending has left, N:
+            the rolls turn it with the strand, and the drives pay for the work. With `load` and
+            `withdrawal_resistance` it is the force of the stress where the neutral axis is free.
     """
 
     newton: int
@@ -63,7 +63,7 @@ class MechanicalSample:
     beyond: dict[str, float]
     axial_stress: dict[str, float]
     bending: Bending
-    handed: float
+    bending_force: float
 
 
 @dataclass(slots=True)

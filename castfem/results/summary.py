@@ -151,12 +151,12 @@ def _wall_forces(contact: ContactSummary | None) -> dict[str, Quantity]:
     }
 
 
-def _handed(mechanics: MechanicalSample) -> dict[str, Quantity]:
+def _bending_force(mechanics: MechanicalSample) -> dict[str, Quantity]:
     """What a machine that bends the strand leaves in it."""
-    if not mechanics.handed:
+    if not mechanics.bending_force:
         return {}
     label = "left by bending and straightening, kM - int M dk, modelled part"
-    return {"bending": Quantity(mechanics.handed, "kN", label)}
+    return {"bending": Quantity(mechanics.bending_force, "kN", label)}
 
 
 def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
@@ -174,15 +174,15 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
                 "kN",
                 "pull of the friction on the way here, modelled part",
             ),
-            **_handed(mechanics),
+            **_bending_force(mechanics),
             "reaction": Quantity(
-                along - mechanics.load - mechanics.withdrawal_resistance - mechanics.handed,
+                along - mechanics.load - mechanics.withdrawal_resistance - mechanics.bending_force,
                 "kN",
                 "the rest: borne by the planes, 0 where they are free",
             ),
             "moment_x": Quantity(moment_x, "kN m", "its moment with x"),
             "moment_y": Quantity(moment_y, "kN m", "its moment with y"),
-            "error": Quantity(balance.axial_error, "-", "relative error of the free motions"),
+            "error": Quantity(balance.axial_error, "-", "relative error of the axial equilibrium"),
         },
         "forces in the plane": {
             **_wall_forces(mechanics.contact),

@@ -18,9 +18,9 @@ from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import (
     BentPlanes,
-    Course,
     PlainPlanes,
     Planes,
+    TimeHistory,
     allowed_modes,
 )
 from castfem.mechanics.problem import MechanicalProblem
@@ -108,7 +108,7 @@ def _contact(case: Case, machine: Machine, section: Section) -> Contact | None:
     )
 
 
-def _shared(value: float | Table, machine: Machine, parts: int) -> Course:
+def _shared(value: float | Table, machine: Machine, parts: int) -> TimeHistory:
     """What each of the equal parts of the section bears over time of a load on the whole."""
     profile = as_function(value)
     if isinstance(value, Table) and value.over == "position":
@@ -116,50 +116,54 @@ def _shared(value: float | Table, machine: Machine, parts: int) -> Course:
     return lambda time: profile(time) / parts
 
 
-def _planes(case: Case, motions: given.Motions, machine: Machine, section: Section) -> Planes:
-    """What rules the planes: the rolls of a machine that bends the strand, or the case alone."""
-    force = _shared(motions.force, machine, section.multiplicity)
+def _planes(
+    case: Case, table: given.GeneralizedPlaneStrain, machine: Machine, section: Section
+) -> Planes:
+    """What constrains the planes: the rolls of a machine that bends the strand, or the case."""
+    force = _shared(table.force, machine, section.multiplicity)
     if case.bends:
-        return _bent(case, motions, machine, force)
-    free = given.free_motions(motions, allowed_modes(section.groups))
+        return _bent(case, table, machine, force)
+    free = given.free_strains(table, allowed_modes(section.groups))
     imposed = {
         name: as_function(value)
         for name in ("a0", "a1", "a2", "across")
-        if name not in free and (value := getattr(motions, name)) is not None
+        if name not in free and (value := getattr(table, name)) is not None
     }
     return PlainPlanes(
         free=free,
         imposed=imposed,
         force=force,
-        moment_x=_shared(motions.moment_x, machine, section.multiplicity),
-        moment_y=_shared(motions.moment_y, machine, section.multiplicity),
+        moment_x=_shared(table.moment_x, machine, section.multiplicity),
+        moment_y=_shared(table.moment_y, machine, section.multiplicity),
     )
 
 
-def _bent(case: Case, motions: given.Motions, machine: Machine, force: Course) -> BentPlanes:
+def _bent(
+    case: Case, table: given.GeneralizedPlaneStrain, machine: Machine, force: TimeHistory
+) -> BentPlanes:
     """Planes that follow the curvature of the machine."""
     thickness = thickness_of(case.section)
     assert thickness is not None, "a strand that can be bent has a thickness"
     return BentPlanes(
         curvature=lambda time: machine.curvature(machine.position(time), "extrados"),
         half_thickness=0.5 * thickness,
-        neutral_axis=axis_position(motions.neutral_axis, thickness),
+        neutral_axis=axis_position(table.neutral_axis, thickness),
         force=force,
-        closing=motions.closing or "tangential",
-        contains_work=bool(motions.force_contains_bending),
+        test_direction=table.closing or "tangential",
+        contains_work=bool(table.force_contains_bending),
     )
 
 
-def _held(one: given.Held) -> PrescribedDisplacement:
+def _held(one: given.GivenDisplacement) -> PrescribedDisplacement:
     component = "xy".index(one.component)
     if one.value == 0.0:
         return PrescribedDisplacement(one.on, component)
     return PrescribedDisplacement(one.on, component, _everywhere(as_function(one.value)))
 
 
-def _everywhere(course: Course) -> Callable[[Array, float], Array]:
+def _everywhere(history: TimeHistory) -> Callable[[Array, float], Array]:
     """A displacement that is the same at all positions."""
-    return lambda positions, time: np.full(len(positions), course(time))
+    return lambda positions, time: np.full(len(positions), history(time))
 
 
 def _ferrostatic(

@@ -1,4 +1,4 @@
-"""Motions of the planes that a section has, and those that it has not."""
+"""Generalized strains that a section has, and those that it has not."""
 
 from __future__ import annotations
 

@@ -92,9 +92,9 @@ def test_rolls_conserve_what_they_do_not_bend(pull: float) -> None:
     assert before - pull == pytest.approx(-scene.state.bending.work, rel=1e-8)
 
 
-def test_the_axial_closing_is_that_of_the_thesis() -> None:
+def test_the_axial_test_direction_is_that_of_the_thesis() -> None:
     """(38) alone: N = F, whatever is bent."""
-    scene = strand(elastic(E), planes={"closing": "axial", "force": lambda t: 3e5})
+    scene = strand(elastic(E), planes={"test_direction": "axial", "force": lambda t: 3e5})
     run(scene, 4, end=1.0)
     assert forces(scene)[0] == pytest.approx(3e5, rel=1e-9)
 
@@ -139,7 +139,7 @@ def test_a_plastic_strand_takes_its_work_from_the_drives() -> None:
     assert abs(errors[1]) < 1e-3
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.15)
     # Nothing of it is seen by N = F.
-    axial = strand(plastic(), cells=8, planes={"closing": "axial"})
+    axial = strand(plastic(), cells=8, planes={"test_direction": "axial"})
     run(axial, 20)
     drawn, taken = energies(axial)
     assert abs(drawn) < 1e-6 * taken

@@ -1,4 +1,4 @@
-"""Motions of the slice's planes: curvature, neutral axis, symmetry, closing forces."""
+"""Degrees of freedom of generalized plane strain: curvature, neutral axis, symmetry, loads."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def thickness(modes: np.ndarray, y: float) -> float:
 @pytest.mark.parametrize("radius", [4.0, 10.0, 1e9])
 def test_planes_meet_in_the_centre_of_curvature(radius: float) -> None:
     """(40)-(41): whatever a0 comes to, the thickness vanishes at y = R - h/2."""
-    planes = BentPlanes(lambda t: 1 / radius, 0.1, closing="axial")
-    offset, directions, closing = planes.at(0.0)
-    assert closing[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
+    planes = BentPlanes(lambda t: 1 / radius, 0.1, test_direction="axial")
+    offset, directions, test = planes.at(0.0)
+    assert test[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
     for strain in (0.0, 0.02, -0.01):
         modes = offset + directions @ [strain]
         assert modes[0] == pytest.approx(strain, abs=1e-15)
@@ -58,7 +58,7 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     """Free of axial force, the neutral axis of an elastic strand is its middle; M = E I / R."""
     half, radius = 0.05, 10.0
     mesh = mapped(1, 4, box(0.1, 2 * half, 0.0, -half), groups=("symmetry_x", *FREE[1:]))
-    planes = BentPlanes(lambda t: min(t, 1.0) / radius, half, closing="axial")
+    planes = BentPlanes(lambda t: min(t, 1.0) / radius, half, test_direction="axial")
     scene = SliceScene(mesh, elastic(E), given={"planes": planes})
     for time in (0.25, 0.5, 1.0):
         result = scene.step(time)
@@ -71,7 +71,7 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
         [0.0, 0.5 * 0.1 * 0.0, E * inertia * a2], rel=1e-10, abs=1e-3
     )
     # With a pull F the axis moves by F / (E A) / a2 away from the middle.
-    planes = BentPlanes(lambda t: t / radius, half, force=lambda t: 1e6 * t, closing="axial")
+    planes = BentPlanes(lambda t: t / radius, half, force=lambda t: 1e6 * t, test_direction="axial")
     pulled = SliceScene(mesh, elastic(E), given={"planes": planes})
     balance = pulled.step(1.0).balance
     assert balance is not None
@@ -80,7 +80,7 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
 
 
 def test_what_a_strain_across_moves() -> None:
-    """However it is split between nodes and motion, points go where they go."""
+    """However it is split between nodes and generalized strain, points go where they go."""
     found = []
     for imposed, ends in (({"across": lambda t: 1e-3 * t}, 0.0), ({}, 1e-3)):
         side = PrescribedDisplacement(("top",), 1, lambda p, t, ends=ends: ends * t * p[:, 1])
@@ -105,7 +105,7 @@ def test_symmetry_leaves_what_it_must() -> None:
         check_modes(("a0", "a2"), quarter)
 
 
-def test_a_scene_carries_only_the_motions_it_asked_for() -> None:
+def test_a_scene_carries_only_the_planes_it_asked_for() -> None:
     mesh = mapped(2, 2, box(0.1, 0.1))
     fixed = SliceScene(mesh, given={"planes": PlainPlanes(())})
     assert fixed.problem.bordered.scalars == 0
@@ -117,8 +117,8 @@ def test_a_scene_carries_only_the_motions_it_asked_for() -> None:
         SliceScene(mesh, given={"planes": PlainPlanes(("a0", "a1"))})
 
 
-def test_names_of_motions_are_checked() -> None:
-    with pytest.raises(InputError, match="a3: not a motion"):
+def test_names_of_generalized_strains_are_checked() -> None:
+    with pytest.raises(InputError, match="a3: not a generalized strain"):
         PlainPlanes(("a3",))
     with pytest.raises(InputError, match="either free or imposed"):
         PlainPlanes(("a0",), {"a0": lambda t: 0.0})

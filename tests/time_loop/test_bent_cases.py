@@ -106,8 +106,8 @@ def test_a_half_bears_half() -> None:
     assert ours.strain == pytest.approx(theirs.strain, rel=1e-6)
     # N = F + k M - int M dk, as the summary says.
     assert ours.balance is not None
-    assert ours.handed != 0.0
-    left = ours.balance.axial[0] - ours.load - ours.handed
+    assert ours.bending_force != 0.0
+    left = ours.balance.axial[0] - ours.load - ours.bending_force
     assert abs(left) < 1e-7 * ours.load
 
 
