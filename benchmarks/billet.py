@@ -202,21 +202,21 @@ def run(
 
 
 def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
-    scene = build(case, comm)
+    simulation = build(case, comm)
     listener = Listener()
     try:
-        before = dict(scene.watch.seconds)
-        march = TimeLoop(scene, _as_recorder(listener))
+        before = dict(simulation.watch.seconds)
+        time_loop = TimeLoop(simulation, _as_recorder(listener))
         comm.Barrier()
         start = perf_counter()
-        with scene.watch.section("march"):
-            march.run()
+        with simulation.watch.section("march"):
+            time_loop.run()
         wall = perf_counter() - start
-        sections = {n: t - before.get(n, 0.0) for n, t in scene.watch.seconds.items()}
-        cells = scene.section.mesh.topology.index_map(2).size_global
-        vertices = scene.section.vertex_space.dofmap.index_map.size_global
+        sections = {n: t - before.get(n, 0.0) for n, t in simulation.watch.seconds.items()}
+        cells = simulation.section.mesh.topology.index_map(2).size_global
+        vertices = simulation.section.vertex_space.dofmap.index_map.size_global
     finally:
-        scene.destroy()
+        simulation.destroy()
     kept = listener.kept
     return Result(
         settings,
@@ -225,9 +225,9 @@ def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
         *(np.array([1e3 * r.shell.get(n, np.nan) for r in kept]) for n in ("mid_face", "corner")),
         vertices,
         cells,
-        march.run_state.counts.steps,
-        march.run_state.counts.rejected,
-        scene.problem.iterations,
+        time_loop.run_state.counts.steps,
+        time_loop.run_state.counts.rejected,
+        simulation.problem.iterations,
         wall,
         {n: t for n, t in sections.items() if t > 0.0 and not n.startswith("setup")},
     )

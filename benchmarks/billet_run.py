@@ -1,4 +1,4 @@
-"""One billet of thesis V.2 marched in memory, and what its tables and figures take from it."""
+"""One billet of thesis V.2 run in memory, and what its tables and figures take from it."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The billet of thesis V.2 in its moulds: beside the thesis, and what its numbers hang on.
 
-Writes tables of docs/billet.md. All runs are those of `cases/billet125`, marched in memory, one at
+Writes tables of docs/billet.md. All runs are those of `cases/billet125`, run in memory, one at
 a time.
 """
 

@@ -25,7 +25,7 @@ PLACES = (3.0, 6.0, 10.0, 15.0)  # m below the meniscus
 CORES = (8.0, 4.0, 2.0)  # mm
 
 
-def march(settings: Settings) -> dict[str, Any]:
+def advance(settings: Settings) -> dict[str, Any]:
     """Follow the billet down the caster; results at `PLACES` and where the core closes."""
     document = load_case(CASE).document()
     document["casting"]["length"] = f"{LENGTH:g} m"
@@ -46,17 +46,17 @@ def march(settings: Settings) -> dict[str, Any]:
         }
         for place in PLACES
     ]
-    scene = build(from_document(document, "caster"), MPI.COMM_SELF)
+    simulation = build(from_document(document, "caster"), MPI.COMM_SELF)
     try:
-        run = TimeLoop(scene)
+        run = TimeLoop(simulation)
         start = perf_counter()
         run.run()
         wall = perf_counter() - start
         closed = run.run_state.sampler.metallurgical_length
         there = [run.run_state.snapshots[p] for p in PLACES]
-        vertices = scene.section.owned
+        vertices = simulation.section.owned
     finally:
-        scene.destroy()
+        simulation.destroy()
     return {
         "vertices": vertices,
         "steps": run.run_state.counts.steps,
@@ -75,10 +75,10 @@ def main(output: Output, quick: bool = False) -> None:
     base = default_settings()
     core = 2.0 if quick else 1.0
     finest = {"face_size": core, "core_size": core, "step": None, "tolerance": 1.0}
-    fine = march(replace(base, surface_depth=8.0, **finest))
+    fine = advance(replace(base, surface_depth=8.0, **finest))
     rows = []
     for size in (8.0,) if quick else CORES:
-        found = march(replace(base, face_size=size, core_size=size))
+        found = advance(replace(base, face_size=size, core_size=size))
         rows.append(
             {
                 "core_size_mm": size,

@@ -90,7 +90,7 @@ def script_runs(
             problems[key] = opponent.Billet(mesh, way.form, way.linear, surface)
         spent, best = 0.0, None
         for _ in range(repeats):
-            found = opponent.march(problems[key], way.scheme, way.step)
+            found = opponent.advance(problems[key], way.scheme, way.step)
             best = found if best is None or found.wall < best.wall else best
             spent += found.wall
             if spent > 1.0:

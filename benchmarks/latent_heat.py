@@ -143,7 +143,7 @@ class Strip:
             diags(self.area * capacity) + dt * (K * self.conduction + H * diags(self.edge))
         )
 
-    def march(
+    def advance(
         self, advance: Callable[[Array, float], tuple[Array, int, bool]], dt: float
     ) -> Outcome:
         """March to END; `advance` gives new temperatures, solves, and whether they settled."""
@@ -236,9 +236,9 @@ def compare(
         exact = strip.by_enthalpy(fine, "sdirk2")
         ways: dict[str, Callable[[float], Outcome]] = {
             "enthalpy": strip.by_enthalpy,
-            "effective specific heat": lambda dt, s=strip: s.march(s.by_effective_heat, dt),
-            "source, 10 passes": lambda dt, s=strip: s.march(s.by_source(10), dt),
-            "source, to 0.001 K": lambda dt, s=strip: s.march(s.by_source(PASSES), dt),
+            "effective specific heat": lambda dt, s=strip: s.advance(s.by_effective_heat, dt),
+            "source, 10 passes": lambda dt, s=strip: s.advance(s.by_source(10), dt),
+            "source, to 0.001 K": lambda dt, s=strip: s.advance(s.by_source(PASSES), dt),
         }
         for name, march in ways.items():
             for dt in steps:

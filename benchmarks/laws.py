@@ -65,7 +65,7 @@ def laws() -> dict[str, RadialReturn]:
     }
 
 
-def scene(law: RadialReturn) -> tuple[MaterialStep, Array, Array]:
+def material_points(law: RadialReturn) -> tuple[MaterialStep, Array, Array]:
     """A step of 8100 points after some history: step, stress, state.
 
     From 900 to 1550 degC, cooling by 2 K; every other point goes on as before, at 2e-4 to 2e-3 1/s,
@@ -269,7 +269,7 @@ def table() -> str:
         "|---|---|---|---|---|---|---|",
     ]
     for name, law in laws().items():
-        step, stress, state = scene(law)
+        step, stress, state = material_points(law)
         table_of_step = law.coefficients(step.temperature_old, step.temperature)
         out = Response.empty(POINTS, len(law.state_names))
 

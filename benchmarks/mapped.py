@@ -1,4 +1,4 @@
-"""Meshes of mapped squares, for scenes whose cells are to be of a given shape and number."""
+"""Meshes of mapped squares, for problems whose cells are to be of a given shape and number."""
 
 from __future__ import annotations
 

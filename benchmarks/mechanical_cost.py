@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.probe import launch
 from benchmarks.report import Output, table
-from benchmarks.slice_probe import Run, measure, scene
+from benchmarks.slice_probe import Run, cooling_slice, measure
 from castfem.fem.dolfinx_compat import assemble_into
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def libraries(found: dict[str, Any]) -> float:
 
 def single_calls(repeats: int = 12) -> dict[str, float]:
     """Shortest time of one call of each kind, at the end of a step of the freezing billet, s."""
-    slice_ = scene(Run(CELLS)).march(4.0, 1.0).march(5.0, 0.25)
+    slice_ = cooling_slice(Run(CELLS)).advance(4.0, 1.0).advance(5.0, 0.25)
     problem = slice_.problem
     forms = problem.kinematics.forms
     strain, stress = problem.kinematics.increments(problem.old.stress)

@@ -215,7 +215,7 @@ class Billet:
         return t
 
 
-def march(billet: Billet, scheme: str = "sdirk2", step: float = 0.1, every: float = 0.5) -> March:
+def advance(billet: Billet, scheme: str = "sdirk2", step: float = 0.1, every: float = 0.5) -> March:
     """March the billet to END with even steps; results at multiples of `every`.
 
     Args:
@@ -252,6 +252,6 @@ def march(billet: Billet, scheme: str = "sdirk2", step: float = 0.1, every: floa
 
 
 if __name__ == "__main__":
-    run = march(Billet(tensor_mesh(0.4e-3, 10e-3, 8e-3)), step=0.25)
+    run = advance(Billet(tensor_mesh(0.4e-3, 10e-3, 8e-3)), step=0.25)
     print(f"surface at 10 s: mid-face {run.mid_face[-1]:.2f}, corner {run.corner[-1]:.2f} degC")
     print(f"heat removed {run.heat[-1]:.4f} MJ/m; {run.vertices} unknowns, {run.wall:.2f} s")

@@ -79,7 +79,7 @@ def mesh_of(run: Run) -> meshes.SectionMesh:
     return made(high)
 
 
-def scene(run: Run, comm: MPI.Comm = MPI.COMM_SELF) -> CoolingSlice:
+def cooling_slice(run: Run, comm: MPI.Comm = MPI.COMM_SELF) -> CoolingSlice:
     """The freezing slice of the tests: contact with a cold wall, ferrostatic pressure."""
     steel = load_steel("carbon_042")
     mesh = mesh_of(run)
@@ -123,11 +123,11 @@ def measure(run: Run, comm: MPI.Comm = MPI.COMM_SELF, repeats: int = 1) -> dict[
     found: dict[str, Any] = {}
     clocks, memory = [], 0.0
     for _ in range(repeats):
-        slice_ = scene(run, comm).march(run.before, run.growth)
+        slice_ = cooling_slice(run, comm).advance(run.before, run.growth)
         first, rows = len(slice_.times), []
         for i in range(run.steps):
             before, heating = _parts(slice_), slice_.heating
-            slice_.march(run.before + (i + 1) * run.step, run.step)
+            slice_.advance(run.before + (i + 1) * run.step, run.step)
             now = _parts(slice_)
             # What else the machine had to do stretched all parts alike.
             own = slice_.times[-1] / slice_.walls[-1]

@@ -111,7 +111,7 @@ class CoolingSlice:
         self._thermal = result.state
         return self._thermal.point.temperature
 
-    def march(self, end: float, step: float) -> CoolingSlice:
+    def advance(self, end: float, step: float) -> CoolingSlice:
         """Even steps to `end`, s.
 
         Raises:

@@ -100,41 +100,41 @@ def strip(settings: Settings, options: dict[str, Any] | None = None) -> CoolingS
     return CoolingSlice(mesh_of(settings), heat, slice_, options=options)
 
 
-def profile(scene: CoolingSlice) -> tuple[Array, Array, Array]:
+def profile(slice_: CoolingSlice) -> tuple[Array, Array, Array]:
     """Depth (m), sigma_zz (Pa) and area (m2) of the points in the shell, by rising depth."""
-    points = scene.problem.points
+    points = slice_.problem.points
     depth = points.deviator.position[:, 0]
-    inside = np.flatnonzero(depth < EXACT.shell(scene.state.time))
+    inside = np.flatnonzero(depth < EXACT.shell(slice_.state.time))
     inside = inside[np.argsort(depth[inside], kind="stable")]
-    stress = points.recovered(scene.state.stress)[:, 2]
+    stress = points.recovered(slice_.state.stress)[:, 2]
     return depth[inside], stress[inside], points.deviator.volume[inside]
 
 
-def error(scene: CoolingSlice) -> float:
+def error(slice_: CoolingSlice) -> float:
     """Rms difference of sigma_zz over the shell, % of 20 MPa."""
-    depth, stress, area = profile(scene)
-    squares = (stress - EXACT.stress(depth, scene.state.time)) ** 2
+    depth, stress, area = profile(slice_)
+    squares = (stress - EXACT.stress(depth, slice_.state.time)) ** 2
     return float(100.0 * np.sqrt(area @ squares / area.sum()) / YIELD)
 
 
 def run(settings: Settings) -> dict[str, Any]:
     """One run past the last of the instants, as a row."""
-    scene, errors = strip(settings), {}
+    slice_, errors = strip(settings), {}
     for middle in INSTANTS:
         begin = middle - AROUND
         for time in begin + EVERY * np.arange(round(2 * AROUND / EVERY) + 1):
-            errors[middle, float(time)] = error(scene.march(float(time), settings.step))
+            errors[middle, float(time)] = error(slice_.advance(float(time), settings.step))
     row: dict[str, Any] = {
         "cell": settings.cell,
         "scheme": settings.scheme,
         "grading": settings.grading,
         "size_mm": settings.size,
         "step_s": settings.step,
-        "cells": scene.section.mesh.topology.index_map(2).size_global,
-        "steps": len(scene.newton),
-        "newton": float(np.mean(scene.newton)),
-        "seconds": scene.seconds,
-        "mechanics_s": sum(scene.times),
+        "cells": slice_.section.mesh.topology.index_map(2).size_global,
+        "steps": len(slice_.newton),
+        "newton": float(np.mean(slice_.newton)),
+        "seconds": slice_.seconds,
+        "mechanics_s": sum(slice_.times),
     }
     for middle in INSTANTS:
         own = [e for (m, _), e in errors.items() if m == middle]
@@ -142,7 +142,7 @@ def run(settings: Settings) -> dict[str, Any]:
         row[f"least_{middle:g}s_percent"] = min(own)
         row[f"worst_{middle:g}s_percent"] = max(own)
     row["worst_percent"] = max(errors.values())
-    scene.destroy()
+    slice_.destroy()
     return row
 
 
@@ -200,10 +200,10 @@ def step_orders(quick: bool) -> list[dict[str, Any]]:
     for scheme in ("sdirk2", "backward_euler", "exact"):
         fields = []
         for step in (*steps, 0.05 if quick else 0.01):
-            scene = strip(Settings(0.25, step, scheme=scheme)).march(5.0, step)
-            _, stress, area = profile(scene)
+            slice_ = strip(Settings(0.25, step, scheme=scheme)).advance(5.0, step)
+            _, stress, area = profile(slice_)
             fields.append(stress)
-            scene.destroy()
+            slice_.destroy()
         for step, stress in zip(steps, fields, strict=False):
             squares = area @ (stress - fields[-1]) ** 2 / area.sum()
             row: dict[str, Any] = {"scheme": scheme, "step_s": step}
@@ -256,24 +256,24 @@ def draw_profiles() -> Figure:
     from castfem.plots.style import look, new_figure
 
     runs = [(0.5, 0.1, "#e69f00", "o"), (0.1, 0.1, "#0072b2", ".")]
-    scenes = [strip(Settings(size, step)) for size, step, *_ in runs]
+    slices = [strip(Settings(size, step)) for size, step, *_ in runs]
     with look():
         figure = new_figure(9.0, 3.7)
         axes = figure.subplots(1, 2, sharey=True)
         for axis, time in zip(axes, INSTANTS, strict=True):
             x: Array = np.linspace(0.0, EXACT.shell(time), 2000, dtype=np.float64)
             axis.plot(1e3 * x, 1e-6 * EXACT.stress(x, time), color="k", label="closed form")
-            for scene, (size, step, colour, mark) in zip(scenes, runs, strict=True):
-                depth, stress, _ = profile(scene.march(time, step))
+            for slice_, (size, step, colour, mark) in zip(slices, runs, strict=True):
+                depth, stress, _ = profile(slice_.advance(time, step))
                 axis.plot(
                     1e3 * depth, 1e-6 * stress, mark, color=colour, markersize=3.5, mew=0.7,
-                    markerfacecolor="none", label=f"{size:g} mm: {error(scene):.1f} %",
+                    markerfacecolor="none", label=f"{size:g} mm: {error(slice_):.1f} %",
                 )  # fmt: skip
             axis.set(xlabel="depth below the surface [mm]", title=f"{time:g} s")
             axis.legend(loc="lower right")
         axes[0].set_ylabel("stress along and across [MPa]")
-    for scene in scenes:
-        scene.destroy()
+    for slice_ in slices:
+        slice_.destroy()
     return figure
 
 
@@ -347,7 +347,7 @@ def sizes_table(rows: list[dict[str, Any]]) -> str:
 
 def main(output: Output, quick: bool = False) -> None:
     """Run the sweep; tables, CSV and figures."""
-    strip(Settings(1.0, 0.5)).march(1.0, 0.5).destroy()  # compiles forms and law
+    strip(Settings(1.0, 0.5)).advance(1.0, 0.5).destroy()  # compiles forms and law
     rows = [run(settings) for settings in sweep(quick)]
     output.csv("weiner_boley", rows)
     output.figure("weiner_boley", draw(rows))

@@ -72,7 +72,7 @@ def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def finished_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a run that has ended well; not to be changed."""
-    from imagined_run import write_run
+    from synthetic_run import write_run
 
     return write_run(tmp_path_factory.mktemp("finished"))
 

@@ -1,11 +1,11 @@
-"""A strained run that never was: the imagined one with mechanics and a mould."""
+"""A synthetic result folder of a run with mechanics and a mould, see `synthetic_run`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-from imagined_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, rows, summary, temperature
+from synthetic_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, rows, summary, temperature
 
 from castfem.output.folder import OutputFolder
 from castfem.output.history import History

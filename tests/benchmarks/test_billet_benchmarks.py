@@ -66,7 +66,7 @@ def test_independent_script_gives_the_same_on_the_same_triangles(corner: str) ->
     problem = opponent.Billet(
         opponent.mesh_from(mesh.points, mesh.cells), "lumped", "splu", duel._outer(corner)
     )
-    theirs = opponent.march(problem, "sdirk2", settings.step or 0.0)
+    theirs = opponent.advance(problem, "sdirk2", settings.step or 0.0)
     assert theirs.vertices == ours.vertices
     np.testing.assert_allclose(ours.mid_face, theirs.mid_face, rtol=0, atol=1e-3)
     np.testing.assert_allclose(ours.corner, theirs.corner, rtol=0, atol=1e-3)
@@ -81,7 +81,7 @@ def test_script_on_its_own_mesh_is_near_castfem() -> None:
     ours = run(replace(settings, step=0.25))
     for form in ("lumped", "consistent"):
         problem = opponent.Billet(duel.script_mesh(settings, "quadrilateral"), form)
-        theirs = opponent.march(problem, "bdf2", 0.25)
+        theirs = opponent.advance(problem, "bdf2", 0.25)
         late = INSTANTS >= 5.0
         assert np.abs(ours.mid_face - theirs.mid_face)[late].max() < 5.0
         assert np.abs(ours.heat / theirs.heat - 1.0)[late].max() < 2e-3
@@ -154,7 +154,7 @@ def test_shares_of_the_march_add_up() -> None:
 def test_caster_is_followed_to_its_places(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(caster, "LENGTH", 1.0)
     monkeypatch.setattr(caster, "PLACES", (0.6, 0.9))
-    found = caster.march(Settings(surface_size=1.2, tolerance=10.0))
+    found = caster.advance(Settings(surface_size=1.2, tolerance=10.0))
     assert found["steps"] > 20
     assert found["shell"].shape == (2,)
     assert found["shell"][1] > found["shell"][0] > 0.0

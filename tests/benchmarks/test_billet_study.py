@@ -83,12 +83,12 @@ def test_error_is_the_largest_difference_to_anything_finer(tmp_path: Path) -> No
 def test_short_version_has_what_is_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tried: list[tuple[str, ...]] = []
 
-    def march(mould: str, changes: tuple[str, ...]) -> Found:
+    def advance(mould: str, changes: tuple[str, ...]) -> Found:
         tried.append(changes)
         names = (*billet_study.SHOWN, "gap_max", "penetration")
         return Found(dict.fromkeys(names, float(len(tried))), 1.0, 10)
 
-    monkeypatch.setattr(billet_convergence, "run", march)
+    monkeypatch.setattr(billet_convergence, "run", advance)
     billet_convergence.main(Output(tmp_path, "billet.md"), quick=True)
     assert len(tried) == 2 * 2 * len(billet_convergence.CONVERGENCE)
     text = (tmp_path / "billet.md").read_text(encoding="utf-8")

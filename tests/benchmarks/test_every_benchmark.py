@@ -17,7 +17,7 @@ SHORT = 'casting.length="40 mm"'
 SLOW = {
     "accuracy": "16 s of processor time, most of it the time stepping that tests/thermal covers",
     "caster": "22 s: a caster of 20 m, run by tests/time_loop",
-    "jumps": "its marches with a fine step; tests/thermal covers what they show",
+    "jumps": "its runs with a fine step; tests/thermal covers what they show",
     "mean_stress": "meshes to n = 16; tests/mechanics has the coarse ones",
     "latent_heat": "15 s: needs its whole run to have fronts to compare",
     "costs": "30 s: processes of their own, several times each",
@@ -27,7 +27,7 @@ SLOW = {
     "billet_error": "four billets to the mould's exit",
     "billet_convergence": "some 20 billets",
     "billet_trade": "billets that are compared with a reference at the mould's exit",
-    "billet_cost": "repeated billets; its marches are tested in test_billet_benchmarks.py",
+    "billet_cost": "repeated billets; its runs are tested in test_billet_benchmarks.py",
     "verification": "tests/verification runs what it runs",
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from time_loop.moulded import FED, billet, marched
+from time_loop.billet_runs import FED, billet, run_in_memory
 
 from castfem.case import load_case, result_names
 from castfem.errors import InputError
@@ -42,7 +42,7 @@ def test_the_list_has_the_results_of_a_run():
     friction = 'mould.friction={law="coulomb", coefficient=0.3}'
     half = "section.symmetry=half"
     case = billet("taper_1", *FED, "casting.length=20 mm", friction, half)
-    summary = marched(case).summary
+    summary = run_in_memory(case).summary
     assert summary is not None
     for name, quantity in summary.quantities.items():
         unit = result_names.unit_of(name)

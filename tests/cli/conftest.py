@@ -49,7 +49,7 @@ def case_file(tmp_path):
 
 @pytest.fixture
 def engine(monkeypatch):
-    """Stand in for march and show; `engine.calls` holds the calls, `engine.raises` an error."""
+    """Stand in for run and show; `engine.calls` holds the calls, `engine.raises` an error."""
     stand_in = types.SimpleNamespace(calls=[], raises=None)
 
     def run(case, folder, *, comm=None, resume=False, profile=False, progress=None):

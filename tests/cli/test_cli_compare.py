@@ -208,7 +208,7 @@ def test_sizes_are_shown_on_the_way_through_the_mould(tmp_path, end, places):
         assert line.ours == pytest.approx([172.0 - z / 600] * 2)
 
 
-def _imagined(folder: Path, name: str, scale: float, columns: list[tuple[str, str]]) -> Run:
+def _synthetic(folder: Path, name: str, scale: float, columns: list[tuple[str, str]]) -> Run:
     (folder / name).mkdir()
     first = [("time", "s"), ("position", "m"), ("heat_removed", "J/m")]
     with History(folder / name / "history.csv", first + columns) as history:
@@ -229,8 +229,8 @@ def test_figures_follow_the_columns(tmp_path):
         ("newton_mechanics", "-"),
         ("force_error", "-"),
     ]
-    one = _imagined(tmp_path, "one", 1.0, both)
-    other = _imagined(tmp_path, "other", 2.0, [*both, ("size_corner", "mm")])
+    one = _synthetic(tmp_path, "one", 1.0, both)
+    other = _synthetic(tmp_path, "other", 2.0, [*both, ("size_corner", "mm")])
     found = {d.quantity: (d, panels) for d, panels in figures([one, other], one)}
     assert list(found) == [
         "surface_temperature", "heat_rate", "heat_removed", "heat_share", "gap", "wall_shear",
@@ -274,8 +274,8 @@ def test_axes_have_no_offset_and_rounding_does_not_fill_them(tmp_path, monkeypat
         drawing, "save", lambda figure, path, **_: kept.setdefault(path.stem, figure)
     )
     columns = ("gap_corner", "mm"), ("contact_sticking", "-"), ("friction_force", "kN/m")
-    zero = _imagined(tmp_path, "zero", 1.0, list(columns))
-    near = _imagined(tmp_path, "near", 1.00001, list(columns))
+    zero = _synthetic(tmp_path, "zero", 1.0, list(columns))
+    near = _synthetic(tmp_path, "near", 1.00001, list(columns))
     for run, scale in ((zero, 1.0), (near, 2.0)):
         table = read_history(run.folder / "history.csv")
         table["gap_corner"] *= 1e-7 * scale
@@ -296,7 +296,7 @@ def test_axes_have_no_offset_and_rounding_does_not_fill_them(tmp_path, monkeypat
 
 def test_equal_panels_are_drawn_once(tmp_path):
     columns = [("surface_temperature_a", "degC"), ("surface_temperature_b", "degC")]
-    made = [_imagined(tmp_path, name, 1.0, columns) for name in ("one", "two")]
+    made = [_synthetic(tmp_path, name, 1.0, columns) for name in ("one", "two")]
     for run in made:
         path = run.folder / "history.csv"
         rows = [line.split(",") for line in path.read_text().splitlines()]

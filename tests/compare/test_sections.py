@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from imagined_run import write_run
 from strained_run import write_strained
+from synthetic_run import write_run
 
 from castfem.compare.runs import Run, read_runs
 from castfem.compare.sections import draw_sections

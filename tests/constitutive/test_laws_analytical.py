@@ -25,7 +25,7 @@ def hoff(p1: float, p4: float) -> NortonHoff:
     return NortonHoff(EL, Constant(31.76e6), Constant(p1), Constant(0.13), Constant(p4))
 
 
-def course(*segments: tuple[float, float], steps: int = 100) -> tuple[np.ndarray, ...]:
+def strain_history(*segments: tuple[float, float], steps: int = 100) -> tuple[np.ndarray, ...]:
     """Times, strains and rates of segments (rate, duration)."""
     rate = np.repeat([r for r, _ in segments], steps)
     dt = np.repeat([d / steps for _, d in segments], steps)
@@ -41,7 +41,7 @@ def answer(law: NortonHoff | PerfectlyPlastic, strain: np.ndarray, rate: np.ndar
 
 def test_perfect_plasticity_by_hand() -> None:
     """Pulled to 0.3 %, pressed by 0.5 %, pulled by 0.15 %; yield at 0.1 %."""
-    _, strain, rate = course((1e-3, 3.0), (-1e-3, 5.0), (1e-3, 1.5), steps=50)
+    _, strain, rate = strain_history((1e-3, 3.0), (-1e-3, 5.0), (1e-3, 1.5), steps=50)
     found = answer(PerfectlyPlastic(EL, Constant(20e6)), strain, rate) / 1e6
     corners = {0: 0.0, 25: 20.0, 50: 20.0, 60: 0.0, 70: -20.0, 100: -20.0, 150: 10.0}
     assert found[list(corners)] == pytest.approx(list(corners.values()), abs=1e-9)
@@ -72,7 +72,7 @@ def test_the_laws_follow_it_through_reversals(law: NortonHoff | PerfectlyPlastic
     Not to rounding: a step in which the stress goes through zero is of two directions.
     """
     segments = ((1e-3, 4.0), (-1e-3, 6.0), (1e-3, 0.2), (-1e-3, 1.0), (1e-3, 5.0))
-    time, strain, rate = course(*segments)
+    time, strain, rate = strain_history(*segments)
     found = pull(law, time, strain, T)
     np.testing.assert_allclose(
         found.axial_stress[:, 0], answer(law, strain, rate), rtol=2e-4, atol=10.0
@@ -81,7 +81,7 @@ def test_the_laws_follow_it_through_reversals(law: NortonHoff | PerfectlyPlastic
 
 
 def test_no_answer_for_a_bar_that_is_held() -> None:
-    _, strain, rate = course((1e-3, 2.0), (0.0, 1.0), (1e-3, 1.0), steps=10)
+    _, strain, rate = strain_history((1e-3, 2.0), (0.0, 1.0), (1e-3, 1.0), steps=10)
     found = answer(hoff(0.0, 0.2), strain, rate)
     assert np.isfinite(found[:11]).all() and np.isnan(found[11:]).all()
 

@@ -198,7 +198,7 @@ def test_an_independent_scheme_agrees() -> None:
     spec.loader.exec_module(benchmark)
     benchmark.POINTS = 1000
     for law in benchmark.laws().values():
-        step, stress, state = benchmark.scene(law)
+        step, stress, state = benchmark.material_points(law)
         found = law.integrate(step, stress, state)
         other = benchmark.numpy_response(law, step, stress, state)
         size = np.abs(found.stress).max(axis=1, keepdims=True)

@@ -63,7 +63,7 @@ def weiner_boley(x: Array, t: float) -> Array:
 
 @dataclass
 class Strip:
-    """Points across a strip, marched in time.
+    """Points across a strip, stepped through time.
 
     Attributes:
         law: Of the steel.
@@ -82,7 +82,7 @@ class Strip:
         self.across, self.along, self.time = np.zeros(n), 0.0, 0.0
         self.heat = temperature(self.x, 0.0)
 
-    def march(self, dt: float, end: float) -> Strip:
+    def advance(self, dt: float, end: float) -> Strip:
         """Go on to a time, s."""
         while self.time < end - 1e-9:
             self._advance(dt)
@@ -147,7 +147,7 @@ def freezing(ratio: float = 1e-6) -> Solidity:
 def test_weiner_boley(cell: float, error: float) -> None:
     """Root mean square over the shell at 5 s, of 20 MPa, with steps of 0.1 s."""
     law = load_law("weiner_boley", Elasticity.constant(40e9, 0.3, freezing()))
-    found = strip(law, cell).march(0.1, 5.0)
+    found = strip(law, cell).advance(0.1, 5.0)
     shell = found.x < FRONT * 2.0 * np.sqrt(DIFFUSIVITY * 5.0)
     expected = weiner_boley(found.x[shell], 5.0)
     both = found.stress[shell][:, 1:3] / 1e6
@@ -166,7 +166,7 @@ def test_the_closed_form_is_the_published_one() -> None:
 def test_shorter_steps_are_easier_and_agree(name: str) -> None:
     """With real laws: fewer iterations a step the shorter it is, and stresses that converge."""
     law = load_law(name, load_elasticity(solidity=freezing()), carbon=0.27)
-    runs = [strip(law, 0.25e-3).march(dt, 3.0) for dt in (0.3, 0.1, 0.0333333333333)]
+    runs = [strip(law, 0.25e-3).advance(dt, 3.0) for dt in (0.3, 0.1, 0.0333333333333)]
     means = [np.mean(run.iterations) for run in runs]
     assert means[0] > means[1] > means[2] and means[2] < 3.5
     assert max(max(run.iterations) for run in runs) < 25
@@ -181,5 +181,5 @@ def test_automatic_and_viscous_limits_agree_on_a_shell() -> None:
     automatic = load_law("norton_hoff_kozlowski", load_elasticity(solidity=freezing()))
     assert isinstance(automatic, NortonHoff)
     viscous = replace(automatic, yield_limit=Constant(0.0))
-    a, b = (strip(law, 0.25e-3).march(0.1, 3.0).stress[:, 1] for law in (automatic, viscous))
+    a, b = (strip(law, 0.25e-3).advance(0.1, 3.0).stress[:, 1] for law in (automatic, viscous))
     assert np.abs(a - b).max() < 0.05 * np.abs(a).max()

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from mechanics.casting import STEEL, CastScene, billet_mesh
+from mechanics.casting import STEEL, CastSetup, billet_mesh
 
 from castfem.contact.checkpoint import ContactArchive
 from castfem.contact.friction import Coulomb
@@ -22,7 +22,7 @@ from castfem.mould import Mould, RectangleCavity, Taper, same
 SPEED, HALF = 0.06, 0.0625
 
 
-def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any) -> CastScene:
+def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any) -> CastSetup:
     """A quarter billet in a tapered mould, not stepped yet."""
     mesh = billet_mesh(
         corner_radius=5e-3, surface_size=2.5e-3, core_size=2e-2, face_size=1e-2, cell=cell, order=2
@@ -30,7 +30,7 @@ def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(taper, 0.6)))
     slice_ = given.pop("slice", {})
     contact = Contact(mould, ("wide", "narrow", "corner"), lambda t: SPEED * t, **given)
-    return CastScene(mesh, comm, contact=contact, **slice_)
+    return CastSetup(mesh, comm, contact=contact, **slice_)
 
 
 @pytest.mark.mpi
@@ -45,14 +45,14 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
         "friction": Coulomb(0.2),
         "slice": {"large_strain": large},
     }
-    alone = cast(MPI.COMM_SELF, 0.01, cell, **given).march(1.5, 0.25)
-    together = cast(MPI.COMM_WORLD, 0.01, cell, **given).march(1.5, 0.25)
+    alone = cast(MPI.COMM_SELF, 0.01, cell, **given).advance(1.5, 0.25)
+    together = cast(MPI.COMM_WORLD, 0.01, cell, **given).advance(1.5, 0.25)
     states = []
-    for scene in (alone, together):
-        contact, state = scene.problem.contact, scene.state.contact
+    for setup in (alone, together):
+        contact, state = setup.problem.contact, setup.state.contact
         assert contact is not None and state is not None
         states.append(
-            (ContactArchive(contact).arrays(state), summary(contact, state, scene.state.modes))
+            (ContactArchive(contact).arrays(state), summary(contact, state, setup.state.modes))
         )
     (one, first), (many, second) = states
     for name in ("force", "axial", "length", "pressure"):
@@ -69,8 +69,8 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
 
 @pytest.mark.mpi
 def test_archive_gives_the_state_back() -> None:
-    scene = cast(MPI.COMM_WORLD, 0.01, method="nitsche", friction=Coulomb(0.2)).march(0.5, 0.25)
-    contact, state = scene.problem.contact, scene.state.contact
+    setup = cast(MPI.COMM_WORLD, 0.01, method="nitsche", friction=Coulomb(0.2)).advance(0.5, 0.25)
+    contact, state = setup.problem.contact, setup.state.contact
     assert contact is not None and state is not None
     archive = ContactArchive(contact)
     arrays = {k: MPI.COMM_WORLD.bcast(v) for k, v in archive.arrays(state).items()}
@@ -93,7 +93,7 @@ def test_archive_gives_the_state_back() -> None:
 @pytest.mark.parametrize("outside", ["held", "free"])
 def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
     """Before a shell has formed the mould carries the ferrostatic pressure, whoever holds it."""
-    scene = cast(
+    setup = cast(
         MPI.COMM_SELF,
         0.0,
         method=method,
@@ -103,10 +103,10 @@ def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
             )
         },
     )
-    hot = np.full(len(scene.vertices), STEEL.liquidus + 10.0)
-    result = scene.stepper.step(scene.state, 0.5, hot)
+    hot = np.full(len(setup.vertices), STEEL.liquidus + 10.0)
+    result = setup.stepper.step(setup.state, 0.5, hot)
     assert result.converged
-    found = summary(scene.problem.contact, result.state.contact, result.state.modes)
+    found = summary(setup.problem.contact, result.state.contact, result.state.modes)
     head = 7000.0 * 9.81 * SPEED * 0.5
     carried = head if outside == "free" else 0.0
     assert found.pressure == pytest.approx(carried, rel=0.03, abs=1e-6 * head)
@@ -117,15 +117,15 @@ def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
 
 def test_contact_lost_first_at_the_corner() -> None:
     """Two seconds through freezing and shrinking, without a cut."""
-    scene = cast(MPI.COMM_SELF, 0.0)
-    gaps = SurfaceGap(scene.problem.contact, scene.problem.points)
-    scene.march(2.0, 0.25)
-    found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+    setup = cast(MPI.COMM_SELF, 0.0)
+    gaps = SurfaceGap(setup.problem.contact, setup.problem.points)
+    setup.advance(2.0, 0.25)
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
     assert 0.0 < found.share < 1.0 and found.penetration < 1e-6
     assert found.widest[0] > 0.055 and found.widest[1] > 0.055
     assert found.force[0] == pytest.approx(found.force[1], rel=1e-4)
-    gap, places = gaps.at(scene.state), scene.vertices[gaps.dofs]
+    gap, places = gaps.at(setup.state), setup.vertices[gaps.dofs]
     middle = np.argmin(np.hypot(places[:, 0], places[:, 1] - HALF))
     assert abs(gap[middle]) < 1e-6
     assert gap.max() == pytest.approx(found.gap, rel=0.2)
-    assert np.mean([r.newton for r in scene.results]) < 12
+    assert np.mean([r.newton for r in setup.results]) < 12

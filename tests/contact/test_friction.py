@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, elastic, mapped, skewed
+from mechanics.setups import SliceSetup, elastic, mapped, skewed
 
 from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous, return_friction
 from castfem.contact.settings import Contact
@@ -14,7 +14,7 @@ from castfem.contact.state import SLIP, STICK
 from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
-from contact.scenes import FOOT, dragged_block
+from contact.setups import FOOT, dragged_block
 
 METHODS = ("penalty", "nitsche")
 CELLS = ("quadrilateral", "triangle")
@@ -55,7 +55,7 @@ class Spring:
         return stress
 
 
-def sliding_block(law: Any, method: str, cell: str, spring: Spring, factor: float) -> SliceScene:
+def sliding_block(law: Any, method: str, cell: str, spring: Spring, factor: float) -> SliceSetup:
     """A block pressed on a wall; its top is moved sideways, its sides carry the shear of it."""
     groups = ("left", "foot", "right", "top")
     contact = Contact(FOOT, ("foot",), method=method, friction=law, factor=factor)  # type: ignore
@@ -75,19 +75,19 @@ def test_stick_slip_and_back(cell: str, method: str, law: str) -> None:
     """Sticks, slides, sticks on the way back, slides the other way: exact at every step."""
     friction, threshold = LAWS[law]
     spring = Spring(threshold)
-    scene = sliding_block(friction, method, cell, spring, 100.0)
+    setup = sliding_block(friction, method, cell, spring, 100.0)
     # Before it slides, the contact gives way by tau / K_tau (240).
-    scene.problem.begin(scene.state, 1.0, scene.state.temperature)
-    spring.compliance += 1.0 / scene.problem.contact.stiffness[0]
+    setup.problem.begin(setup.state, 1.0, setup.state.temperature)
+    spring.compliance += 1.0 / setup.problem.contact.stiffness[0]
     spring.history = [(0.0, 0.0)]
     seen = []
     for time in np.linspace(0.25, 4.0, 16):
-        scene.step(time)
-        state = scene.state.contact
+        setup.step(time)
+        state = setup.state.contact
         expected = -spring(time)  # on the strand, along (-n_y, n_x) = x
         assert state.friction[:, 0] == pytest.approx(expected, rel=1e-7, abs=1.0)
         assert state.pressure == pytest.approx(PRESSURE, rel=1e-7)
-        assert scene.stress[:, 3] / np.sqrt(2) == pytest.approx(spring(time), rel=1e-6, abs=10.0)
+        assert setup.stress[:, 3] / np.sqrt(2) == pytest.approx(spring(time), rel=1e-6, abs=10.0)
         slides = abs(abs(expected) - threshold) < 1e-3
         seen.append(slides)
         assert np.all(state.status == (SLIP if slides else STICK))
@@ -96,10 +96,10 @@ def test_stick_slip_and_back(cell: str, method: str, law: str) -> None:
 
 def pulled_block(
     method: str, cell: str, free: tuple[str, ...], speed: float, large: bool = False
-) -> SliceScene:
+) -> SliceSetup:
     """A block pressed on the wall it is drawn along."""
     contact = Contact(FOOT, ("foot",), lambda t: speed * t, friction=Coulomb(MU), method=method)  # type: ignore
-    return SliceScene(
+    return SliceSetup(
         mapped(2, 2, skewed(WIDTH, HEIGHT, 0.0), cell, groups=("left", "foot", "right", "top")),
         elastic(YOUNG, 0.0),
         given={
@@ -120,24 +120,24 @@ def pulled_block(
 def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> None:
     """The strand carries what friction has held back so far (38): N = mu p W z."""
     speed = 1e-2
-    scene = pulled_block(method, cell, free, speed)
+    setup = pulled_block(method, cell, free, speed)
     for time in (0.5, 1.0, 2.0):
-        result = scene.step(time)
+        result = setup.step(time)
         force = MU * PRESSURE * WIDTH * speed * time
         assert result.balance is not None
         assert result.balance.axial[0] == pytest.approx(force, rel=1e-7)
-        assert scene.state.contact.withdrawal_resistance == pytest.approx(
+        assert setup.state.contact.withdrawal_resistance == pytest.approx(
             [force, 0.5 * WIDTH * force, 0.0]
         )
         assert result.balance.axial_error < 1e-9
-        found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+        found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
         assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=1e-7)
         # With a2 free the pull acts where it comes from, at the foot.
-        y = scene.places[:, 1]
+        y = setup.places[:, 1]
         strain = force / (YOUNG * WIDTH * HEIGHT) * np.ones_like(y)
         if "a2" in free:
             strain *= 1.0 - 12.0 * 0.5 * (y - 0.5 * HEIGHT) / HEIGHT
-        assert scene.stress[:, 2] == pytest.approx(YOUNG * strain, rel=1e-6, abs=1e-3)
+        assert setup.stress[:, 2] == pytest.approx(YOUNG * strain, rel=1e-6, abs=1e-3)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -149,22 +149,22 @@ def test_a_strand_drawn_thick_by_its_friction(method: str) -> None:
     """
     steps, thickness = 20, 1.1
     force = YOUNG * np.log(thickness) * WIDTH * HEIGHT
-    scene = pulled_block(method, "quadrilateral", ("a0",), force / (MU * PRESSURE * WIDTH), True)
+    setup = pulled_block(method, "quadrilateral", ("a0",), force / (MU * PRESSURE * WIDTH), True)
     for time in np.arange(1, steps + 1) / steps:
-        balance = scene.step(time).balance
+        balance = setup.step(time).balance
     # Not exact, for the foot and the pressed height of the block are those of the deformed slice.
     pressed = 3.0 * PRESSURE / YOUNG
-    assert scene.state.contact.withdrawal_resistance[0] == pytest.approx(force, rel=pressed)
-    assert balance.axial[0] == pytest.approx(scene.state.contact.withdrawal_resistance[0], rel=1e-8)
+    assert setup.state.contact.withdrawal_resistance[0] == pytest.approx(force, rel=pressed)
+    assert balance.axial[0] == pytest.approx(setup.state.contact.withdrawal_resistance[0], rel=1e-8)
     # The midpoint rule's logarithm: off by (step of strain)^2 / 12.
     strain = np.log(thickness)
-    assert scene.state.modes[0] == pytest.approx(
+    assert setup.state.modes[0] == pytest.approx(
         thickness - 1.0, rel=(strain / steps) ** 2 + pressed
     )
-    found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
     assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=pressed)
     assert found.force[1] == pytest.approx(
-        PRESSURE * WIDTH * (1.0 + scene.state.modes[0]), rel=pressed
+        PRESSURE * WIDTH * (1.0 + setup.state.modes[0]), rel=pressed
     )
 
 
@@ -172,12 +172,12 @@ def test_slip_along_the_strand_takes_the_friction_with_it() -> None:
     """Friction points against the slip: the longer the travel, the less is left in the plane."""
     spring = Spring(1e-3)
     spring.reach = 1e-6
-    scene = sliding_block(Coulomb(MU), "penalty", "quadrilateral", spring, 1e3)
-    contact = scene.problem.contact
+    setup = sliding_block(Coulomb(MU), "penalty", "quadrilateral", spring, 1e3)
+    contact = setup.problem.contact
     object.__setattr__(contact.contact, "position", lambda t: 1e-4 * t)
-    scene.step(0.5)
-    scene.step(1.0)
-    state = scene.state.contact
+    setup.step(0.5)
+    setup.step(1.0)
+    state = setup.state.contact
     assert np.hypot(*state.friction.T) == pytest.approx(MU * state.pressure, rel=1e-10)
     # In the plane the foot follows the top, 5e-7 m; along the strand it goes 5e-5 m.
     assert state.friction[:, 0] / state.friction[:, 1] == pytest.approx(0.01, rel=0.1)

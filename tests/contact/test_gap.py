@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, box, elastic, expansion, mapped, skewed
+from mechanics.setups import SliceSetup, box, elastic, expansion, mapped, skewed
 from scipy.optimize import brentq
 
 from castfem.constitutive.elasticity import Elasticity, Solidity
@@ -18,7 +18,7 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SurfacePressure
 from castfem.mechanics.surface_gap import SurfaceGap
 from castfem.mould import Mould, RectangleCavity, Taper, same
-from contact.scenes import LineWall
+from contact.setups import LineWall
 
 METHODS = ("penalty", "nitsche")
 CELLS = ("quadrilateral", "triangle")
@@ -47,11 +47,11 @@ def pressure_at(time: float, large: bool, stiffness: float) -> float:
     return float(pressure)
 
 
-def shrinking_block(method: str, cell: str, large: bool) -> SliceScene:
+def shrinking_block(method: str, cell: str, large: bool) -> SliceSetup:
     """A quarter block that cools evenly between two walls that close in."""
     wall = LineWall(lambda z: np.array([HALF - TAPER * z, 0.0]), axis=0)
     contact = Contact(wall, ("right",), lambda t: SPEED * t, method=method)  # type: ignore
-    return SliceScene(
+    return SliceSetup(
         mapped(3, 3, skewed(HALF, 0.03), cell),
         elastic(YOUNG, POISSON),
         expansion(ALPHA),
@@ -70,16 +70,16 @@ def shrinking_block(method: str, cell: str, large: bool) -> SliceScene:
 @pytest.mark.parametrize("method", METHODS)
 def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -> None:
     """Pressure while the taper is ahead, then a gap; both exact, and so the moment between."""
-    scene = shrinking_block(method, cell, large)
-    gaps = SurfaceGap(scene.problem.contact, scene.problem.points)
+    setup = shrinking_block(method, cell, large)
+    gaps = SurfaceGap(setup.problem.contact, setup.problem.points)
     lost = brentq(lambda t: free_half(t, large) - wall_at(t), 5.0, 15.0)
     rel = 1e-5 if large else 1e-8
     for time in (2.0, 5.0, 9.0, lost * (1 - 1e-4), lost * (1 + 1e-4), 12.0, 15.0):
-        scene.step(time, 1000.0 - 4.0 * time**2)
-        state = scene.state.contact
-        found = summary(scene.problem.contact, state, scene.state.modes)
+        setup.step(time, 1000.0 - 4.0 * time**2)
+        state = setup.state.contact
+        found = summary(setup.problem.contact, state, setup.state.modes)
         if time < lost:
-            stiffness = scene.problem.contact.stiffness[0] if method == "penalty" else np.inf
+            stiffness = setup.problem.contact.stiffness[0] if method == "penalty" else np.inf
             near = 1e-6 * YOUNG * ALPHA if large else 0.0
             pressure = pressure_at(time, large, stiffness)
             assert np.all(state.status != OPEN)
@@ -90,7 +90,7 @@ def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -
             assert np.all(state.status == OPEN) and not state.pressure.any()
             free, near = wall_at(time) - free_half(time, large), 1e-9 * HALF
             assert state.gap == pytest.approx(free, rel=rel, abs=near)
-            assert gaps.at(scene.state) == pytest.approx(free, rel=rel, abs=near)
+            assert gaps.at(setup.state) == pytest.approx(free, rel=rel, abs=near)
             assert found.gap == pytest.approx(free, rel=rel, abs=near)
 
 
@@ -100,7 +100,7 @@ def test_wall_is_as_stiff_when_the_surface_freezes(method: str, below: float) ->
     """However late in a step the surface freezes, the wall is that of a solid at its end."""
     elasticity = Elasticity.constant(YOUNG, POISSON, Solidity.between(1000.0, 1050.0))
     wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(3, 3, box(HALF, HALF), groups=("symmetry_x", "foot", "right", "top")),
         ThermoElastic(elasticity),
         start=1010.0,
@@ -111,9 +111,9 @@ def test_wall_is_as_stiff_when_the_surface_freezes(method: str, below: float) ->
             "pin": False,
         },
     )
-    scene.step(1.0, 1005.0)
-    scene.step(2.0, 1000.0 - below)
-    contact, state = scene.problem.contact, scene.state.contact
+    setup.step(1.0, 1005.0)
+    setup.step(2.0, 1000.0 - below)
+    contact, state = setup.problem.contact, setup.state.contact
     bulk = YOUNG / (3.0 * (1.0 - 2.0 * POISSON))
     assert contact.stiffness == pytest.approx(contact.contact.strength * bulk * 3.0 / HALF)
     assert state.pressure == pytest.approx(1e4, rel=1e-6)
@@ -128,17 +128,17 @@ def test_vertices_of_a_billet() -> None:
     mesh = billet_mesh(corner_radius=5e-3, surface_size=4e-3, core_size=2e-2, order=2)
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(0.0, 0.6)))
     outer = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
-    scene = SliceScene(
+    setup = SliceSetup(
         mesh, elastic(), expansion(ALPHA), start=1500.0, given={"contact": Contact(mould, outer)}
     )
-    gaps = SurfaceGap(scene.problem.contact, scene.problem.points)
-    places = scene.vertices[gaps.dofs]
+    gaps = SurfaceGap(setup.problem.contact, setup.problem.points)
+    places = setup.vertices[gaps.dofs]
     assert len(places) == len(np.unique(mesh.facets[np.isin(mesh.facet_group, [
         i for i, g in enumerate(mesh.groups) if g in outer])]))  # fmt: skip
-    assert np.abs(gaps.at(scene.state)).max() < 1e-8
-    scene.step(1.0, 500.0)
+    assert np.abs(gaps.at(setup.state)).max() < 1e-8
+    setup.step(1.0, 500.0)
     shrunk = ALPHA * 1000.0
-    gap, (x, y) = gaps.at(scene.state), places.T
+    gap, (x, y) = gaps.at(setup.state), places.T
     flat = np.minimum(x, y) < 0.0625 - 5e-3
     assert gap[flat] == pytest.approx(shrunk * 0.0625, rel=1e-6)
     # Along the normal of the arc: its centre has moved inwards, and its radius is smaller.
@@ -154,15 +154,15 @@ def test_no_wall_below_the_mould() -> None:
     mesh = billet_mesh(corner_radius=5e-3, surface_size=4e-3, core_size=2e-2, order=2)
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(0.01, 0.6)))
     contact: dict[str, Any] = {"wall": mould, "on": ("wide", "narrow", "corner")}
-    scene = SliceScene(
+    setup = SliceSetup(
         mesh, elastic(40e9), given={"contact": Contact(**contact, position=lambda t: 0.1 * t)}
     )
-    scene.step(5.0)
-    inside = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+    setup.step(5.0)
+    inside = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
     assert inside.pressure > 0.0 and inside.share > 0.9
     assert inside.force[0] == pytest.approx(inside.force[1], rel=1e-8)
-    scene.step(7.0)
-    outside = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+    setup.step(7.0)
+    outside = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
     assert outside.pressure == 0.0 and outside.gap == 0.0 and outside.length == 0.0
-    assert np.all(np.isinf(scene.state.contact.gap))
-    assert np.abs(scene.state.displacement).max() < 1e-12
+    assert np.all(np.isinf(setup.state.contact.gap))
+    assert np.abs(setup.state.displacement).max() < 1e-12

@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, elastic, mapped
+from mechanics.setups import SliceSetup, elastic, mapped
 
 from castfem.contact.settings import Contact
 from castfem.contact.state import ContactState
 from castfem.contact.summary import summary
 from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.values.types import Array
-from contact.scenes import PLANE_STRAIN, LineWall
+from contact.setups import PLANE_STRAIN, LineWall
 
 RADIUS, SIZE, YOUNG, POISSON = 100e-3, 16e-3, 200e9, 0.3
 STIFF = YOUNG / (1 - POISSON**2)
@@ -25,7 +25,7 @@ def graded(share: Array, finest: float) -> Array:
     return np.asarray(np.expm1(c * share) / np.expm1(c))
 
 
-def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]) -> SliceScene:
+def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]) -> SliceSetup:
     """The foot of a cylinder, half of it, pushed onto a flat to a depth over time."""
 
     def shape(s: Array, t: Array) -> tuple[Array, Array]:
@@ -35,7 +35,7 @@ def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]
 
     groups = ("symmetry_x", "foot", "right", "top")
     wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
-    return SliceScene(
+    return SliceSetup(
         mapped(cells, cells, shape, cell, order=2, groups=groups),
         elastic(YOUNG, POISSON),
         given={
@@ -64,11 +64,11 @@ def against_hertz(state: ContactState, force: float) -> tuple[float, float, floa
 
 def mean_errors(cells: int, method: str, cell: str) -> Array:
     """Root mean square of the errors over loads: where in a cell contact ends is chance."""
-    scene, found = cylinder(cells, method, cell, lambda t: 16e-6 * t), []
+    setup, found = cylinder(cells, method, cell, lambda t: 16e-6 * t), []
     for time in np.linspace(0.4, 1.0, 5):
-        scene.step(time)
-        force = 2 * summary(scene.problem.contact, scene.state.contact, scene.state.modes).force[1]
-        found.append(against_hertz(scene.state.contact, force))
+        setup.step(time)
+        force = 2 * summary(setup.problem.contact, setup.state.contact, setup.state.modes).force[1]
+        found.append(against_hertz(setup.state.contact, force))
     return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
 
 
@@ -90,15 +90,15 @@ def test_one_load_in_numbers(method: str) -> None:
     """1000 N/mm: 0.761 mm of half width and 836.4 MPa in the middle."""
     load, half, peak = 1e6, 0.761133e-3, 836.410e6
     depths, forces = [0.0, 11.4e-6], [0.0]
-    scene = cylinder(48, method, "quadrilateral", lambda t: depths[-1])
+    setup = cylinder(48, method, "quadrilateral", lambda t: depths[-1])
     while abs(forces[-1] / load - 1.0) > 1e-6:  # the depth at this load, by secants
         assert len(depths) < 8
-        scene.step(float(len(forces)))
-        found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+        setup.step(float(len(forces)))
+        found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
         forces.append(2 * found.force[1])
         slope = (depths[-1] - depths[-2]) / (forces[-1] - forces[-2])
         depths.append(depths[-1] + slope * (load - forces[-1]))
-    state = scene.state.contact
+    state = setup.state.contact
     assert state is not None
     assert state.weight[state.pressure > 0.0].sum() == pytest.approx(half, rel=0.02)
     assert state.pressure.max() == pytest.approx(peak, rel=5e-3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, expansion, mapped
+from mechanics.setups import SliceSetup, expansion, mapped
 
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep
@@ -13,7 +13,7 @@ from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
 from castfem.mould.wall import GapFunction
 from castfem.values.types import Array
-from contact.scenes import PLANE_STRAIN
+from contact.setups import PLANE_STRAIN
 
 WIDTH, HEIGHT, CLOSURE, MU = 20e-3, 14e-3, 0.3e-3, 0.2
 LAW = NortonCreep.constant(Elasticity.constant(40e9, 0.3), 1e-2, 1e8, 3.0)
@@ -58,7 +58,7 @@ def test_block_that_only_friction_holds(method: str, large: bool, angle: float) 
         friction=Coulomb(MU),
         stroke=lambda time: time,  # the jaws go with the strand
     )
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(5, 4, shape, groups=("left", "lower", "right", "upper")),
         LAW,
         expansion(0.0),
@@ -66,10 +66,10 @@ def test_block_that_only_friction_holds(method: str, large: bool, angle: float) 
         springs=1e-7,
     )
     for time in (0.1, 0.3, 0.6, 1.0):
-        assert scene.step(time).newton <= 16
-    state = scene.state.contact
+        assert setup.step(time).newton <= 16
+    state = setup.state.contact
     assert state is not None
-    found = summary(scene.problem.contact, state, scene.state.modes)
+    found = summary(setup.problem.contact, state, setup.state.modes)
     load = state.weight @ state.pressure
     assert np.abs(found.force).max() < 1e-4 * load and found.axial == 0.0
     # It flows out of the middle.

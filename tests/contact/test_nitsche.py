@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
-from mechanics.scenes import Map, SliceScene, box, elastic, mapped, skewed
-from time_loop.moulded import billet
+from mechanics.setups import Map, SliceSetup, box, elastic, mapped, skewed
+from time_loop.billet_runs import billet
 
 from castfem.constitutive.base import MaterialStep
 from castfem.contact.settings import FACTOR, LEAST_NITSCHE, Contact
 from castfem.errors import InputError
 from castfem.mechanics.planes import PlainPlanes
 from castfem.values.types import Array
-from contact.scenes import LineWall
+from contact.setups import LineWall
 
 SHAPES: dict[str, Map] = {
     "square": box(3.0, 3.0),
@@ -25,11 +25,11 @@ SHAPES: dict[str, Map] = {
 }
 
 
-def block(shape: str, cell: str, poisson: float) -> SliceScene:
+def block(shape: str, cell: str, poisson: float) -> SliceSetup:
     """Cells that nothing holds, all of whose foot is on a wall."""
     groups = ("left", "foot", "right", "top")
     wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi)
-    return SliceScene(
+    return SliceSetup(
         mapped(3, 3, SHAPES[shape], cell, groups=groups),
         elastic(1.0, poisson),
         given={
@@ -40,17 +40,17 @@ def block(shape: str, cell: str, poisson: float) -> SliceScene:
     )
 
 
-def elastic_matrix(scene: SliceScene) -> Array:
+def elastic_matrix(setup: SliceSetup) -> Array:
     """Tangent of Hooke's law (4, 4)."""
-    n, law = 1, scene.law
+    n, law = 1, setup.law
     nothing = np.zeros((n, 4))
     step = MaterialStep(nothing, np.zeros(n), np.zeros(n), np.zeros(n), 1.0)
     return np.asarray(law.integrate(step, nothing, law.initial_state(n)).tangent[0])
 
 
-def energy(scene: SliceScene) -> Array:
+def energy(setup: SliceSetup) -> Array:
     """Stiffness by castfem's two rules, dense; the change of volume is projected in `strain`."""
-    points, tangent = scene.problem.points, elastic_matrix(scene)
+    points, tangent = setup.problem.points, elastic_matrix(setup)
     volume = np.outer([1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, 0.0]) * tangent[:3, :3].sum() / 9.0
     strain = points.strain.toarray().reshape(points.count, 4, -1)
     rules = [
@@ -66,10 +66,10 @@ def energy(scene: SliceScene) -> Array:
 
 def least_factor(shape: str, cell: str, poisson: float) -> float:
     """Factor from which a(u, u) + int (K_p u_n - sigma_n(u)) u_n is nowhere negative."""
-    scene = block(shape, cell, poisson)
-    contact, space = scene.problem.contact, scene.problem.space
+    setup = block(shape, cell, poisson)
+    contact, space = setup.problem.contact, setup.problem.space
     assert contact is not None
-    facets, trial, tangent = contact.facets, ufl.TrialFunction(space), elastic_matrix(scene)
+    facets, trial, tangent = contact.facets, ufl.TrialFunction(space), elastic_matrix(setup)
     moved = facets.operator(trial, space).toarray().reshape(facets.count, 2, -1)
     g = facets.operator(ufl.grad(trial), space).toarray().reshape(facets.count, 4, -1)
     strain = np.stack([g[:, 0], g[:, 3], 0 * g[:, 0], (g[:, 1] + g[:, 2]) / np.sqrt(2)], axis=1)
@@ -81,7 +81,7 @@ def least_factor(shape: str, cell: str, poisson: float) -> float:
     spring = np.einsum("q,qa,qb->ab", facets.weight, closing, closing)
     height = facets.weight @ facets.height / facets.weight.sum()
     spring *= tangent[:3, :3].sum() / 9.0 / height
-    rest = energy(scene) - 0.5 * (cross + cross.T)
+    rest = energy(setup) - 0.5 * (cross + cross.T)
     low, high = 0.0, 30.0
     while high - low > 1e-3:
         middle = 0.5 * (low + high)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, elastic, mapped, skewed
+from mechanics.setups import SliceSetup, elastic, mapped, skewed
 
 from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
@@ -15,7 +15,7 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.mould import Contour, GapFunction, Straight
 from castfem.values.types import Array
-from contact.scenes import LineWall
+from contact.setups import LineWall
 
 METHODS = ("penalty", "nitsche")
 CELLS = ("quadrilateral", "triangle")
@@ -28,13 +28,13 @@ MODULI = {
 }
 
 
-def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any) -> SliceScene:
+def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any) -> SliceSetup:
     """A block of distorted cells on rollers, and a wall that comes down on it by 1 um a second."""
     right = ("right",) if kind == "confined" else ()
     groups = ("symmetry_x", "symmetry_y", "right", "top")
     wall = LineWall(lambda z: np.array([0.0, HEIGHT - z]))
     contact = Contact(wall, ("top",), lambda t: 1e-6 * t, method=method, **given)  # type: ignore
-    return SliceScene(
+    return SliceSetup(
         mapped(3, 3, skewed(WIDTH, HEIGHT), cell, groups=groups),
         elastic(YOUNG, POISSON),
         given={
@@ -52,19 +52,19 @@ def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any
 @pytest.mark.parametrize("method", METHODS)
 def test_wall_presses_a_block(method: str, cell: str, kind: str) -> None:
     """Sigma = -E' d / H; with the penalty the contact is a spring in series, E'/H and K_p."""
-    scene = pressed(method, cell, kind)
-    scene.step(2.0)
-    scene.step(3.0)
-    state, stiffness = scene.state.contact, scene.problem.contact.stiffness
+    setup = pressed(method, cell, kind)
+    setup.step(2.0)
+    setup.step(3.0)
+    state, stiffness = setup.state.contact, setup.problem.contact.stiffness
     assert state is not None
     modulus, depth = MODULI[kind], 3e-6
     spring = stiffness.mean() if method == "penalty" else np.inf
     pressure = depth / (HEIGHT / modulus + 1.0 / spring)
     assert state.pressure == pytest.approx(pressure, rel=1e-8)
     assert np.abs(state.gap + pressure / spring).max() < 1e-8 * depth
-    assert scene.stress[:, 1] == pytest.approx(-pressure, rel=1e-8)
-    support = scene.results[-1].balance.support  # type: ignore[union-attr]
-    force = summary(scene.problem.contact, state, scene.state.modes).force
+    assert setup.stress[:, 1] == pytest.approx(-pressure, rel=1e-8)
+    support = setup.results[-1].balance.support  # type: ignore[union-attr]
+    force = summary(setup.problem.contact, state, setup.state.modes).force
     assert force == pytest.approx([0.0, -pressure * WIDTH], rel=1e-8)
     assert force[1] == pytest.approx(-support[1], rel=1e-8)
 
@@ -92,7 +92,7 @@ def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, piec
     """A block is pressed against a wall below by a uniform pressure from above."""
     groups = ("left", "foot", "right", "top")
     wall = PiecedWall() if pieces else LineWall(lambda z: np.zeros(2), lambda z: np.pi)
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(3, 2, skewed(WIDTH, HEIGHT, 0.0), cell, groups=groups),
         elastic(YOUNG, POISSON),
         given={
@@ -105,13 +105,13 @@ def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, piec
         },
         tolerance=1e-11,
     )
-    scene.step(1.0)
-    state = scene.state.contact
+    setup.step(1.0)
+    state = setup.state.contact
     assert state is not None
     # At large strain the foot has widened, and the top with it; it is thicker, too.
     assert state.pressure == pytest.approx(1e6, rel=1e-8)
-    assert scene.stress[:, 1] == pytest.approx(-1e6, rel=1e-8)
-    assert np.abs(scene.stress[:, [0, 2, 3]]).max() < 1.0
+    assert setup.stress[:, 1] == pytest.approx(-1e6, rel=1e-8)
+    assert np.abs(setup.stress[:, [0, 2, 3]]).max() < 1.0
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -120,7 +120,7 @@ def test_free_block_on_an_oblique_wall(method: str) -> None:
     groups = ("symmetry_x", "foot", "right", "top")
     angle = 0.1
     wall = LineWall(lambda z: np.zeros(2), lambda z: np.pi - angle)
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(3, 2, skewed(WIDTH, HEIGHT, 0.0), groups=groups),
         elastic(YOUNG, POISSON),
         given={
@@ -130,8 +130,8 @@ def test_free_block_on_an_oblique_wall(method: str) -> None:
             "contact": Contact(wall, ("foot",), method=method),  # type: ignore[arg-type]
         },
     )
-    scene.step(1.0)
-    found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)  # type: ignore[arg-type]
+    setup.step(1.0)
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)  # type: ignore[arg-type]
     normal = np.array([-np.sin(angle), np.cos(angle)])
     assert found.force == pytest.approx(normal * 1e5 * WIDTH / np.cos(angle), rel=1e-7)
     assert 0.0 < found.share < 1.0

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, box, elastic, mapped
+from mechanics.setups import SliceSetup, box, elastic, mapped
 from scipy.optimize import brentq
 
 from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
@@ -17,7 +17,7 @@ from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.values.types import Array
-from contact.scenes import FOOT, LineWall, dragged_block
+from contact.setups import FOOT, LineWall, dragged_block
 
 METHODS = ("penalty", "nitsche")
 YOUNG, WIDTH, HEIGHT, PRESSURE = 40e9, 20e-3, 10e-3, 5e6
@@ -65,7 +65,7 @@ class Dashpot:
         return self.stress[round(time / STEP)]
 
 
-def dragged(law: Any, method: str, spring: Dashpot) -> SliceScene:
+def dragged(law: Any, method: str, spring: Dashpot) -> SliceSetup:
     """A block pressed on a wall; its top is drawn along, its sides carry the shear of it."""
     contact = Contact(FOOT, ("foot",), method=method, friction=law, factor=FACTOR)  # type: ignore
     mesh = mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top"))
@@ -86,11 +86,11 @@ VISCOUS: dict[str, Any] = {
 def test_dragged_and_left_alone(method: str, name: str) -> None:
     """The friction of the closed form after every step: it rises, slides, and relaxes."""
     spring = Dashpot(VISCOUS[name])
-    scene = dragged(spring.law, method, spring)
+    setup = dragged(spring.law, method, spring)
     seen = []
     for time in STEP * np.arange(1, STEPS + 1):
-        scene.step(time)
-        state = scene.state.contact
+        setup.step(time)
+        state = setup.state.contact
         assert state is not None
         assert -state.friction[:, 0] == pytest.approx(spring(time), rel=1e-6, abs=1.0)
         assert state.pressure == pytest.approx(PRESSURE, rel=1e-7)
@@ -102,7 +102,7 @@ def test_dragged_and_left_alone(method: str, name: str) -> None:
     assert spring.threshold <= seen[-1] < 0.9 * dragging
 
 
-def moving(stroke: Callable[[float], float], method: str) -> SliceScene:
+def moving(stroke: Callable[[float], float], method: str) -> SliceSetup:
     """A block drawn along a wall that has a stroke of its own."""
     contact = Contact(
         FOOT,
@@ -112,7 +112,7 @@ def moving(stroke: Callable[[float], float], method: str) -> SliceScene:
         friction=Coulomb(MU),
         stroke=stroke,
     )
-    return SliceScene(
+    return SliceSetup(
         mapped(2, 2, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
         elastic(YOUNG, 0.0),
         given={
@@ -128,10 +128,10 @@ def moving(stroke: Callable[[float], float], method: str) -> SliceScene:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_wall_that_goes_with_the_strand_has_no_friction(method: str) -> None:
-    scene = moving(lambda time: SPEED * time, method)
+    setup = moving(lambda time: SPEED * time, method)
     for time in (0.5, 1.0):
-        scene.step(time)
-    state = scene.state.contact
+        setup.step(time)
+    state = setup.state.contact
     assert state is not None and np.all(state.pressure > 0.0) and np.all(state.status == STICK)
     assert not state.friction[:, 1].any() and not state.withdrawal_resistance.any()
 
@@ -144,15 +144,15 @@ def test_an_oscillating_mould_pushes_the_strand_while_it_is_faster(method: str) 
     def stroke(time: float) -> float:
         return amplitude * np.sin(2.0 * np.pi * time / period)
 
-    scene, pull, signs = moving(stroke, method), 0.0, []
+    setup, pull, signs = moving(stroke, method), 0.0, []
     for time in period / steps * np.arange(1, steps + 1):
         old = time - period / steps
         slip = SPEED * (time - old) - (stroke(time) - stroke(old))
-        scene.step(time)
-        found = summary(scene.problem.contact, scene.state.contact, scene.state.modes)
+        setup.step(time)
+        found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
         assert found.axial == pytest.approx(-np.sign(slip) * MU * PRESSURE * WIDTH, rel=1e-7)
         pull -= found.axial * SPEED * (time - old)
-        assert scene.state.contact.withdrawal_resistance[0] == pytest.approx(
+        assert setup.state.contact.withdrawal_resistance[0] == pytest.approx(
             pull, rel=1e-9, abs=1e-9
         )
         signs.append(np.sign(slip))
@@ -177,7 +177,7 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
     def down(x: Array, time: float) -> Array:
         return np.full(len(x), -16e-6 * min(time, 1.0))
 
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(8, 4, box(WIDTH, HEIGHT), groups=("left", "foot", "right", "top")),
         elastic(YOUNG, 0.3),
         given={
@@ -192,8 +192,8 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
     )
     touching = set()
     for time in np.arange(1, 41) / 8.0:
-        scene.step(time)
-        state = scene.state.contact
+        setup.step(time)
+        state = setup.state.contact
         assert state is not None
         touching.add(int((state.pressure > 0.0).sum()))
         size, limit = np.hypot(*state.friction.T), law.threshold(state.pressure)[0]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, expansion, mapped, ring, skewed
+from mechanics.setups import SliceSetup, expansion, mapped, ring, skewed
 from mechanics.test_tangent import jacobians
 
 from castfem.constitutive.elasticity import Elasticity
@@ -17,7 +17,7 @@ from castfem.contact.state import OPEN, SLIP, STICK
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mould import Circular, Contour, GapFunction
 from castfem.values.types import Array
-from contact.scenes import TwoWalls
+from contact.setups import TwoWalls
 
 GROUPS = ("left", "bottom", "right", "top")
 LAW = NortonCreep.constant(Elasticity.constant(200e9, 0.3), 1e-2, 1e8, 3.0)
@@ -51,7 +51,7 @@ CASES = [
 
 def touching(
     cell: str, large: bool, method: str, friction: str, size: float, travel: float = 0.3
-) -> SliceScene:
+) -> SliceSetup:
     """A skewed block between two oblique walls that half of its points touch."""
     contact = Contact(
         TwoWalls((0.1, 0.06), 50 * size),
@@ -63,7 +63,7 @@ def touching(
         friction=friction_law(friction, 1e14 * size),
     )
     planes = PlainPlanes(("a0", "a1", "a2", "across"))
-    return SliceScene(
+    return SliceSetup(
         mapped(2, 2, skewed(0.1, 0.06), cell, groups=GROUPS),
         LAW,
         expansion(1e-5),
@@ -74,10 +74,10 @@ def touching(
 @pytest.mark.parametrize(("cell", "large", "method", "friction"), CASES)
 def test_jacobian(cell: str, large: bool, method: str, friction: str) -> None:
     size = 1e-3 if large else 2e-5
-    scene = touching(cell, large, method, friction, size)
-    exact, found, free = jacobians(scene, size)
-    # The scene tests something only if points are open, stick and slip.
-    seen = scene.problem.contact.state().status
+    setup = touching(cell, large, method, friction, size)
+    exact, found, free = jacobians(setup, size)
+    # The setup tests something only if points are open, stick and slip.
+    seen = setup.problem.contact.state().status
     expected = {OPEN, SLIP} | ({STICK} if friction in ("coulomb", "viscous", "light") else set())
     assert expected <= set(seen.tolist())
     assert np.abs(exact - found).max() < 2e-7 * np.abs(found).max()
@@ -85,7 +85,7 @@ def test_jacobian(cell: str, large: bool, method: str, friction: str) -> None:
     for block in ((tail, head), (head, tail), (tail, tail)):
         assert np.abs(exact - found)[block].max() < 2e-6 * np.abs(found[block]).max()
     symmetric = np.abs(exact - exact.T).max() < 1e-12 * np.abs(exact).max()
-    assert symmetric == scene.problem.kinematics.symmetric
+    assert symmetric == setup.problem.kinematics.symmetric
 
 
 @pytest.mark.parametrize("large", [False, True])
@@ -94,14 +94,14 @@ def test_jacobian_at_a_round_wall(large: bool) -> None:
     size, outer = 2e-5, 0.05
     ends = [(outer * np.cos(a), outer * np.sin(a)) for a in (-0.3, 0.5 * np.pi + 0.3)]
     contact = Contact(RoundWall(Circular(*ends, (0.0, 0.0))), ("right",), lambda t: t, points=4)
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(1, 5, ring(0.03, outer), order=2, groups=GROUPS),
         LAW,
         expansion(1e-5),
         given={"planes": PlainPlanes(("a0",)), "large_strain": large, "contact": contact},
     )
-    exact, found, _ = jacobians(scene, size)
-    seen = scene.problem.contact.state().status
+    exact, found, _ = jacobians(setup, size)
+    seen = setup.problem.contact.state().status
     assert {OPEN, SLIP} <= set(seen.tolist())
     assert np.abs(exact - found).max() < 5e-6 * np.abs(found).max()
 

@@ -7,7 +7,7 @@ from typing import Any
 from mpi4py import MPI
 
 import numpy as np
-from thermal.scenes import ThermalScene
+from thermal.setups import ThermalSetup
 
 from castfem import meshes
 from castfem.constitutive.elasticity import Solidity
@@ -31,7 +31,7 @@ def billet_mesh(symmetry: str = "quarter", **given: Any) -> meshes.SectionMesh:
     return meshes.build("rectangle", symmetry=symmetry, **sizes)
 
 
-class CastScene:
+class CastSetup:
     """A strand section that freezes and strains.
 
     Args:
@@ -53,7 +53,7 @@ class CastScene:
     ) -> None:
         start = STEEL.liquidus + 20.0
         curve = STEEL.thermal_curve(400.0, start + 2.0, start)
-        self.thermal = ThermalScene(mesh, curve, start, comm=comm)
+        self.thermal = ThermalSetup(mesh, curve, start, comm=comm)
         names = [g for g in mesh.groups if not g.startswith("symmetry")]
         self.thermal.cool(*((n, flux_laws.Contact(cooling, 433.15, 0.15)) for n in names))
         section = self.thermal.section
@@ -69,19 +69,19 @@ class CastScene:
         self.state = self.stepper.initial(0.0, self.thermal.state.point.temperature)
         self.results: list[MechanicalResult] = []
 
-    def frozen(self, until: float, step: float) -> CastScene:
+    def frozen(self, until: float, step: float) -> CastSetup:
         """Freeze first: the mechanics begin at `until` (s), free of stress."""
-        self.thermal.march(until, step)
+        self.thermal.advance(until, step)
         self.state = self.stepper.initial(until, self.thermal.state.point.temperature)
         return self
 
-    def march(self, end: float, step: float) -> CastScene:
+    def advance(self, end: float, step: float) -> CastSetup:
         """Even steps to `end`."""
         count = round((end - self.state.time) / step)
         begin = self.state.time
         for i in range(count):
             time = begin + (end - begin) * (i + 1) / count
-            self.thermal.march(time, time)
+            self.thermal.advance(time, time)
             result = self.stepper.step(self.state, time, self.thermal.state.point.temperature)
             assert result.converged, result.reason
             self.state = result.state

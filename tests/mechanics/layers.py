@@ -92,9 +92,9 @@ def shell(times: list[float], carbon: float, layer: float = 0.05e-3) -> list[She
     unknown, begin, frozen, found = np.zeros(1), 0.0, 0, []
     for time in np.sort(np.concatenate([freezing, times])):
         if frozen:
-            march = solve_ivp(rates, (begin, time), unknown, "LSODA", rtol=1e-6, atol=1e-8)
-            assert march.success, march.message
-            unknown = march.y[:, -1]
+            found = solve_ivp(rates, (begin, time), unknown, "LSODA", rtol=1e-6, atol=1e-8)
+            assert found.success, found.message
+            unknown = found.y[:, -1]
         begin = float(time)
         if begin in times:
             parts = unknown[:frozen], unknown[frozen:-1]

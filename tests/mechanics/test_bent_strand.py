@@ -12,7 +12,7 @@ from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import PerfectlyPlastic
 from castfem.mechanics.planes import BentPlanes
 from castfem.values.tables import Constant
-from mechanics.scenes import SliceScene, box, elastic, expansion, mapped
+from mechanics.setups import SliceSetup, box, elastic, expansion, mapped
 
 E, YIELD = 200e9, 200e6
 WIDTH, HALF = 0.1, 0.05
@@ -30,21 +30,21 @@ def arc(time: float) -> float:
     return extrados(MIDDLE * max(0.0, min(time, 1.0, 3.0 - time)))
 
 
-def strand(law: object, cells: int = 4, **given: object) -> SliceScene:
+def strand(law: object, cells: int = 4, **given: object) -> SliceSetup:
     """Half a strand whose faces are free."""
     mesh = mapped(1, cells, box(WIDTH, 2 * HALF, 0.0, -HALF), groups=("symmetry_x", "b", "r", "t"))
     planes = BentPlanes(arc, HALF, **given.pop("planes", {}))  # type: ignore[arg-type]
-    return SliceScene(mesh, law, given={"planes": planes}, **given)  # type: ignore[arg-type]
+    return SliceSetup(mesh, law, given={"planes": planes}, **given)  # type: ignore[arg-type]
 
 
-def run(scene: SliceScene, steps: int, end: float = 3.0) -> None:
+def run(setup: SliceSetup, steps: int, end: float = 3.0) -> None:
     for i in range(1, round(end * steps) + 1):
-        scene.step(i / steps)
+        setup.step(i / steps)
 
 
-def forces(scene: SliceScene) -> tuple[float, float]:
+def forces(setup: SliceSetup) -> tuple[float, float]:
     """N and M of the last step."""
-    balance = scene.results[-1].balance
+    balance = setup.results[-1].balance
     assert balance is not None
     return float(balance.axial[0]), float(balance.axial[2])
 
@@ -54,12 +54,12 @@ def test_an_elastic_strand_is_shortened_by_bending() -> None:
     exact = (1.0 + MIDDLE**2 * INERTIA / AREA) ** -0.5 - 1.0
     errors = []
     for steps in (4, 8):
-        scene = strand(elastic(E))
-        run(scene, steps, end=1.0)
-        errors.append(scene.state.modes[0] / exact - 1.0)
-        force, moment = forces(scene)
+        setup = strand(elastic(E))
+        run(setup, steps, end=1.0)
+        errors.append(setup.state.modes[0] / exact - 1.0)
+        force, moment = forces(setup)
         # The work of bending, to second order E I k^2 / 2, is what N - k M has grown by.
-        bending = scene.state.bending
+        bending = setup.state.bending
         assert force - MIDDLE * moment == pytest.approx(-bending.work, rel=1e-9)
         assert -bending.work == pytest.approx(0.5 * E * INERTIA * MIDDLE**2, rel=1e-4)
     assert abs(errors[1]) < 1e-5
@@ -68,43 +68,43 @@ def test_an_elastic_strand_is_shortened_by_bending() -> None:
 
 def test_an_elastic_strand_comes_back_straight() -> None:
     """As it was: no force, no moment, no work, whatever the steps."""
-    scene = strand(elastic(E))
-    run(scene, 4)
-    force, moment = forces(scene)
+    setup = strand(elastic(E))
+    run(setup, 4)
+    force, moment = forces(setup)
     stress = E * MIDDLE * HALF
     assert abs(force) < 1e-9 * stress * AREA
     assert abs(moment) < 1e-9 * stress * AREA * HALF
-    assert abs(scene.state.modes[[0, 2]]).max() < 1e-12
-    assert abs(scene.state.bending.work) < 1e-9 * E * INERTIA * MIDDLE**2
+    assert abs(setup.state.modes[[0, 2]]).max() < 1e-12
+    assert abs(setup.state.bending.work) < 1e-9 * E * INERTIA * MIDDLE**2
 
 
 @pytest.mark.parametrize("pull", [0.0, 3e5])
 def test_rolls_conserve_what_they_do_not_bend(pull: float) -> None:
     """On the arc N - k M stays while cooling changes M; what is pulled besides adds to it."""
-    scene = strand(elastic(E), thermal=expansion(1e-5), planes={"force": lambda t: pull})
-    run(scene, 4, end=1.0)
-    force, moment = forces(scene)
+    setup = strand(elastic(E), thermal=expansion(1e-5), planes={"force": lambda t: pull})
+    run(setup, 4, end=1.0)
+    force, moment = forces(setup)
     before = force - MIDDLE * moment
-    scene.step(1.5, lambda x, y: -100.0 * (y / HALF))
-    after, turned = forces(scene)
+    setup.step(1.5, lambda x, y: -100.0 * (y / HALF))
+    after, turned = forces(setup)
     assert abs(turned - moment) > 0.05 * abs(moment)
     assert after - MIDDLE * turned == pytest.approx(before, rel=1e-8)
-    assert before - pull == pytest.approx(-scene.state.bending.work, rel=1e-8)
+    assert before - pull == pytest.approx(-setup.state.bending.work, rel=1e-8)
 
 
 def test_the_axial_test_direction_is_that_of_the_thesis() -> None:
     """(38) alone: N = F, whatever is bent."""
-    scene = strand(elastic(E), planes={"test_direction": "axial", "force": lambda t: 3e5})
-    run(scene, 4, end=1.0)
-    assert forces(scene)[0] == pytest.approx(3e5, rel=1e-9)
+    setup = strand(elastic(E), planes={"test_direction": "axial", "force": lambda t: 3e5})
+    run(setup, 4, end=1.0)
+    assert forces(setup)[0] == pytest.approx(3e5, rel=1e-9)
 
 
 def test_work_in_the_force_is_not_taken_twice() -> None:
     """A measured effort is that of N - k M as it stands."""
     given = {"force": lambda t: 3e5, "contains_work": True}
-    scene = strand(elastic(E), planes=given)
-    run(scene, 4, end=1.0)
-    force, moment = forces(scene)
+    setup = strand(elastic(E), planes=given)
+    run(setup, 4, end=1.0)
+    force, moment = forces(setup)
     assert force - MIDDLE * moment == pytest.approx(3e5, rel=1e-9)
 
 
@@ -112,15 +112,15 @@ def plastic() -> PerfectlyPlastic:
     return PerfectlyPlastic(Elasticity.constant(E, 0.3), Constant(YIELD))
 
 
-def energies(scene: SliceScene) -> tuple[float, float]:
+def energies(setup: SliceSetup) -> tuple[float, float]:
     """Work of the drives and energy that the strand has taken, J per m of undeformed strand."""
-    volume = scene.problem.points.deviator.volume
-    flowed = sum(float(volume @ result.dissipation) for result in scene.results)
-    stress = scene.stress
+    volume = setup.problem.points.deviator.volume
+    flowed = sum(float(volume @ result.dissipation) for result in setup.results)
+    stress = setup.stress
     stored = (1.3 * (stress**2).sum(axis=1) - 0.3 * stress[:, :3].sum(axis=1) ** 2) / (2 * E)
-    force, moment = forces(scene)
-    k = scene.state.bending.curvature
-    drawn = (force - k * moment) * (1.0 + scene.state.modes[0])
+    force, moment = forces(setup)
+    k = setup.state.bending.curvature
+    drawn = (force - k * moment) * (1.0 + setup.state.modes[0])
     return drawn, flowed + float(volume @ stored)
 
 
@@ -131,9 +131,9 @@ def test_a_plastic_strand_takes_its_work_from_the_drives() -> None:
     """
     errors = []
     for steps in (20, 40):
-        scene = strand(plastic(), cells=8)
-        run(scene, steps)
-        drawn, taken = energies(scene)
+        setup = strand(plastic(), cells=8)
+        run(setup, steps)
+        drawn, taken = energies(setup)
         assert drawn > 0.0
         errors.append(taken / drawn - 1.0)
     assert abs(errors[1]) < 1e-3
@@ -147,19 +147,19 @@ def test_a_plastic_strand_takes_its_work_from_the_drives() -> None:
 
 def test_the_neutral_axis_is_where_the_thickness_stays() -> None:
     """The drives pull: from the middle towards the intrados in bending, back in straightening."""
-    scene = strand(plastic(), cells=8, planes={"force": lambda t: 0.1 * YIELD * AREA})
-    run(scene, 20, end=1.0)
-    bent = scene.state.bending.axis
+    setup = strand(plastic(), cells=8, planes={"force": lambda t: 0.1 * YIELD * AREA})
+    run(setup, 20, end=1.0)
+    bent = setup.state.bending.axis
     assert bent is not None
     assert 0.0 < bent < HALF
-    scene.step(1.5)
-    assert scene.state.bending.axis is None
+    setup.step(1.5)
+    assert setup.state.bending.axis is None
     for i in range(1, 21):
-        old = scene.state.modes
-        scene.step(2.0 + i / 20)
-    axis = scene.state.bending.axis
+        old = setup.state.modes
+        setup.step(2.0 + i / 20)
+    axis = setup.state.bending.axis
     assert axis is not None
     assert -HALF < axis < 0.0
-    change = scene.state.modes - old
+    change = setup.state.modes - old
     assert change[0] + change[2] * axis == pytest.approx(0.0, abs=1e-15)
-    assert np.isclose(scene.state.bending.curvature, 0.0, atol=1e-15)
+    assert np.isclose(setup.state.bending.curvature, 0.0, atol=1e-15)

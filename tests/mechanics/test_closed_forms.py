@@ -10,7 +10,7 @@ from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SurfacePressure
 from castfem.values.types import Array
-from mechanics.scenes import RING_GROUPS, SliceScene, box, elastic, expansion, mapped, ring, skewed
+from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, expansion, mapped, ring, skewed
 
 MPA = 1e6
 CELLS = ["quadrilateral", "triangle"]
@@ -27,21 +27,21 @@ def test_unrestrained_square_has_the_mean_thermal_strain(cell: str, poisson: flo
     """Strain_zz is alpha mean(dT), whatever Poisson's ratio and however uneven the field."""
     alpha, young = 1.35e-5, 200e9
     mesh = mapped(8, 8, skewed(0.1, 0.1, 0.05), cell)
-    scene = SliceScene(mesh, elastic(young, poisson), expansion(alpha), tolerance=1e-12)
-    result = scene.step(1.0, quench)
-    points = scene.problem.points
-    heat = scene.problem.at_points(scene.state.temperature)
+    setup = SliceSetup(mesh, elastic(young, poisson), expansion(alpha), tolerance=1e-12)
+    result = setup.step(1.0, quench)
+    points = setup.problem.points
+    heat = setup.problem.at_points(setup.state.temperature)
     for rows in (slice(0, points.deviator_points), slice(points.deviator_points, None)):
         mean = points.volume[rows] @ heat[rows] / points.volume[rows].sum()
         # The points of the mean stress see the field less sharply than those of the deviator.
-        assert scene.state.modes[0] == pytest.approx(alpha * mean, rel=1e-9)
+        assert setup.state.modes[0] == pytest.approx(alpha * mean, rel=1e-9)
     assert result.balance is not None
     assert result.balance.axial_error < 1e-12
     # The stress along the strand is that of the strain left over, and of the stress in the plane.
     hot = heat[: points.deviator_points]
-    strain = scene.state.modes[0] - alpha * hot
+    strain = setup.state.modes[0] - alpha * hot
     if poisson == 0.0:
-        stress = scene.state.stress[: points.deviator_points, 2]
+        stress = setup.state.stress[: points.deviator_points, 2]
         assert np.abs(stress - young * strain).max() < 1e-10 * young * np.abs(strain).max()
 
 
@@ -50,11 +50,11 @@ def test_free_corner_of_the_square() -> None:
     alpha, young = 1.35e-5, 200e9
     errors = []
     for n in (8, 16, 32):
-        scene = SliceScene(mapped(n, n, box(0.1, 0.1)), elastic(young), expansion(alpha))
-        scene.step(1.0, quench)
-        corner = scene.stress[np.argmax(scene.places.sum(axis=1))]
-        place = scene.places[np.argmax(scene.places.sum(axis=1))]
-        exact = young * (scene.state.modes[0] - alpha * quench(*place))
+        setup = SliceSetup(mapped(n, n, box(0.1, 0.1)), elastic(young), expansion(alpha))
+        setup.step(1.0, quench)
+        corner = setup.stress[np.argmax(setup.places.sum(axis=1))]
+        place = setup.places[np.argmax(setup.places.sum(axis=1))]
+        exact = young * (setup.state.modes[0] - alpha * quench(*place))
         errors.append(abs(corner[2] / exact - 1.0))
     assert errors[-1] < 0.01
     assert np.log2(errors[0] / errors[-1]) / 2 > 1.0
@@ -70,26 +70,26 @@ def test_thermoelastic_tube(cell: str) -> None:
 
     found = []
     for n in (4, 8):
-        scene = SliceScene(
+        setup = SliceSetup(
             mapped(n, n, ring(a, b), cell, 2, RING_GROUPS), elastic(young, nu), expansion(alpha)
         )
-        scene.step(1.0, heat)
-        r = np.hypot(*scene.places.T)
+        setup.step(1.0, heat)
+        r = np.hypot(*setup.places.T)
         log, share = np.log(b / a), a**2 / (b**2 - a**2)
         level = alpha * young * hot / (2 * (1 - nu) * log)
         axial = level * (1 - 2 * np.log(b / r) - 2 * share * log)
-        error = scene.stress[:, 2] - axial
+        error = setup.stress[:, 2] - axial
         found.append(float(np.sqrt(np.mean(error**2)) / level))
         mean = 2 * alpha * hot * (0.25 * (b**2 - a**2) - 0.5 * a**2 * log) / (log * (b**2 - a**2))
-        assert scene.state.modes[0] == pytest.approx(mean, rel=0.7 / n**2)
+        assert setup.state.modes[0] == pytest.approx(mean, rel=0.7 / n**2)
     assert found[-1] < 0.01
     assert np.log2(found[0] / found[1]) > (1.0 if cell == "triangle" else 1.7)
 
 
-def cylinder(cells: int, cell: str = "quadrilateral", order: int = 2) -> SliceScene:
+def cylinder(cells: int, cell: str = "quadrilateral", order: int = 2) -> SliceSetup:
     """A thick cylinder under inner pressure, crept until its stress no longer changes."""
     law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, MPA, 5.0)
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(cells, cells, ring(0.02, 0.04), cell, order, RING_GROUPS),
         law,
         given={
@@ -100,17 +100,17 @@ def cylinder(cells: int, cell: str = "quadrilateral", order: int = 2) -> SliceSc
     time, dt = 0.0, 1.0
     while time < 1e6:
         time += dt
-        scene.step(time)
+        setup.step(time)
         dt *= 2.0
-    return scene
+    return setup
 
 
-def creep_errors(scene: SliceScene) -> tuple[float, float]:
+def creep_errors(setup: SliceSetup) -> tuple[float, float]:
     """Largest of the rms errors of radial, hoop and axial stress over the pressure, and of udot."""
     a, b, p, n = 0.02, 0.04, 10 * MPA, 5.0
-    r = np.hypot(*scene.places.T)
-    c, s = scene.places.T / r
-    stress = scene.stress
+    r = np.hypot(*setup.places.T)
+    c, s = setup.places.T / r
+    stress = setup.stress
     shear = np.sqrt(2.0) * stress[:, 3] * c * s
     radial = stress[:, 0] * c * c + stress[:, 1] * s * s + shear
     hoop = stress[:, 0] * s * s + stress[:, 1] * c * c - shear
@@ -119,9 +119,9 @@ def creep_errors(scene: SliceScene) -> tuple[float, float]:
     differences = (
         radial - exact_radial, hoop - exact_hoop, stress[:, 2] - 0.5 * (exact_radial + exact_hoop)
     )  # fmt: skip
-    inner = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+    inner = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     at = int(np.argmin(np.abs(inner - [a, 0.0]).sum(axis=1)))
-    rate = scene.state.rate[2 * at]
+    rate = setup.state.rate[2 * at]
     return (
         max(float(np.sqrt(np.mean(d**2))) for d in differences) / p,
         abs(float(rate) / 1.037924e-5 - 1.0),
@@ -149,7 +149,7 @@ def test_creeping_bar_in_bending() -> None:
     height, width, rate = 0.22, 1.2, 1e-3
     law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, MPA, 5.0)
     # y = 0 carries no stress: the half above is modelled, symmetric in x, held in y at y = 0.
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(
             1, 8, box(width / 2, height / 2), groups=("symmetry_x", "neutral", "side", "outside")
         ),
@@ -157,10 +157,10 @@ def test_creeping_bar_in_bending() -> None:
         given={"planes": PlainPlanes((), {"a2": lambda t: rate * t})},
     )
     for time in np.cumsum(np.geomspace(1e-2, 2e4, 40)):
-        result = scene.step(float(time))
+        result = setup.step(float(time))
     assert result.balance is not None
     moment = 4 * result.balance.axial[2]
     assert moment == pytest.approx(1.345403e5, rel=2e-3)
-    outer = scene.stress[np.argmax(scene.places[:, 1]), 2]
-    y = scene.places[:, 1].max()
+    outer = setup.stress[np.argmax(setup.places[:, 1]), 2]
+    y = setup.places[:, 1].max()
     assert outer == pytest.approx(10.1924e6 * (y / (height / 2)) ** 0.2, rel=1e-3)

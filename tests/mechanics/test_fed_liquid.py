@@ -15,7 +15,7 @@ from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.values.types import Array
-from mechanics.scenes import RING_GROUPS, SliceScene, box, mapped, ring
+from mechanics.setups import RING_GROUPS, SliceSetup, box, mapped, ring
 
 SOLIDUS, LIQUIDUS, HOT, COLD = 1700.0, 1750.0, 1760.0, 1600.0
 YOUNG, HEAD = 10e9, 2e5
@@ -27,10 +27,10 @@ def soft(ratio: float, fed: bool) -> ThermoElastic:
     return ThermoElastic(Elasticity.constant(YOUNG, 0.3, solidity))
 
 
-def scene(
+def built(
     mesh: Any, heat: Any, ratio: float, fed: bool = True, comm: MPI.Comm = MPI.COMM_SELF,
     **given: Any,
-) -> SliceScene:  # fmt: skip
+) -> SliceSetup:  # fmt: skip
     def fraction(temperature: Array) -> Array:
         return np.clip((LIQUIDUS - temperature) / (LIQUIDUS - SOLIDUS), 0.0, 1.0)
 
@@ -40,10 +40,10 @@ def scene(
         "liquid": "fed" if fed else "elastic",
         **given,
     }
-    return SliceScene(mesh, soft(ratio, fed), comm=comm, start=heat, given=given)
+    return SliceSetup(mesh, soft(ratio, fed), comm=comm, start=heat, given=given)
 
 
-def tube(ratio: float, fed: bool = True, large: bool = False) -> SliceScene:
+def tube(ratio: float, fed: bool = True, large: bool = False) -> SliceSetup:
     """A frozen ring around liquid."""
 
     def heat(x: Array, y: Array) -> Array:
@@ -51,12 +51,12 @@ def tube(ratio: float, fed: bool = True, large: bool = False) -> SliceScene:
 
     held = tuple(PrescribedDisplacement(("inner",), i) for i in range(2))
     mesh = mapped(30, 12, ring(0.02, 0.05), "quadrilateral", 2, RING_GROUPS)
-    made = scene(mesh, heat, ratio, fed, held=held, large_strain=large)
+    made = built(mesh, heat, ratio, fed, held=held, large_strain=large)
     made.step(1.0)
     return made
 
 
-def tip(made: SliceScene) -> float:
+def tip(made: SliceSetup) -> float:
     return float(made.displacement(lambda x, y: (x > 0.05 - 1e-9) & (np.abs(y) < 1e-9))[0][0])
 
 
@@ -96,7 +96,7 @@ def opening(fed: bool) -> tuple[float, float]:
 
     held = (PrescribedDisplacement(("right",), 0, lambda x, t: np.full(len(x), 2e-3 * (t - 1.0))),)
     groups = ("symmetry_x", "symmetry_y", "right", "symmetry_y_top")
-    made = scene(mapped(20, 10, box(0.1, 0.05), groups=groups), heat, 1e-3, fed, held=held)
+    made = built(mapped(20, 10, box(0.1, 0.05), groups=groups), heat, 1e-3, fed, held=held)
     forces = []
     for time in (1.0, 1.5, 2.0):
         balance = made.step(time).balance
@@ -105,7 +105,7 @@ def opening(fed: bool) -> tuple[float, float]:
     return forces[0], forces[-1]
 
 
-def right_dofs(made: SliceScene) -> Array:
+def right_dofs(made: SliceSetup) -> Array:
     x = made.problem.space.tabulate_dof_coordinates()[: made.problem.owned // 2, 0]
     return 2 * np.flatnonzero(x > 0.1 - 1e-9)
 
@@ -123,7 +123,7 @@ def test_liquid_has_no_memory() -> None:
         PrescribedDisplacement(("right",), 0, lambda x, t: np.full(len(x), 1e-3 * min(t, 1.0))),
         PrescribedDisplacement(("top",), 1),
     )
-    made = scene(mapped(8, 4, box(0.1, 0.05)), HOT, 1e-2, held=held, ferrostatic=None)
+    made = built(mapped(8, 4, box(0.1, 0.05)), HOT, 1e-2, held=held, ferrostatic=None)
     made.step(1.0)
     made.step(2.0, COLD)
     assert np.abs(made.state.stress).max() < 1e-6 * YOUNG * 1e-2
@@ -136,7 +136,7 @@ def test_ranks_agree() -> None:
 
     found = []
     for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
-        made = scene(mapped(12, 12, box(0.05, 0.05)), heat, 1e-5, comm=comm)
+        made = built(mapped(12, 12, box(0.05, 0.05)), heat, 1e-5, comm=comm)
         made.step(1.0)
         size = float(np.abs(made.state.displacement).max())
         total = float(np.sum(made.state.displacement[: made.problem.owned] ** 2))

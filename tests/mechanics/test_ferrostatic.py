@@ -12,7 +12,7 @@ from castfem.errors import InputError
 from castfem.machine import Machine, Steady
 from castfem.mechanics.ferrostatic import SHARES, Ferrostatic
 from castfem.values.types import Array
-from mechanics.scenes import Map, SliceScene, box, elastic, mapped, skewed
+from mechanics.setups import Map, SliceSetup, box, elastic, mapped, skewed
 
 SOLIDUS, LIQUIDUS, HEAD = 1700.0, 1750.0, 3.0e5
 
@@ -21,20 +21,20 @@ def fraction(temperature: Array) -> Array:
     return np.clip((LIQUIDUS - temperature) / (LIQUIDUS - SOLIDUS), 0.0, 1.0)
 
 
-def nodal_forces(scene: SliceScene, temperature: Any) -> Array:
+def nodal_forces(setup: SliceSetup, temperature: Any) -> Array:
     """Forces of the pressure on the nodes (n, 2), N/m, before the material answers."""
-    problem = scene.problem
-    problem.begin(scene.state, 1.0, scene.field(temperature))
+    problem = setup.problem
+    problem.begin(setup.state, 1.0, setup.field(temperature))
     residual_state = problem._evaluate(np.zeros(problem.solver.x.getLocalSize()))
     return -residual_state.forces.reshape(-1, 2)
 
 
-def scene_on(
+def setup_on(
     shape: Map, cell: str, mush: str, cells: int = 9, order: int = 1, outside: str = "free"
-) -> SliceScene:
+) -> SliceSetup:
     pressure = Ferrostatic(lambda t: HEAD, fraction, mush, outside)  # type: ignore[arg-type]
     mesh = mapped(cells, cells, shape, cell, order)
-    return SliceScene(mesh, elastic(), given={"ferrostatic": pressure}, start=1600.0)
+    return SliceSetup(mesh, elastic(), given={"ferrostatic": pressure}, start=1600.0)
 
 
 @pytest.mark.parametrize("mush", list(SHARES))
@@ -42,13 +42,13 @@ def scene_on(
 def test_resultant_of_a_straight_front(cell: str, mush: str) -> None:
     """Gamma D times the height, wherever in a cell the front lies and however wide the mush."""
     height = 0.06
-    scene = scene_on(box(0.1, height), cell, mush)
-    x = scene.problem.space.tabulate_dof_coordinates()[:, 0]
+    setup = setup_on(box(0.1, height), cell, mush)
+    x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
     # All but what the line of symmetry carries is the shell's and the mush's.
     shell = x >= 1e-9
     for front, width in product((0.043, 0.0555, 0.0777), (0.0, 0.004, 0.03)):
         ends = [front - width - 1e-9, front]
-        force = nodal_forces(scene, lambda x, y, at=ends: np.interp(x, at, [1780.0, 1600.0]))
+        force = nodal_forces(setup, lambda x, y, at=ends: np.interp(x, at, [1780.0, 1600.0]))
         assert force[shell, 0].sum() == pytest.approx(HEAD * height, rel=1e-10), (front, width)
         assert np.abs(force.sum(axis=0)).max() < 1e-10 * HEAD * height, (front, width)
 
@@ -56,9 +56,9 @@ def test_resultant_of_a_straight_front(cell: str, mush: str) -> None:
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_resultant_on_distorted_cells(cell: str) -> None:
     """The cut runs through distorted liquid cells: still gamma D times its projected length."""
-    scene = scene_on(skewed(0.1, 0.06), cell, "proportional", 8)
-    force = nodal_forces(scene, lambda x, y: np.where(x < 0.062, 1780.0, 1600.0))
-    x = scene.problem.space.tabulate_dof_coordinates()[:, 0]
+    setup = setup_on(skewed(0.1, 0.06), cell, "proportional", 8)
+    force = nodal_forces(setup, lambda x, y: np.where(x < 0.062, 1780.0, 1600.0))
+    x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
     shell = x > 1e-9
     assert force[shell, 0].sum() == pytest.approx(HEAD * 0.06, rel=1e-10)
 
@@ -69,11 +69,11 @@ def test_resultant_of_a_curved_front(cell: str, mush: str) -> None:
     """A round pool in a quarter: gamma D times its radius on each line, better on finer meshes."""
     radius, errors = 0.05, []
     for cells in (8, 16, 32):
-        scene = scene_on(box(0.1, 0.1), cell, mush, cells)
+        setup = setup_on(box(0.1, 0.1), cell, mush, cells)
         force = nodal_forces(
-            scene, lambda x, y: 1725.0 + 4000.0 * (radius - np.hypot(x, y)) / radius
+            setup, lambda x, y: 1725.0 + 4000.0 * (radius - np.hypot(x, y)) / radius
         )
-        places = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+        places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
         on_lines = [places[:, i] < 1e-9 for i in range(2)]
         found = [force[~on_lines[i], i].sum() / (HEAD * radius) for i in range(2)]
         assert found[0] == pytest.approx(found[1], rel=1e-10)
@@ -83,15 +83,15 @@ def test_resultant_of_a_curved_front(cell: str, mush: str) -> None:
 
 @pytest.mark.parametrize("mush", list(SHARES))
 def test_nothing_where_there_is_no_liquid(mush: str) -> None:
-    scene = scene_on(box(0.1, 0.06), "quadrilateral", mush, 10)
-    force = nodal_forces(scene, lambda x, y: np.where(x < 0.035, 1780.0, 1600.0))
-    x = scene.problem.space.tabulate_dof_coordinates()[:, 0]
+    setup = setup_on(box(0.1, 0.06), "quadrilateral", mush, 10)
+    force = nodal_forces(setup, lambda x, y: np.where(x < 0.035, 1780.0, 1600.0))
+    x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
     assert np.abs(force[x > 0.0401]).max() == 0.0
     inside = (x > 1e-9) & (x < 0.0299)
-    y = scene.problem.space.tabulate_dof_coordinates()[:, 1]
+    y = setup.problem.space.tabulate_dof_coordinates()[:, 1]
     inside &= (y > 1e-9) & (y < 0.06 - 1e-9)
     assert np.abs(force[inside]).max() < 1e-12 * HEAD
-    cold = nodal_forces(scene, 1500.0)
+    cold = nodal_forces(setup, 1500.0)
     assert not cold.any()
 
 
@@ -110,12 +110,12 @@ def test_shares_of_the_mush() -> None:
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_liquid_at_the_surface_is_held_from_outside(cell: str) -> None:
     """Before there is a shell the slice feels nothing; then the front alone."""
-    scene = scene_on(skewed(0.1, 0.06), cell, "proportional", 8, outside="held")
-    place = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+    setup = setup_on(skewed(0.1, 0.06), cell, "proportional", 8, outside="held")
+    place = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     outside = (place[:, 0] > 1e-9) & (place[:, 1] > 1e-9)
-    assert np.abs(nodal_forces(scene, 1780.0)[outside]).max() < 1e-12 * HEAD
+    assert np.abs(nodal_forces(setup, 1780.0)[outside]).max() < 1e-12 * HEAD
     # Liquid up to the upper face, a shell at the right: gamma D times the height on the shell.
-    force = nodal_forces(scene, lambda x, y: np.where(x < 0.062, 1780.0, 1600.0))
+    force = nodal_forces(setup, lambda x, y: np.where(x < 0.062, 1780.0, 1600.0))
     assert force[place[:, 0] > 1e-9, 0].sum() == pytest.approx(HEAD * 0.06, rel=1e-10)
     upper = (place[:, 1] > 0.06 - 1e-9) & (place[:, 0] < 0.03) & (place[:, 0] > 1e-9)
     assert np.abs(force[upper]).max() < 1e-12 * HEAD
@@ -124,9 +124,9 @@ def test_liquid_at_the_surface_is_held_from_outside(cell: str) -> None:
 def test_liquid_is_held_on_the_deformed_surface() -> None:
     """The same blown up to 1.3 times its size."""
     given = {"ferrostatic": Ferrostatic(lambda t: HEAD, fraction), "large_strain": True}
-    scene = SliceScene(mapped(2, 2, box(0.1, 0.1)), elastic(), given=given, start=1780.0)
-    problem = scene.problem
-    problem.begin(scene.state, 1.0, scene.field(1780.0))
+    setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), elastic(), given=given, start=1780.0)
+    problem = setup.problem
+    problem.begin(setup.state, 1.0, setup.field(1780.0))
     places = problem.space.tabulate_dof_coordinates()[:, :2]
     local = np.concatenate([0.3 * places.ravel(), [0.0]])
     pressed = problem._evaluate(local).forces.reshape(-1, 2)
@@ -144,7 +144,7 @@ def test_head_of_a_vertical_machine() -> None:
 
 def test_pressure_follows_the_walls_at_large_strain() -> None:
     """A liquid square blown up to 1.3 times its size: gamma D times its new length."""
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(2, 2, box(0.1, 0.1)),
         elastic(),
         given={
@@ -153,8 +153,8 @@ def test_pressure_follows_the_walls_at_large_strain() -> None:
         },
         start=1780.0,
     )
-    problem = scene.problem
-    problem.begin(scene.state, 1.0, scene.field(1780.0))
+    problem = setup.problem
+    problem.begin(setup.state, 1.0, setup.field(1780.0))
     places = problem.space.tabulate_dof_coordinates()[:, :2]
     local = np.concatenate([0.3 * places.ravel(), [0.0]])
     with_pressure = problem._evaluate(local).forces.reshape(-1, 2)

@@ -26,10 +26,10 @@ START = ((0.02, 1e-3), (0.1, 4e-3), (0.5, 1e-2))
 INNER = 0.5e-3  # from either end of the shell, m
 
 
-def march(strip: Strip, end: float, step: float, exact_heat: bool) -> None:
+def advance(strip: Strip, end: float, step: float, exact_heat: bool) -> None:
     """Even steps to `end`, by the strip's own heat balance or at the exact temperature."""
     if not exact_heat:
-        strip.march(end, step)
+        strip.advance(end, step)
         return
     section, begin = strip.thermal.section, strip.state.time
     x = section.vertex_space.tabulate_dof_coordinates()[: section.owned, 0]
@@ -66,10 +66,10 @@ def test_exact_temperature() -> None:
     first, early, late = shell([1.0, 5.0, 21.0], 0.27)
     strip = Strip(0.25e-3, law="kozlowski_zhu", carbon=0.27)
     for end, step in (*START, (1.0, 0.05)):
-        march(strip, end, step, True)
+        advance(strip, end, step, True)
     strains = [strip.state.modes[0]]
     for expected, end, step in ((early, 5.0, 0.05), (late, 21.0, 0.1)):
-        march(strip, end, step, True)
+        advance(strip, end, step, True)
         whole, inner = errors(strip, expected)
         assert whole < 0.02
         assert inner < 0.01
@@ -89,7 +89,7 @@ def test_delta_ferrite_behind_the_front() -> None:
     (expected,) = shell([5.0], 0.10, 0.1e-3)
     strip = Strip(0.25e-3, law="kozlowski_zhu", carbon=0.10)
     for end, step in (*START, (5.0, 0.05)):
-        march(strip, end, step, True)
+        advance(strip, end, step, True)
     whole, inner = errors(strip, expected)
     assert whole < 0.02
     assert inner < 0.01
@@ -109,7 +109,7 @@ def test_own_heat_balance() -> None:
     early, middle = shell([5.0, 5.13], 0.27)
     strip = Strip(0.1e-3, law="kozlowski_zhu", carbon=0.27)
     for end, step in (*START, (5.0, 0.05)):
-        march(strip, end, step, False)
+        advance(strip, end, step, False)
     whole, inner = errors(strip, early)
     assert whole < 0.02
     assert inner < 0.01
@@ -117,7 +117,7 @@ def test_own_heat_balance() -> None:
     theirs = np.interp(strip.depth[hot], middle.depth, middle.stress)
     differences = []
     for _ in range(13):
-        march(strip, strip.state.time + 0.02, 0.02, False)
+        advance(strip, strip.state.time + 0.02, 0.02, False)
         differences.append(strip.stress[hot, 2] / 1e6 - theirs)
     instant = np.mean([np.sqrt(np.mean(d**2)) for d in differences])
     lasting = np.sqrt(np.mean(np.mean(differences, axis=0) ** 2))
@@ -128,9 +128,9 @@ def test_own_heat_balance() -> None:
 @pytest.mark.parametrize(("step", "plastic", "creeping"), [(2.0, 0.01, 0.05), (5.0, 0.05, 0.1)])
 def test_steps_a_hundred_times_longer(step: float, plastic: float, creeping: float) -> None:
     """Ten or four steps to 20 s instead of a thousand: still the closed form, and the layers."""
-    strip = Strip(0.25e-3).march(20.0, step)
+    strip = Strip(0.25e-3).advance(20.0, step)
     assert strip.error(EXACT) < plastic
-    strip = Strip(0.25e-3, law="kozlowski_zhu", carbon=0.27).march(20.0, step)
+    strip = Strip(0.25e-3, law="kozlowski_zhu", carbon=0.27).advance(20.0, step)
     (expected,) = shell([20.0], 0.27)
     assert errors(strip, expected)[0] < creeping
     assert max(r.balance.axial_error for r in strip.results if r.balance) < 1e-8

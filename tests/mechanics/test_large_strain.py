@@ -13,7 +13,7 @@ from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.values.types import Array
-from mechanics.scenes import RING_GROUPS, SliceScene, box, elastic, mapped, ring, skewed
+from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")
 E, NU = 200e9, 0.3
@@ -24,7 +24,7 @@ def driven(
     gradient: Callable[[float], Array],
     stretch: Callable[[float], float] = lambda t: 0.0,
     cell: str = "quadrilateral",
-) -> SliceScene:
+) -> SliceSetup:
     """A block whose whole boundary follows a deformation gradient over time."""
     held = tuple(
         PrescribedDisplacement(FREE, i, lambda p, t, i=i: p @ (gradient(t) - np.eye(2))[i])  # type: ignore[misc]
@@ -33,7 +33,7 @@ def driven(
     planes = PlainPlanes((), {"a0": stretch})
     mesh = mapped(2, 2, skewed(0.1, 0.07), cell, groups=FREE)
     given = {"held": held, "planes": planes, "pin": False, "large_strain": True}
-    return SliceScene(mesh, elastic(E, NU), given=given, extrapolate=False, tolerance=1e-10)
+    return SliceSetup(mesh, elastic(E, NU), given=given, extrapolate=False, tolerance=1e-10)
 
 
 def turn(angle: float) -> Array:
@@ -46,20 +46,20 @@ def test_rigid_rotation_turns_the_stress(cell: str, degrees: float) -> None:
     """A stressed block turned in three steps: its stress turns with it, to rounding."""
     stretch = np.array([[1.02, 0.01], [0.0, 0.97]])
     final = np.radians(degrees)
-    scene = driven(
+    setup = driven(
         lambda t: (
             turn(final * max(t - 1, 0.0) / 3) @ (np.eye(2) + min(t, 1.0) * (stretch - np.eye(2)))
         ),
         lambda t: 0.01 * min(t, 1.0),
         cell,
     )
-    scene.step(1.0)
-    before = scene.stress.copy()
+    setup.step(1.0)
+    before = setup.stress.copy()
     assert np.abs(before).max() > 1e9
     for time in (2.0, 3.0, 4.0):
-        scene.step(time)
+        setup.step(time)
     expected = before @ rotation(final).T
-    assert np.abs(scene.stress - expected).max() < 1e-9 * np.abs(before).max()
+    assert np.abs(setup.stress - expected).max() < 1e-9 * np.abs(before).max()
 
 
 def test_simple_shear_follows_jaumann() -> None:
@@ -67,13 +67,13 @@ def test_simple_shear_follows_jaumann() -> None:
     amount = 2.0
 
     def error(steps: int) -> float:
-        scene = driven(lambda t: np.array([[1.0, amount * t], [0.0, 1.0]]))
+        setup = driven(lambda t: np.array([[1.0, amount * t], [0.0, 1.0]]))
         for i in range(steps):
-            scene.step((i + 1) / steps)
+            setup.step((i + 1) / steps)
         exact = SHEAR * np.array(
             [1 - np.cos(amount), np.cos(amount) - 1, 0.0, np.sqrt(2) * np.sin(amount)]
         )
-        return float(np.abs(scene.stress - exact).max() / SHEAR)
+        return float(np.abs(setup.stress - exact).max() / SHEAR)
 
     errors = np.array([error(n) for n in (10, 20, 40)])
     assert errors[-1] < 2e-3
@@ -96,13 +96,13 @@ def test_tension_at_constant_true_strain_rate(axial: bool) -> None:
         given["planes"] = PlainPlanes((), {"a0": stretch})
     else:
         given["held"] = (PrescribedDisplacement(("right",), 0, lambda p, t: p[:, 0] * stretch(t)),)
-    scene = SliceScene(mesh, law, given=given)
+    setup = SliceSetup(mesh, law, given=given)
     for time in np.linspace(0.0, end / rate, 121)[1:]:
-        result = scene.step(float(time))
+        result = setup.step(float(time))
     along = 2 if axial else 0
     others = [i for i in range(4) if i != along]
-    assert scene.stress[:, along] == pytest.approx(flow, rel=1e-5)
-    assert np.abs(scene.stress[:, others]).max() < 1e-6 * flow
+    assert setup.stress[:, along] == pytest.approx(flow, rel=1e-5)
+    assert np.abs(setup.stress[:, others]).max() < 1e-6 * flow
     elastic_part = flow / 20e9
     volume = np.exp(elastic_part * (1 - 2 * NU))
     thin = np.sqrt(volume / np.exp(end))
@@ -110,24 +110,24 @@ def test_tension_at_constant_true_strain_rate(axial: bool) -> None:
         assert result.balance is not None
         area = 0.01 * 0.02 * thin**2
         assert result.balance.axial[0] == pytest.approx(flow * area, rel=1e-4)
-        tip = scene.displacement(lambda x, y: np.isclose(x, 0.01) & np.isclose(y, 0.02))[0]
+        tip = setup.displacement(lambda x, y: np.isclose(x, 0.01) & np.isclose(y, 0.02))[0]
         assert tip == pytest.approx([0.01 * (thin - 1), 0.02 * (thin - 1)], rel=1e-4)
     else:
-        assert 1 + scene.state.modes[0] == pytest.approx(thin, rel=1e-4)
+        assert 1 + setup.state.modes[0] == pytest.approx(thin, rel=1e-4)
 
 
 def test_elastic_tension_gives_hookes_law_of_true_strain() -> None:
     """Sigma = E ln(stretch), to second order in the step."""
     errors = []
     for steps in (4, 8):
-        scene = SliceScene(
+        setup = SliceSetup(
             mapped(1, 1, box(0.01, 0.01)),
             elastic(E, NU),
             given={"large_strain": True, "planes": PlainPlanes((), {"a0": lambda t: 0.5 * t})},
         )
         for i in range(steps):
-            scene.step((i + 1) / steps)
-        errors.append(abs(scene.stress[0, 2] / (E * np.log(1.5)) - 1))
+            setup.step((i + 1) / steps)
+        errors.append(abs(setup.stress[0, 2] / (E * np.log(1.5)) - 1))
     assert errors[-1] < 1e-3
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
@@ -136,7 +136,7 @@ def test_small_motion_is_that_of_small_strain() -> None:
     """Both formulations agree to first order in the strain."""
 
     def tube(large: bool, pressure: float) -> Array:
-        scene = SliceScene(
+        setup = SliceSetup(
             mapped(3, 3, ring(0.02, 0.03), "quadrilateral", 2, RING_GROUPS),
             elastic(E, NU),
             given={
@@ -144,8 +144,8 @@ def test_small_motion_is_that_of_small_strain() -> None:
                 "loads": (SurfacePressure(("inner",), lambda t: pressure * t),),
             },
         )
-        scene.step(1.0)
-        return scene.state.displacement / pressure
+        setup.step(1.0)
+        return setup.state.displacement / pressure
 
     differences = [
         np.abs(tube(True, p) - tube(False, p)).max() / np.abs(tube(False, p)).max()
@@ -158,7 +158,7 @@ def test_small_motion_is_that_of_small_strain() -> None:
 def test_tube_growing_under_pressure() -> None:
     """A crept thin tube at twice its radius: hoop stress p r / t of the tube as it is then."""
     pressure, law = 2e5, NortonCreep.constant(Elasticity.constant(20e9, NU), 1e-9, 1e6, 3.0)
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(1, 6, ring(0.0495, 0.0505), "quadrilateral", 2, RING_GROUPS),
         law,
         given={
@@ -171,14 +171,14 @@ def test_tube_growing_under_pressure() -> None:
     while radius < 0.075:
         dt = 1.0 if time == 0.0 else 0.02 * radius / speed
         time += dt
-        scene.step(time)
-        at = scene.displacement(lambda x, y: np.isclose(y, 0.0) & np.isclose(x, 0.0495))[0]
+        setup.step(time)
+        at = setup.displacement(lambda x, y: np.isclose(y, 0.0) & np.isclose(x, 0.0495))[0]
         speed = max((0.0495 + at[0] - radius) / dt, 1e-9)
         radius = 0.0495 + at[0]
-    outer = 0.0505 + scene.displacement(lambda x, y: np.isclose(y, 0) & np.isclose(x, 0.0505))[0][0]
+    outer = 0.0505 + setup.displacement(lambda x, y: np.isclose(y, 0) & np.isclose(x, 0.0505))[0][0]
     assert outer**2 - radius**2 == pytest.approx(0.0505**2 - 0.0495**2, rel=1e-3)
-    normal = scene.places / np.hypot(*scene.places.T)[:, None]
+    normal = setup.places / np.hypot(*setup.places.T)[:, None]
     c, s = normal.T
-    stress = scene.stress
+    stress = setup.stress
     hoop = stress[:, 0] * s * s + stress[:, 1] * c * c - np.sqrt(2) * stress[:, 3] * c * s
     assert hoop.mean() == pytest.approx(pressure * radius / (outer - radius), rel=2e-3)

@@ -15,8 +15,8 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.values.tables import Constant, Table
 from castfem.values.types import Array
-from mechanics.casting import STEEL, CastScene, billet_mesh
-from mechanics.scenes import RING_GROUPS, SliceScene, box, expansion, mapped, ring
+from mechanics.casting import STEEL, CastSetup, billet_mesh
+from mechanics.setups import RING_GROUPS, SliceSetup, box, expansion, mapped, ring
 
 SOLIDUS, LIQUIDUS, HOT, COLD = 1700.0, 1750.0, 1760.0, 1600.0
 YOUNG = 10e9
@@ -41,35 +41,35 @@ def pressed(head: float) -> Ferrostatic:
 def test_fully_liquid_slice() -> None:
     """Nothing but soft liquid: it yields to its pressure as Hooke says with nu = 0."""
     ratio, head = 1e-4, 1e3
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(3, 3, box(0.1, 0.1)), soft(ratio), expansion(1e-5),
         given={"ferrostatic": pressed(head)}, start=HOT,
     )  # fmt: skip
-    scene.step(1.0)
-    corner = scene.displacement(lambda x, y: (x > 0.0999) & (y > 0.0999))[0]
+    setup.step(1.0)
+    corner = setup.displacement(lambda x, y: (x > 0.0999) & (y > 0.0999))[0]
     assert corner == pytest.approx([0.1 * head / (ratio * YOUNG)] * 2, rel=1e-9)
-    assert scene.state.modes[0] == pytest.approx(0.0, abs=1e-12)
+    assert setup.state.modes[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_liquid_does_not_contract() -> None:
     """Superheat goes without strain or stress when the law of the steel says so."""
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(3, 3, box(0.1, 0.1)), soft(1e-5), STEEL.thermal_strain, start=STEEL.liquidus + 60
     )
-    scene.step(1.0, lambda x, y: STEEL.liquidus + 1 + 100 * x)
-    assert not scene.state.displacement.any()
-    assert not scene.state.stress.any()
+    setup.step(1.0, lambda x, y: STEEL.liquidus + 1 + 100 * x)
+    assert not setup.state.displacement.any()
+    assert not setup.state.stress.any()
 
 
 def test_fully_solid_slice() -> None:
-    """No liquid, no pressure: the same as without a ferrostatic scene."""
+    """No liquid, no pressure: the same as without a ferrostatic setup."""
     given = {"ferrostatic": pressed(1e6)}
     with_, without = (
-        SliceScene(mapped(3, 3, box(0.1, 0.1)), soft(1e-5), expansion(1e-5), given=g, start=COLD)
+        SliceSetup(mapped(3, 3, box(0.1, 0.1)), soft(1e-5), expansion(1e-5), given=g, start=COLD)
         for g in (given, {})
     )
-    for scene in (with_, without):
-        scene.step(1.0, lambda x, y: COLD - 1e4 * x * y)
+    for setup in (with_, without):
+        setup.step(1.0, lambda x, y: COLD - 1e4 * x * y)
     assert with_.state.displacement == pytest.approx(without.state.displacement, abs=1e-15)
     assert not with_.state.pressure.any()
 
@@ -85,15 +85,15 @@ def test_shell_under_pressure_with_a_core_of_liquid(cell: str) -> None:
     found = {}
     for ratio in (1e-4, 1e-5, 1e-6):
         mesh = mapped(30, 12, ring(0.02, outer), cell, 2, RING_GROUPS)
-        scene = SliceScene(
+        setup = SliceSetup(
             mesh, soft(ratio), start=heat,
             given={
                 "ferrostatic": pressed(head), "planes": PlainPlanes(()),
                 "held": tuple(PrescribedDisplacement(("inner",), i) for i in range(2)),
             },
         )  # fmt: skip
-        result = scene.step(1.0)
-        tip = scene.displacement(lambda x, y: (x > outer - 1e-9) & (np.abs(y) < 1e-9))[0]
+        result = setup.step(1.0)
+        tip = setup.displacement(lambda x, y: (x > outer - 1e-9) & (np.abs(y) < 1e-9))[0]
         found[ratio] = tip[0]
         assert result.newton <= 3
     # The cell before the frozen vertices is solid but for its first third.
@@ -106,22 +106,22 @@ def test_shell_under_pressure_with_a_core_of_liquid(cell: str) -> None:
 
 def test_one_cell_of_shell() -> None:
     """The first instants: one row of cells is frozen, in part; the rest is liquid 1e-6 as stiff."""
-    scene = CastScene(billet_mesh(surface_size=2e-3), ratio=1e-6, ferrostatic=None)
-    scene.march(1.5, 0.1)
-    frozen = scene.thermal.state.point.temperature < STEEL.solidus
-    depth = 0.0625 - scene.vertices[frozen].max(axis=1)
+    setup = CastSetup(billet_mesh(surface_size=2e-3), ratio=1e-6, ferrostatic=None)
+    setup.advance(1.5, 0.1)
+    frozen = setup.thermal.state.point.temperature < STEEL.solidus
+    depth = 0.0625 - setup.vertices[frozen].max(axis=1)
     assert 0.0 <= depth.max() < 2.1e-3
-    assert 0.0 < scene.results[-1].flowing < 0.2
-    assert np.abs(scene.moved).max() < 1e-3
+    assert 0.0 < setup.results[-1].flowing < 0.2
+    assert np.abs(setup.moved).max() < 1e-3
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 1e-6])
 def test_iterations_do_not_depend_on_the_softness(ratio: float) -> None:
-    scene = CastScene(billet_mesh(), ratio=ratio, ferrostatic=None).march(2.0, 0.1)
-    assert np.mean([r.newton for r in scene.results]) < 8
+    setup = CastSetup(billet_mesh(), ratio=ratio, ferrostatic=None).advance(2.0, 0.1)
+    assert np.mean([r.newton for r in setup.results]) < 8
     # The shell shrinks and its corner is colder, so that it is pulled in most.
-    corner = np.argmax(scene.vertices.sum(axis=1))
-    assert (scene.moved[corner] < 0).all()
+    corner = np.argmax(setup.vertices.sum(axis=1))
+    assert (setup.moved[corner] < 0).all()
 
 
 def cliff(low: float, high: float, at: float, width: float) -> Table:
@@ -155,19 +155,19 @@ HARSH = {
 @pytest.mark.parametrize("name", list(HARSH))
 def test_harsh_materials(name: str, step: float) -> None:
     """A freezing quarter in steps of 0.05 s and of 5 s: it ends right, or says why."""
-    scene = CastScene(billet_mesh(), law=HARSH[name], cooling=8000.0, ferrostatic=None)
-    marched = 0
-    while marched < (10 if step < 1.0 else 2):
-        time = scene.state.time + step
-        scene.thermal.march(time, time)
-        before = scene.state
-        result = scene.stepper.step(before, time, scene.thermal.state.point.temperature)
+    setup = CastSetup(billet_mesh(), law=HARSH[name], cooling=8000.0, ferrostatic=None)
+    steps = 0
+    while steps < (10 if step < 1.0 else 2):
+        time = setup.state.time + step
+        setup.thermal.advance(time, time)
+        before = setup.state
+        result = setup.stepper.step(before, time, setup.thermal.state.point.temperature)
         if not result.converged:
             assert "DIVERGED" in result.reason and "forces" in result.reason
             assert result.state is before
             break
-        scene.state = result.state
-        assert np.isfinite(scene.state.stress).all()
+        setup.state = result.state
+        assert np.isfinite(setup.state.stress).all()
         assert result.balance is not None and result.balance.forces_error < 1e-7
-        marched += 1
-    assert marched, f"not even the first step: {result.reason}"
+        steps += 1
+    assert steps, f"not even the first step: {result.reason}"

@@ -11,15 +11,15 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.quadrature import Integration
 from castfem.mechanics.supports import SurfacePressure
 from castfem.values.types import Array
-from mechanics.scenes import RING_GROUPS, SliceScene, elastic, mapped, ring
+from mechanics.setups import RING_GROUPS, SliceSetup, elastic, mapped, ring
 
 INNER, OUTER, PRESSURE, E, NU = 0.02, 0.04, 1e7, 200e9, 0.499999
 ONE_RULE = Integration(4, 4, linear=False)
 
 
-def tube(cells: int, cell: str, rules: Integration | None, law: object = None) -> SliceScene:
+def tube(cells: int, cell: str, rules: Integration | None, law: object = None) -> SliceSetup:
     """A quarter of a thick tube under inner pressure, in plane strain."""
-    return SliceScene(
+    return SliceSetup(
         mapped(cells, cells, ring(INNER, OUTER), cell, 2, RING_GROUPS),
         law or elastic(E, NU),
         given={
@@ -30,20 +30,20 @@ def tube(cells: int, cell: str, rules: Integration | None, law: object = None) -
     )
 
 
-def bore(scene: SliceScene, nodal: Array) -> float:
+def bore(setup: SliceSetup, nodal: Array) -> float:
     """Radial part of a nodal field at the bore."""
-    places = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+    places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     at = int(np.argmin(np.abs(places - [INNER, 0.0]).sum(axis=1)))
     return float(nodal.reshape(-1, 2)[at, 0])
 
 
-def lame_errors(scene: SliceScene) -> tuple[float, float]:
+def lame_errors(setup: SliceSetup) -> tuple[float, float]:
     """Error of the bore's displacement, and of the mean stress (rms over the pressure)."""
-    scene.step(1.0)
+    setup.step(1.0)
     share = PRESSURE * INNER**2 / (OUTER**2 - INNER**2)
     exact = share * (1 + NU) / E * ((1 - 2 * NU) * INNER + OUTER**2 / INNER)
-    mean = scene.stress[:, :3].mean(axis=1) - 2 * (1 + NU) / 3 * share
-    moved = bore(scene, scene.state.displacement) / exact - 1
+    mean = setup.stress[:, :3].mean(axis=1) - 2 * (1 + NU) / 3 * share
+    moved = bore(setup, setup.state.displacement) / exact - 1
     return abs(moved), float(np.sqrt(np.mean(mean**2))) / PRESSURE
 
 
@@ -64,10 +64,10 @@ def test_creep_of_a_tube() -> None:
     speeds = []
     for rules in (None, ONE_RULE):
         law = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-9, 1e6, 5.0)
-        scene, time = tube(4, "quadrilateral", rules, law), 0.0
+        setup, time = tube(4, "quadrilateral", rules, law), 0.0
         for dt in 2.0 ** np.arange(20):
             time += dt
-            scene.step(time)
-        speeds.append(bore(scene, scene.state.rate) / 1.037924e-5)
+            setup.step(time)
+        speeds.append(bore(setup, setup.state.rate) / 1.037924e-5)
     assert speeds[0] == pytest.approx(1.0, abs=5e-4)
     assert speeds[1] < 0.1

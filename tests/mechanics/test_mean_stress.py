@@ -17,7 +17,7 @@ from benchmarks.mean_stress import (
     punch,
     punch_error,
 )
-from mechanics.scenes import SliceScene, box, elastic, mapped, skewed
+from mechanics.setups import SliceSetup, box, elastic, mapped, skewed
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_mean_stress_of_colliding_flows(cell: str, last: float) -> None:
 def test_linear_part_of_a_cell() -> None:
     """The projection keeps what is linear in x and y on any cell, and is its own adjoint."""
     for order in (1, 2):
-        points = SliceScene(mapped(3, 3, skewed(0.1, 0.07), order=order), elastic()).problem.points
+        points = SliceSetup(mapped(3, 3, skewed(0.1, 0.07), order=order), elastic()).problem.points
         x, y = points.mean.position.T
         straight = 3.0 - 20.0 * x + 7.0 * y
         assert np.abs(points.linear(straight) - straight).max() < 1e-13
@@ -91,7 +91,7 @@ def test_linear_part_of_thin_and_turned_cells(thin: float) -> None:
     def shape(s: Any, t: Any) -> Any:
         return 0.8 * s - 0.6 * t / thin, 0.6 * s + 0.8 * t / thin
 
-    points = SliceScene(mapped(2, 2, shape, groups=SIDES), elastic()).problem.points
+    points = SliceSetup(mapped(2, 2, shape, groups=SIDES), elastic()).problem.points
     x, y = points.mean.position.T
     straight = 3.0 - 20.0 * x + 7.0 * y
     assert np.abs(points.linear(straight) - straight).max() < 1e-11

@@ -16,12 +16,12 @@ from castfem.contact.settings import Contact
 from castfem.mechanics.quadrature import Cellwise
 from castfem.mechanics.supports import SPRING
 from castfem.mould import Mould, RectangleCavity, Taper, same
-from mechanics.casting import CastScene, billet_mesh
-from mechanics.scenes import SliceScene, box, mapped
+from mechanics.casting import CastSetup, billet_mesh
+from mechanics.setups import SliceSetup, box, mapped
 
 HERE = Path(__file__).parents[1]
 # Symmetry, cells, large strain, and whether a mould holds the strand, springs beside it.
-SCENES = [
+SETUPS = [
     ("quarter", "quadrilateral", False, False),
     ("whole", "triangle", False, False),
     ("quarter", "quadrilateral", True, False),
@@ -29,7 +29,7 @@ SCENES = [
 ]
 
 
-def marched(comm: MPI.Comm, symmetry: str, cell: str, large: bool, mould: bool) -> CastScene:
+def cooled(comm: MPI.Comm, symmetry: str, cell: str, large: bool, mould: bool) -> CastSetup:
     mesh = billet_mesh(symmetry, cell=cell, surface_size=4e-3, core_size=1.5e-2)
     given: dict[str, Any] = {"large_strain": large}
     if mould:
@@ -37,13 +37,13 @@ def marched(comm: MPI.Comm, symmetry: str, cell: str, large: bool, mould: bool) 
         wall = Mould(cavity, 0.6, same(Taper.single(0.01, 0.6)), None, None)
         sides = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
         given |= {"contact": Contact(wall, sides, lambda time: 0.06 * time), "springs": SPRING}
-    return CastScene(mesh, comm, **given).march(2.0, 0.5)
+    return CastSetup(mesh, comm, **given).advance(2.0, 0.5)
 
 
-def gathered(scene: CastScene) -> list[np.ndarray] | None:
+def gathered(setup: CastSetup) -> list[np.ndarray] | None:
     """Displacement and stress of all vertices on rank 0."""
-    section = scene.thermal.section
-    columns = np.column_stack([scene.moved, scene.stress]).T
+    section = setup.thermal.section
+    columns = np.column_stack([setup.moved, setup.stress]).T
     found = [section.gather(np.ascontiguousarray(c)) for c in columns]
     return None if found[0] is None else found  # type: ignore[return-value]
 
@@ -55,10 +55,10 @@ def differ(one: list[np.ndarray], many: list[np.ndarray]) -> float:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize(("symmetry", "cell", "large", "mould"), SCENES)
+@pytest.mark.parametrize(("symmetry", "cell", "large", "mould"), SETUPS)
 def test_many_ranks_give_what_one_gives(symmetry: str, cell: str, large: bool, mould: bool) -> None:
-    alone = marched(MPI.COMM_SELF, symmetry, cell, large, mould)
-    together = marched(MPI.COMM_WORLD, symmetry, cell, large, mould)
+    alone = cooled(MPI.COMM_SELF, symmetry, cell, large, mould)
+    together = cooled(MPI.COMM_WORLD, symmetry, cell, large, mould)
     one, many = gathered(alone), gathered(together)
     if MPI.COMM_WORLD.rank == 0:
         assert one is not None and many is not None
@@ -79,11 +79,11 @@ def test_many_ranks_give_what_one_gives(symmetry: str, cell: str, large: bool, m
 @pytest.mark.mpi
 def test_fewer_cells_than_ranks() -> None:
     """A rank without cells takes part in everything."""
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(1, 1, box(0.01, 0.01)), comm=MPI.COMM_WORLD, thermal=lambda T: 1e-5 * T
     )
-    scene.step(1.0, 100.0)
-    assert scene.state.modes[0] == pytest.approx(1e-3, rel=1e-10)
+    setup.step(1.0, 100.0)
+    assert setup.state.modes[0] == pytest.approx(1e-3, rel=1e-10)
 
 
 @pytest.mark.mpi
@@ -91,11 +91,11 @@ def test_cellwise_values_do_not_depend_on_the_ranks() -> None:
     """Stress gathered on rank 0 is by input cell; scattering brings it back."""
     fields = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        scene = SliceScene(mapped(5, 4, box(0.1, 0.1)), comm=comm, thermal=lambda T: 1e-5 * T)
-        scene.step(1.0, lambda x, y: 1e4 * x**2 + 500 * y)
-        cellwise = Cellwise(scene.section)
+        setup = SliceSetup(mapped(5, 4, box(0.1, 0.1)), comm=comm, thermal=lambda T: 1e-5 * T)
+        setup.step(1.0, lambda x, y: 1e4 * x**2 + 500 * y)
+        cellwise = Cellwise(setup.section)
         cells = len(cellwise.cells)
-        mine = scene.stress.reshape(cells, -1)
+        mine = setup.stress.reshape(cells, -1)
         whole = cellwise.gather(mine)
         assert np.array_equal(cellwise.scatter(whole), mine)
         fields.append(whole)
@@ -107,10 +107,10 @@ SCRIPT = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
 from mpi4py import MPI
-from mechanics.test_parallel import SCENES, gathered, marched
+from mechanics.test_parallel import SETUPS, gathered, cooled
 found = []
-for scene in SCENES:
-    fields = gathered(marched(MPI.COMM_WORLD, *scene))
+for setup in SETUPS:
+    fields = gathered(cooled(MPI.COMM_WORLD, *setup))
     if MPI.COMM_WORLD.rank == 0:
         found.append([f.tolist() for f in fields])
 if MPI.COMM_WORLD.rank == 0:
@@ -123,7 +123,7 @@ def test_three_ranks_give_what_one_gives() -> None:
     done = python_on(3, "-c", SCRIPT, str(HERE), timeout=600.0)
     assert done.returncode == 0, done.stderr
     line = next(x for x in done.stdout.splitlines() if x.startswith("RESULT"))
-    for scene, three in zip(SCENES, json.loads(line.removeprefix("RESULT")), strict=True):
-        one = gathered(marched(MPI.COMM_SELF, *scene))
+    for setup, three in zip(SETUPS, json.loads(line.removeprefix("RESULT")), strict=True):
+        one = gathered(cooled(MPI.COMM_SELF, *setup))
         assert one is not None
         assert differ(one, [np.array(f) for f in three]) < 1e-8

@@ -8,7 +8,7 @@ import pytest
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.values.types import Array
-from mechanics.scenes import SliceScene, box, elastic, expansion, mapped, skewed
+from mechanics.setups import SliceSetup, box, elastic, expansion, mapped, skewed
 
 FREE = ("left", "bottom", "right", "top")
 E, NU = 200e9, 0.3
@@ -31,23 +31,23 @@ def test_linear_displacement_gives_constant_stress(cell: str, order: int) -> Non
     )
     planes = PlainPlanes((), {"a0": lambda t: 5e-4 * t})
     mesh = mapped(3, 3, skewed(0.1, 0.07), cell, order, FREE)
-    scene = SliceScene(mesh, given={"held": held, "planes": planes, "pin": False})
-    scene.step(1.0)
+    setup = SliceSetup(mesh, given={"held": held, "planes": planes, "pin": False})
+    setup.step(1.0)
     strain = np.array([1e-3, -2e-3, 5e-4, 3e-4 / np.sqrt(2)])
-    assert np.abs(scene.stress / (stiffness() @ strain) - 1).max() < 1e-11
+    assert np.abs(setup.stress / (stiffness() @ strain) - 1).max() < 1e-11
 
 
 @pytest.mark.parametrize(("cell", "order"), SHAPES)
 def test_free_expansion_makes_no_stress(cell: str, order: int) -> None:
     """Uniform heating, all motions of the planes free, held as a rigid body alone."""
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(3, 2, skewed(0.1, 0.07), cell, order, FREE),
         thermal=expansion(1e-5),
         given={"planes": PlainPlanes(("a0", "a1", "a2"))},
     )
-    scene.step(1.0, 500.0)
-    assert scene.state.modes == pytest.approx([5e-3, 0.0, 0.0, 0.0], abs=1e-13)
-    assert np.abs(scene.state.stress).max() < 1e-10 * E * 5e-3
+    setup.step(1.0, 500.0)
+    assert setup.state.modes == pytest.approx([5e-3, 0.0, 0.0, 0.0], abs=1e-13)
+    assert np.abs(setup.state.stress).max() < 1e-10 * E * 5e-3
 
 
 @pytest.mark.parametrize("imposed", [True, False])
@@ -73,18 +73,18 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
 
     # Second-order displacement contains all quadratics on straight-sided cells only.
     mesh = mapped(2, 4, centred if order == 1 else straight, cell, order, FREE)
-    scene = SliceScene(mesh, elastic(E, NU), given={"planes": planes})
-    result = scene.step(1.0)
-    y = scene.places[:, 1]
-    assert scene.state.modes == pytest.approx([e0, 0.0, k, 0.0], abs=1e-13)
+    setup = SliceSetup(mesh, elastic(E, NU), given={"planes": planes})
+    result = setup.step(1.0)
+    y = setup.places[:, 1]
+    assert setup.state.modes == pytest.approx([e0, 0.0, k, 0.0], abs=1e-13)
     largest = E * (e0 + k * height / 2)
-    assert np.abs(scene.stress[:, 2] - E * (e0 + k * y)).max() < 1e-10 * largest
-    assert np.abs(scene.stress[:, [0, 1, 3]]).max() < 1e-10 * largest
+    assert np.abs(setup.stress[:, 2] - E * (e0 + k * y)).max() < 1e-10 * largest
+    assert np.abs(setup.stress[:, [0, 1, 3]]).max() < 1e-10 * largest
     assert result.balance is not None
     assert result.balance.axial[2] == pytest.approx(E * inertia * k, rel=1e-10)
     # Displacement, but for the rigid motion that the pins choose.
-    places = scene.problem.space.tabulate_dof_coordinates()[:, :2]
-    u = scene.state.displacement.reshape(-1, 2)
+    places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
+    u = setup.state.displacement.reshape(-1, 2)
     x, y = places.T
     exact = -NU * np.column_stack([e0 * x + k * x * y, e0 * y + 0.5 * k * (y**2 - x**2)])
     on_sides = np.isclose(np.abs(x), width / 2) | np.isclose(np.abs(y), height / 2)
@@ -99,13 +99,13 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_one_cell(cell: str) -> None:
     """A single cell (two triangles) of a quarter, pulled along the strand."""
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(1, 1, box(0.01, 0.01), cell), given={"planes": PlainPlanes(force=lambda t: 1e3)}
     )
-    scene.step(1.0)
-    assert scene.stress[:, 2] == pytest.approx(1e7, rel=1e-11)
-    assert np.abs(scene.stress[:, [0, 1, 3]]).max() < 1e-4
-    assert scene.state.modes[0] == pytest.approx(1e7 / E, rel=1e-11)
+    setup.step(1.0)
+    assert setup.stress[:, 2] == pytest.approx(1e7, rel=1e-11)
+    assert np.abs(setup.stress[:, [0, 1, 3]]).max() < 1e-4
+    assert setup.state.modes[0] == pytest.approx(1e7 / E, rel=1e-11)
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
@@ -113,8 +113,8 @@ def test_aspect_ratio_of_fifty(cell: str) -> None:
     """Thin cells change neither exactness nor the number of iterations."""
     planes = PlainPlanes(("a0", "a1", "a2"), moment_y=lambda t: 10.0)
     mesh = mapped(2, 20, box(0.1, 0.02, -0.05, -0.01), cell, 1, FREE)
-    scene = SliceScene(mesh, given={"planes": planes})
-    result = scene.step(1.0)
+    setup = SliceSetup(mesh, given={"planes": planes})
+    result = setup.step(1.0)
     inertia = 0.1 * 0.02**3 / 12
-    assert np.abs(scene.stress[:, 2] * inertia / (10.0 * scene.places[:, 1]) - 1).max() < 1e-8
+    assert np.abs(setup.stress[:, 2] * inertia / (10.0 * setup.places[:, 1]) - 1).max() < 1e-8
     assert result.newton <= 2

@@ -8,7 +8,7 @@ import pytest
 from castfem.errors import InputError
 from castfem.mechanics.planes import BentPlanes, PlainPlanes, allowed_modes, check_modes
 from castfem.mechanics.supports import PrescribedDisplacement
-from mechanics.scenes import SliceScene, box, elastic, mapped
+from mechanics.setups import SliceSetup, box, elastic, mapped
 
 FREE = ("left", "bottom", "right", "top")
 E = 200e9
@@ -59,10 +59,10 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     half, radius = 0.05, 10.0
     mesh = mapped(1, 4, box(0.1, 2 * half, 0.0, -half), groups=("symmetry_x", *FREE[1:]))
     planes = BentPlanes(lambda t: min(t, 1.0) / radius, half, test_direction="axial")
-    scene = SliceScene(mesh, elastic(E), given={"planes": planes})
+    setup = SliceSetup(mesh, elastic(E), given={"planes": planes})
     for time in (0.25, 0.5, 1.0):
-        result = scene.step(time)
-    a0, a2 = scene.state.modes[[0, 2]]
+        result = setup.step(time)
+    a0, a2 = setup.state.modes[[0, 2]]
     assert a0 == pytest.approx(0.0, abs=1e-12)
     assert a2 == pytest.approx(-1 / (radius - half), rel=1e-11)
     assert result.balance is not None
@@ -72,7 +72,7 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     )
     # With a pull F the axis moves by F / (E A) / a2 away from the middle.
     planes = BentPlanes(lambda t: t / radius, half, force=lambda t: 1e6 * t, test_direction="axial")
-    pulled = SliceScene(mesh, elastic(E), given={"planes": planes})
+    pulled = SliceSetup(mesh, elastic(E), given={"planes": planes})
     balance = pulled.step(1.0).balance
     assert balance is not None
     assert balance.axial[0] == pytest.approx(1e6, rel=1e-9)
@@ -84,13 +84,13 @@ def test_what_a_strain_across_moves() -> None:
     found = []
     for imposed, ends in (({"across": lambda t: 1e-3 * t}, 0.0), ({}, 1e-3)):
         side = PrescribedDisplacement(("top",), 1, lambda p, t, ends=ends: ends * t * p[:, 1])
-        scene = SliceScene(
+        setup = SliceSetup(
             mapped(2, 2, box(0.1, 0.1)),
             elastic(E),
             given={"planes": PlainPlanes(("a0",), imposed), "held": (side,)},
         )
-        scene.step(1.0)
-        found.append(scene.problem.points.moved(scene.state.displacement, scene.state.modes))
+        setup.step(1.0)
+        found.append(setup.problem.points.moved(setup.state.displacement, setup.state.modes))
     assert np.ptp(found[0][:, 1]) == pytest.approx(1e-4)
     assert np.allclose(*found, rtol=1e-9, atol=1e-14)
 
@@ -105,16 +105,16 @@ def test_symmetry_leaves_what_it_must() -> None:
         check_modes(("a0", "a2"), quarter)
 
 
-def test_a_scene_carries_only_the_planes_it_asked_for() -> None:
+def test_a_setup_carries_only_the_planes_it_asked_for() -> None:
     mesh = mapped(2, 2, box(0.1, 0.1))
-    fixed = SliceScene(mesh, given={"planes": PlainPlanes(())})
+    fixed = SliceSetup(mesh, given={"planes": PlainPlanes(())})
     assert fixed.problem.bordered.scalars == 0
     assert not [f for f in fixed.section.compiled if "column" in f or "corner" in f]
     assert fixed.problem.solver.x.getSize() == fixed.problem.owned
-    free = SliceScene(mesh)
+    free = SliceSetup(mesh)
     assert free.problem.solver.x.getSize() == free.problem.owned + 1
     with pytest.raises(InputError, match="symmetry of this section"):
-        SliceScene(mesh, given={"planes": PlainPlanes(("a0", "a1"))})
+        SliceSetup(mesh, given={"planes": PlainPlanes(("a0", "a1"))})
 
 
 def test_names_of_generalized_strains_are_checked() -> None:

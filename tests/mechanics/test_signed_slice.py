@@ -9,7 +9,7 @@ from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.hardening_laws import NortonHoff, UnifiedSteel
 from castfem.values.tables import Constant
 from castfem.values.types import Array
-from mechanics.scenes import SliceScene, box, expansion, mapped
+from mechanics.setups import SliceSetup, box, expansion, mapped
 
 HOT = 1350.0
 STIFF = Elasticity.constant(15e9, 0.3)
@@ -22,9 +22,9 @@ def law(name: str, hardening: str) -> UnifiedSteel | NortonHoff:
     return NortonHoff(STIFF, *CURVE, hardening=hardening)  # type: ignore[arg-type]
 
 
-def swung(name: str, hardening: str) -> SliceScene:
+def swung(name: str, hardening: str) -> SliceSetup:
     """Two swings of an uneven temperature whose pattern turns, so that flow does, too."""
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(4, 4, box(0.1, 0.1)), law(name, hardening), expansion(2e-5), start=HOT
     )
     for step in range(1, 25):
@@ -34,16 +34,16 @@ def swung(name: str, hardening: str) -> SliceScene:
             along, aside = np.sin(turn), np.sin(1.5 * turn)
             return np.asarray(HOT - 80.0 * along * (x / 0.1) ** 2 - 80.0 * aside * (y / 0.1) ** 2)
 
-        scene.step(float(step), uneven)
-    return scene
+        setup.step(float(step), uneven)
+    return setup
 
 
 @pytest.mark.parametrize("name", ["steel", "hoff"])
 def test_newton_needs_no_more_through_reversals(name: str) -> None:
     plain, signed = swung(name, "accumulated"), swung(name, "signed")
-    for scene, kind in ((plain, "cholesky"), (signed, "lu")):
-        assert scene.problem.bordered.ksp.getPC().getType() == kind
-    counts = [np.array([r.newton for r in scene.results]) for scene in (plain, signed)]
+    for setup, kind in ((plain, "cholesky"), (signed, "lu")):
+        assert setup.problem.bordered.ksp.getPC().getType() == kind
+    counts = [np.array([r.newton for r in setup.results]) for setup in (plain, signed)]
     assert counts[1].max() <= 8
     assert counts[1].sum() <= 1.3 * counts[0].sum()
     flowed = [s.problem.slice.law.strain(s.state.internal[: s.problem.points.deviator_points])

@@ -16,7 +16,7 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.values.tables import Constant
 from castfem.values.types import Array
-from mechanics.scenes import RING_GROUPS, SliceScene, box, elastic, mapped, ring, skewed
+from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, mapped, ring, skewed
 
 FREE = ("left", "bottom", "right", "top")
 CELLS = ["quadrilateral", "triangle"]
@@ -28,20 +28,20 @@ def test_relaxation_of_a_held_slice() -> None:
     law = NortonCreep.constant(Elasticity.constant(YOUNG, 0.3), 1e-9, 1e6, 5.0)
     strain = 15e6 / YOUNG
     mesh = mapped(2, 2, skewed(0.02, 0.01))
-    scene = SliceScene(
+    setup = SliceSetup(
         mesh, law, given={"planes": PlainPlanes((), {"a0": lambda t: strain if t > 0 else 0.0})}
     )
     times = np.concatenate([[1e-9], np.geomspace(1e-3, 1e3, 481)])
-    volume = scene.problem.points.deviator.volume
+    volume = setup.problem.points.deviator.volume
     found, heat = [], 0.0
     for time in times:
-        heat += float(scene.step(float(time)).dissipation @ volume)
-        found.append(scene.stress[:, 2].mean())
+        heat += float(setup.step(float(time)).dissipation @ volume)
+        found.append(setup.stress[:, 2].mean())
     exact = norton_relaxation(times, 15e6, YOUNG, 1e-9 / 1e6**5, 5.0)
     assert found == pytest.approx(exact, rel=6e-3)  # first order in the step
     goals = [10.006182e6, 5.909888e6, 3.341641e6, 1.880185e6]
     assert np.interp([1, 10, 100, 1000], times, found) == pytest.approx(goals, rel=6e-3)
-    assert np.abs(scene.stress[:, [0, 1, 3]]).max() < 1e-3
+    assert np.abs(setup.stress[:, [0, 1, 3]]).max() < 1e-3
     lost = (15e6**2 - found[-1] ** 2) / (2 * YOUNG) * volume.sum()
     assert heat == pytest.approx(lost, rel=0.01)
 
@@ -52,7 +52,7 @@ def test_energy_of_a_slice_that_is_pressed(cell: str) -> None:
     stiff = Elasticity.constant(YOUNG, 0.3)
     gaps = []
     for steps in (10, 20, 40):
-        scene = SliceScene(
+        setup = SliceSetup(
             mapped(4, 4, box(0.02, 0.02), cell, groups=FREE),
             NortonCreep.constant(stiff, 1e-4, 2e7, 4.0),
             given={
@@ -67,17 +67,17 @@ def test_energy_of_a_slice_that_is_pressed(cell: str) -> None:
         )  # fmt: skip
         work = heat = 0.0
         force = 0.0
-        volume = scene.problem.points.deviator.volume
-        y = scene.problem.space.tabulate_dof_coordinates()[:, 1]
+        volume = setup.problem.points.deviator.volume
+        y = setup.problem.space.tabulate_dof_coordinates()[:, 1]
         top = 2 * np.flatnonzero(np.isclose(y, 0.02)) + 1
         for i in range(steps):
-            heat += float(scene.step((i + 1) / steps).dissipation @ volume)
-            assert scene.problem.residual_state is not None
-            now = float(scene.problem.residual_state.forces[top].sum())
+            heat += float(setup.step((i + 1) / steps).dissipation @ volume)
+            assert setup.problem.residual_state is not None
+            now = float(setup.problem.residual_state.forces[top].sum())
             work += 0.5 * (force + now) * -1e-4 / steps
             force = now
-        points = scene.problem.points
-        s = scene.state.stress
+        points = setup.problem.points
+        s = setup.state.stress
         mean = s[:, :3].mean(axis=1)
         deviator = s - mean[:, None] * np.array([1.0, 1.0, 1.0, 0.0])
         deviator_points = points.deviator_points
@@ -96,7 +96,7 @@ def test_nearly_incompressible_tube_does_not_lock(cell: str) -> None:
     a, b, pressure = 0.02, 0.04, 1e7
     errors = {}
     for poisson in (0.3, 0.49, 0.4999):
-        scene = SliceScene(
+        setup = SliceSetup(
             mapped(3, 4, ring(a, b), cell, 2, RING_GROUPS),
             elastic(YOUNG, poisson),
             given={
@@ -104,13 +104,13 @@ def test_nearly_incompressible_tube_does_not_lock(cell: str) -> None:
                 "loads": (SurfacePressure(("inner",), lambda t: pressure),),
             },
         )
-        scene.step(1.0)
+        setup.step(1.0)
         level = pressure * a**2 / (b**2 - a**2)
         exact = (1 + poisson) / YOUNG * level * ((1 - 2 * poisson) * a + b**2 / a)
-        found = scene.displacement(lambda x, y: np.isclose(x, a) & np.isclose(y, 0.0))[0, 0]
+        found = setup.displacement(lambda x, y: np.isclose(x, a) & np.isclose(y, 0.0))[0, 0]
         errors[poisson] = abs(found / exact - 1)
         # Neither does the pressure inside oscillate from point to point.
-        mean = scene.stress[:, :3].mean(axis=1)
+        mean = setup.stress[:, :3].mean(axis=1)
         assert mean == pytest.approx(2 * (1 + poisson) / 3 * level, rel=0.2)
     assert errors[0.4999] < 3 * errors[0.3] + 2e-3
 
@@ -141,7 +141,7 @@ def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
         return np.diag([np.exp(2e-2 * t), np.exp(-1e-2 * t)])
 
     def end(angle: float, steps: int) -> tuple[Array, Array]:
-        scene = SliceScene(
+        setup = SliceSetup(
             mapped(2, 2, box(0.1, 0.07), groups=FREE), law, extrapolate=False,
             given={
                 "held": held_by(lambda t: turn(angle * t) @ stretched(t)),
@@ -149,8 +149,8 @@ def test_a_block_that_turns_flows_as_one_at_rest(flows: str) -> None:
             },
         )  # fmt: skip
         for time in np.linspace(0.0, 1.0, steps + 1)[1:]:
-            scene.step(float(time))
-        return scene.stress, law.strain(scene.state.internal)
+            setup.step(float(time))
+        return setup.stress, law.strain(setup.state.internal)
 
     gaps = []
     for steps in (10, 20, 40):
@@ -173,27 +173,27 @@ def test_bending_about_the_other_axis(imposed: bool) -> None:
     else:
         planes = PlainPlanes(("a0", "a1", "a2"), moment_x=lambda t: YOUNG * inertia * k)
     mesh = mapped(4, 2, box(width, height, -width / 2, -height / 2), groups=FREE)
-    scene = SliceScene(mesh, elastic(YOUNG, 0.3), given={"planes": planes})
-    balance = scene.step(1.0).balance
-    assert scene.state.modes == pytest.approx([0.0, k, 0.0, 0.0], abs=1e-13)
+    setup = SliceSetup(mesh, elastic(YOUNG, 0.3), given={"planes": planes})
+    balance = setup.step(1.0).balance
+    assert setup.state.modes == pytest.approx([0.0, k, 0.0, 0.0], abs=1e-13)
     largest = YOUNG * k * width / 2
-    assert np.abs(scene.stress[:, 2] - YOUNG * k * scene.places[:, 0]).max() < 1e-10 * largest
-    assert np.abs(scene.stress[:, [0, 1, 3]]).max() < 1e-10 * largest
+    assert np.abs(setup.stress[:, 2] - YOUNG * k * setup.places[:, 0]).max() < 1e-10 * largest
+    assert np.abs(setup.stress[:, [0, 1, 3]]).max() < 1e-10 * largest
     assert balance is not None
     assert balance.axial == pytest.approx([0.0, YOUNG * inertia * k, 0.0], rel=1e-10, abs=1e-6)
 
 
 def test_elongation_imposed_over_time_and_fixed() -> None:
-    """A0 as a course: the axial force follows it; fixed, nothing moves and the force is E alpha."""
+    """A0 over time: the axial force follows it; fixed, nothing moves and the force is E alpha."""
     area, alpha = 1e-4, 1e-5
-    course = np.array([0.0, 1e-4, 3e-4, -2e-4])
-    planes = PlainPlanes((), {"a0": lambda t: float(np.interp(t, range(4), course))})
-    scene = SliceScene(mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), given={"planes": planes})
+    history = np.array([0.0, 1e-4, 3e-4, -2e-4])
+    planes = PlainPlanes((), {"a0": lambda t: float(np.interp(t, range(4), history))})
+    setup = SliceSetup(mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), given={"planes": planes})
     for time in (1.0, 2.0, 3.0):
-        balance = scene.step(time).balance
+        balance = setup.step(time).balance
         assert balance is not None
-        assert balance.axial[0] == pytest.approx(YOUNG * course[int(time)] * area, rel=1e-10)
-    fixed = SliceScene(
+        assert balance.axial[0] == pytest.approx(YOUNG * history[int(time)] * area, rel=1e-10)
+    fixed = SliceSetup(
         mapped(1, 1, box(0.01, 0.01)), elastic(YOUNG), lambda T: alpha * T,
         given={"planes": PlainPlanes(())},
     )  # fmt: skip
@@ -225,12 +225,12 @@ def test_each_option_arrives(name: str, free: bool) -> None:
     if name.startswith("ksp_"):
         options = {"ksp_type": "cg", "pc_type": "jacobi", name: value}
     planes = PlainPlanes(("a0",) if free else ())
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(2, 2, box(0.1, 0.1)), thermal=lambda T: 1e-5 * T, options=options,
         given={"planes": planes},
     )  # fmt: skip
-    scene.step(1.0, lambda x, y: 100 * x)
-    bordered, snes = scene.problem.bordered, scene.problem.solver.snes
+    setup.step(1.0, lambda x, y: 100 * x)
+    bordered, snes = setup.problem.bordered, setup.problem.solver.snes
     found = getter(snes, bordered.ksp)
     assert found == value
 
@@ -238,8 +238,8 @@ def test_each_option_arrives(name: str, free: bool) -> None:
 def test_direct_solver_of_mumps_by_default() -> None:
     """Cholesky for small strain, LU for large, no iterations of a Krylov method."""
     for large, kind in ((False, "cholesky"), (True, "lu")):
-        scene = SliceScene(mapped(2, 2, box(0.1, 0.1)), given={"large_strain": large})
-        scene.step(1.0)
-        ksp = scene.problem.bordered.ksp
+        setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)), given={"large_strain": large})
+        setup.step(1.0)
+        ksp = setup.problem.bordered.ksp
         assert (ksp.getType(), ksp.getPC().getType()) == ("preonly", kind)
         assert ksp.getPC().getFactorSolverType() == "mumps"

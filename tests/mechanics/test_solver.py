@@ -21,7 +21,7 @@ from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.mould.wall import PlaneWall
 from castfem.values.tables import Constant
 from castfem.values.types import Array
-from mechanics.scenes import RING_GROUPS, SliceScene, box, elastic, expansion, mapped, ring
+from mechanics.setups import RING_GROUPS, SliceSetup, box, elastic, expansion, mapped, ring
 
 CREEP = NortonCreep.constant(Elasticity.constant(20e9, 0.3), 1e-3, 1e7, 5.0)
 
@@ -30,15 +30,15 @@ def uneven(x: Array, y: Array) -> Array:
     return np.asarray(-300.0 * (x / 0.1) ** 2 - 100.0 * (y / 0.1))
 
 
-def cooled(**given: Any) -> SliceScene:
+def cooled(**given: Any) -> SliceSetup:
     """A quarter that cools unevenly and creeps."""
     law = given.pop("law", CREEP)
-    return SliceScene(mapped(4, 4, box(0.1, 0.1)), law, expansion(2e-5), **given)
+    return SliceSetup(mapped(4, 4, box(0.1, 0.1)), law, expansion(2e-5), **given)
 
 
 def test_options_reach_snes() -> None:
-    scene = cooled(options={"snes_max_it": 1})
-    result = scene.stepper.step(scene.state, 1.0, scene.field(uneven))
+    setup = cooled(options={"snes_max_it": 1})
+    result = setup.stepper.step(setup.state, 1.0, setup.field(uneven))
     assert not result.converged
     assert "DIVERGED_MAX_IT after 1 iterations" in result.reason
     assert "forces" in result.reason and "axial" in result.reason
@@ -59,9 +59,9 @@ def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, fre
     planes = PlainPlanes(("a0",) if free else ())
     reference = cooled(given={"planes": planes})
     reference.step(1.0, uneven)
-    scene = cooled(options=options, given={"planes": planes})
-    scene.step(1.0, uneven)
-    ksp = scene.problem.bordered.ksp
+    setup = cooled(options=options, given={"planes": planes})
+    setup.step(1.0, uneven)
+    ksp = setup.problem.bordered.ksp
     assert ksp.getType() == kind
     assert ksp.getPC().getType() == options.get("pc_type", "cholesky")
     if "pc_factor_mat_solver_type" in options:
@@ -69,23 +69,23 @@ def test_options_reach_the_linear_solver(options: dict[str, Any], kind: str, fre
     if kind == "gmres":
         assert ksp.getTolerances()[0] == 1e-10
     size = np.abs(reference.state.displacement).max()
-    assert np.abs(scene.state.displacement - reference.state.displacement).max() < 1e-7 * size
+    assert np.abs(setup.state.displacement - reference.state.displacement).max() < 1e-7 * size
 
 
 @pytest.mark.parametrize("free", [True, False])
 def test_options_of_one_problem_do_not_reach_the_next(free: bool) -> None:
     """With both alive at once, each has its own where it factors."""
     planes = PlainPlanes(("a0",) if free else ())
-    scenes = {
+    setups = {
         share: cooled(
             options={"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": share},
             given={"planes": planes},
         )
         for share in (77, 33)
     }
-    for share, scene in scenes.items():
-        scene.step(1.0, uneven)
-        ksp = scene.problem.bordered.ksp
+    for share, setup in setups.items():
+        setup.step(1.0, uneven)
+        ksp = setup.problem.bordered.ksp
         assert ksp.getPC().getFactorMatrix().getMumpsIcntl(14) == share
     assert not any(name.startswith("mechanical_") for name in PETSc.Options().getAll())
 
@@ -102,17 +102,17 @@ def test_options_that_are_refused_leave_nothing_behind(free: bool) -> None:
 @pytest.mark.parametrize("free", [True, False])
 def test_misspelt_options_are_told(free: bool, told: pytest.LogCaptureFixture) -> None:
     options = {"snes_maxit": 1, "pc_typ": "lu", "snes_max_it": 20}
-    scene = cooled(options=options, given={"planes": PlainPlanes(("a0",) if free else ())})
-    scene.step(1.0, uneven)
-    scene.step(2.0, lambda x, y: 2 * uneven(x, y))
+    setup = cooled(options=options, given={"planes": PlainPlanes(("a0",) if free else ())})
+    setup.step(1.0, uneven)
+    setup.step(2.0, lambda x, y: 2 * uneven(x, y))
     first, second = sorted(record.getMessage() for record in told.records)
     assert 'pc_typ = "lu"' in first and 'snes_maxit = "1"' in second
 
 
 def test_line_search_of_the_user() -> None:
-    scene = cooled(options={"snes_linesearch_type": "bt"})
-    assert scene.problem.solver._shorten is None
-    scene.step(1.0, uneven)
+    setup = cooled(options={"snes_linesearch_type": "bt"})
+    assert setup.problem.solver._shorten is None
+    setup.step(1.0, uneven)
     assert cooled().problem.solver._shorten is not None
 
 
@@ -127,17 +127,17 @@ def test_unknown_options_are_refused() -> None:
 def test_units_do_not_matter(length: float, stress: float) -> None:
     """The same block in other units takes the same iterations to the same relative residuals."""
 
-    def solved(length: float, stress: float) -> SliceScene:
+    def solved(length: float, stress: float) -> SliceSetup:
         law = PerfectlyPlastic(Elasticity.constant(20e9 * stress, 0.3), Constant(2e7 * stress))
-        scene = SliceScene(
+        setup = SliceSetup(
             mapped(4, 4, box(0.1 * length, 0.1 * length)),
             law,
             lambda T: 2e-5 * T,
             given={"planes": PlainPlanes(force=lambda t: 1e4 * stress * length**2 * t)},
         )
         for time in (1.0, 2.0):
-            scene.step(time, lambda x, y, t=time: t * uneven(x / length, y / length))
-        return scene
+            setup.step(time, lambda x, y, t=time: t * uneven(x / length, y / length))
+        return setup
 
     one, other = solved(1.0, 1.0), solved(length, stress)
     assert [r.newton for r in one.results] == [r.newton for r in other.results]
@@ -153,10 +153,10 @@ def test_units_do_not_matter(length: float, stress: float) -> None:
 
 
 def test_failure_leaves_the_committed_state() -> None:
-    scene = cooled(options={"snes_max_it": 2})
-    start = scene.state
+    setup = cooled(options={"snes_max_it": 2})
+    start = setup.state
     kept = {f.name: np.copy(getattr(start, f.name)) for f in fields(start)}
-    result = scene.stepper.step(start, 1e4, scene.field(lambda x, y: 20 * uneven(x, y)))
+    result = setup.stepper.step(start, 1e4, setup.field(lambda x, y: 20 * uneven(x, y)))
     assert not result.converged
     assert result.state is start
     assert result.balance is None
@@ -164,17 +164,17 @@ def test_failure_leaves_the_committed_state() -> None:
         assert np.array_equal(getattr(start, name), value)
     # A smaller step from there goes on as if nothing had happened.
     again = cooled(options={"snes_max_it": 2})
-    scene.step(1e-3, lambda x, y: 1e-3 * uneven(x, y))
+    setup.step(1e-3, lambda x, y: 1e-3 * uneven(x, y))
     again.step(1e-3, lambda x, y: 1e-3 * uneven(x, y))
-    assert np.array_equal(scene.state.displacement, again.state.displacement)
-    assert np.array_equal(scene.state.stress, again.state.stress)
+    assert np.array_equal(setup.state.displacement, again.state.displacement)
+    assert np.array_equal(setup.state.stress, again.state.stress)
 
 
 def test_committed_states_share_no_memory() -> None:
-    scene = cooled()
-    first = scene.step(1.0, uneven).state
+    setup = cooled()
+    first = setup.step(1.0, uneven).state
     kept = first.stress.copy(), first.displacement.copy(), first.internal.copy()
-    scene.step(2.0, lambda x, y: 2 * uneven(x, y))
+    setup.step(2.0, lambda x, y: 2 * uneven(x, y))
     for before, now in zip(kept, (first.stress, first.displacement, first.internal), strict=True):
         assert np.array_equal(before, now)
 
@@ -195,43 +195,43 @@ class Counting:
 
 def test_the_law_is_integrated_once_for_each_iterate() -> None:
     law = Counting(CREEP)
-    scene = cooled(law=law)
-    result = scene.step(1.0, uneven)
+    setup = cooled(law=law)
+    result = setup.step(1.0, uneven)
     assert len(law.seen) == result.newton + 1, result.reason
     law.seen.clear()
-    scene.step(2.0, lambda x, y: 2 * uneven(x, y))
+    setup.step(2.0, lambda x, y: 2 * uneven(x, y))
     for i, one in enumerate(law.seen):
         assert not any(np.array_equal(one, other) for other in law.seen[:i])
 
 
 def test_zero_load() -> None:
     """Nothing happens, in no iterations; the same with a step after a loaded one."""
-    scene = SliceScene(mapped(2, 2, box(0.1, 0.1)))
-    assert scene.step(1.0).newton == 0
-    assert not scene.state.displacement.any() and not scene.state.stress.any()
+    setup = SliceSetup(mapped(2, 2, box(0.1, 0.1)))
+    assert setup.step(1.0).newton == 0
+    assert not setup.state.displacement.any() and not setup.state.stress.any()
 
 
 def test_unloading_to_nothing() -> None:
-    scene = SliceScene(mapped(3, 3, box(0.1, 0.1)), elastic(), expansion(1e-5))
-    scene.step(1.0, uneven)
-    largest = np.abs(scene.stress).max()
-    scene.step(2.0, 0.0)
-    assert np.abs(scene.stress).max() < 1e-8 * largest
+    setup = SliceSetup(mapped(3, 3, box(0.1, 0.1)), elastic(), expansion(1e-5))
+    setup.step(1.0, uneven)
+    largest = np.abs(setup.stress).max()
+    setup.step(2.0, 0.0)
+    assert np.abs(setup.stress).max() < 1e-8 * largest
 
 
 def test_moving_supports() -> None:
     """A large prescribed displacement in one step: tangent and supports move together."""
     law = PerfectlyPlastic(Elasticity.constant(20e9, 0.3), Constant(2e7))
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(3, 3, box(0.1, 0.05)),
         law,
         given={
             "held": (PrescribedDisplacement(("right",), 0, lambda p, t: np.full(len(p), 1e-2 * t)),)
         },
     )
-    result = scene.step(1.0)
-    assert scene.stress[:, 0] == pytest.approx(2e7, rel=1e-7)
-    assert np.abs(scene.stress[:, [1, 2, 3]]).max() < 1.0
+    result = setup.step(1.0)
+    assert setup.stress[:, 0] == pytest.approx(2e7, rel=1e-7)
+    assert np.abs(setup.stress[:, [1, 2, 3]]).max() < 1.0
     assert result.newton < 10
     assert result.balance is not None
     assert result.balance.forces_error < 1e-8
@@ -242,7 +242,7 @@ def test_collapse_of_a_tube_is_reached_and_not_passed() -> None:
     flow, a, b = 2e7, 0.02, 0.04
     limit = 2 / np.sqrt(3) * flow * np.log(b / a)
     law = PerfectlyPlastic(Elasticity.constant(20e9, 0.3), Constant(flow))
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(8, 8, ring(a, b), "quadrilateral", 2, RING_GROUPS),
         law,
         given={
@@ -251,8 +251,8 @@ def test_collapse_of_a_tube_is_reached_and_not_passed() -> None:
         },
     )
     for share in (0.5, 0.8, 0.9, 0.96, 0.985, 0.995):
-        scene.step(share)
-    beyond = scene.stepper.step(scene.state, 1.01, scene.state.temperature)
+        setup.step(share)
+    beyond = setup.stepper.step(setup.state, 1.01, setup.state.temperature)
     assert not beyond.converged
     assert "DIVERGED" in beyond.reason
 
@@ -292,12 +292,12 @@ def test_line_search_comes_back_from_where_nothing_can_be_told(reach: float, bey
 
 
 def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = cooled()
+    setup = cooled()
     sizes = iter([1.0, np.nan])
-    monkeypatch.setattr(scene.problem, "_imbalance", lambda local: next(sizes))
-    scene.problem.begin(scene.state, 1.0, scene.field(uneven))
-    still = np.zeros(scene.problem.owned)
-    assert scene.problem.solve([(still, np.zeros(1)), (still + np.nan, np.zeros(1))]).converged
+    monkeypatch.setattr(setup.problem, "_imbalance", lambda local: next(sizes))
+    setup.problem.begin(setup.state, 1.0, setup.field(uneven))
+    still = np.zeros(setup.problem.owned)
+    assert setup.problem.solve([(still, np.zeros(1)), (still + np.nan, np.zeros(1))]).converged
 
 
 @pytest.mark.parametrize(

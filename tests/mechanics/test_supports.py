@@ -13,8 +13,8 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SPRING, PrescribedDisplacement, Traction
 from castfem.mould import Mould, RoundCavity, Taper, same
 from castfem.values.types import Array
-from mechanics.casting import STEEL, CastScene
-from mechanics.scenes import SliceScene, box, elastic, expansion, mapped
+from mechanics.casting import STEEL, CastSetup
+from mechanics.setups import SliceSetup, box, elastic, expansion, mapped
 
 SIDES = ("left", "bottom", "right", "top")
 WIDTH, HEIGHT = 0.1, 0.06
@@ -32,11 +32,11 @@ HELD = {
 }
 
 
-def block(*held: tuple[str, int], groups: Any = SIDES, **given: Any) -> SliceScene:
+def block(*held: tuple[str, int], groups: Any = SIDES, **given: Any) -> SliceSetup:
     """A rectangle about the origin that expands with its temperature."""
     options, springs = given.pop("options", {}), given.pop("springs", False)
     shape = box(WIDTH, HEIGHT, -0.5 * WIDTH, -0.5 * HEIGHT)
-    return SliceScene(
+    return SliceSetup(
         mapped(4, 4, shape, groups=groups),
         elastic(YOUNG),
         expansion(ALPHA),
@@ -71,20 +71,20 @@ def test_lines_of_symmetry_count(mirrors: tuple[str, ...]) -> None:
 def test_held_sections_expand_freely(name: str, large: bool, springs: bool) -> None:
     """No stress, no force, no turning: evenly about the middle of what is held."""
     middle = {"x on the left": (-0.5 * WIDTH, 0.0), "y on the top": (0.0, 0.5 * HEIGHT)}
-    scene = block(*HELD[name][0], springs=springs, large_strain=large)
-    result = scene.step(1.0, 100.0)
+    setup = block(*HELD[name][0], springs=springs, large_strain=large)
+    result = setup.step(1.0, 100.0)
     assert result.newton <= 3
     whole = YOUNG * ALPHA * 100.0
-    assert np.abs(scene.stress).max() < 1e-7 * whole
+    assert np.abs(setup.stress).max() < 1e-7 * whole
     assert result.balance is not None
     assert np.abs(result.balance.support).max() < 1e-7 * whole * HEIGHT
-    places = scene.problem.space.tabulate_dof_coordinates()[:, :2]
+    places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
     expected = (places - middle.get(name, (0.0, 0.0))) * ALPHA * 100.0
-    error = np.abs(scene.state.displacement.reshape(-1, 2) - expected).max()
+    error = np.abs(setup.state.displacement.reshape(-1, 2) - expected).max()
     assert error < (1e-3 if large else 1e-6) * np.abs(expected).max()
 
 
-def pushed(force: float) -> SliceScene:
+def pushed(force: float) -> SliceSetup:
     """Half a section that nothing holds along y but its spring, with a force on its top."""
     groups = ("symmetry_x", "bottom", "right", "top")
     load = Traction(("top",), lambda t: (0.0, force / WIDTH))
@@ -94,13 +94,13 @@ def pushed(force: float) -> SliceScene:
 def test_springs_are_weak_and_their_force_is_reported() -> None:
     """A force moves the section as a body, by itself over the stiffness, step by step."""
     stiffness = SPRING * YOUNG
-    scene = pushed(1.0)
+    setup = pushed(1.0)
     for step in (1.0, 2.0):
-        result = scene.step(step)
+        result = setup.step(step)
         assert result.balance is not None
         assert result.balance.support == pytest.approx([0.0, -1.0], abs=1e-6)
         assert result.balance.forces_error < 1e-6
-        moved = scene.state.displacement.reshape(-1, 2)
+        moved = setup.state.displacement.reshape(-1, 2)
         # Each step anew from where the last one has ended.
         assert moved[:, 1] == pytest.approx(step / stiffness, rel=1e-5)
 
@@ -121,8 +121,8 @@ def test_a_section_that_nothing_touches_stays_where_it_is(options: str) -> None:
 
     points, springs = (block(springs=s, options=OPTIONS[options]) for s in (False, True))
     for time in (1.0, 2.0, 3.0):
-        for scene in (points, springs):
-            result = scene.step(time, lambda x, y, t=time: t * uneven(x, y))
+        for setup in (points, springs):
+            result = setup.step(time, lambda x, y, t=time: t * uneven(x, y))
             assert result.newton <= 3
     size = np.abs(points.state.displacement).max()
     assert np.abs(springs.state.displacement - points.state.displacement).max() < 1e-5 * size
@@ -143,10 +143,10 @@ def test_a_whole_round_does_not_turn_in_its_mould(cell: str) -> None:
     wall = Mould(RoundCavity(0.16), 0.6, same(Taper.single(0.06, 0.6)), None, None)
     contact = Contact(wall, mesh.groups, lambda time: 0.06 * (time - begin))
 
-    def cast(springs: float | None) -> CastScene:
-        scene = CastScene(mesh, springs=springs, contact=contact).frozen(begin, 0.5)
-        assert scene.thermal.low < STEEL.solidus - 200.0
-        return scene.march(begin + 1.0, 0.25)
+    def cast(springs: float | None) -> CastSetup:
+        setup = CastSetup(mesh, springs=springs, contact=contact).frozen(begin, 0.5)
+        assert setup.thermal.low < STEEL.solidus - 200.0
+        return setup.advance(begin + 1.0, 0.25)
 
     pinned, sprung = (cast(springs) for springs in (None, SPRING))
     wall_contact = sprung.problem.contact

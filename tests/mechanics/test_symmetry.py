@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mechanics.casting import CastScene, billet_mesh
+from mechanics.casting import CastSetup, billet_mesh
 
 SIZES = {"width": 0.1, "height": 0.08, "surface_size": 2e-3, "core_size": 1e-2}
 
 
-def values(scene: CastScene) -> dict[tuple[float, float], np.ndarray]:
+def values(setup: CastSetup) -> dict[tuple[float, float], np.ndarray]:
     """Displacement and stress by vertex in the first quadrant."""
-    moved, stress = scene.moved, scene.stress
+    moved, stress = setup.moved, setup.stress
     found = {}
-    for (x, y), u, s in zip(scene.vertices, moved, stress, strict=True):
+    for (x, y), u, s in zip(setup.vertices, moved, stress, strict=True):
         if x > -1e-9 and y > -1e-9:
             if min(x, y) < 1e-9:
                 s[3] = 0.0  # odd across the axes: its mean around them is one-sided in a quarter
@@ -28,34 +28,34 @@ def test_whole_half_and_quarter_agree(radius: float, cell: str) -> None:
     """In stress and displacement; the pins of the whole section carry no force."""
     if radius and cell == "triangle":
         pytest.skip("unstructured triangles of a whole section are no mirror images")
-    scenes = {
-        name: CastScene(billet_mesh(name, cell=cell, corner_radius=radius, **SIZES)).march(
+    setups = {
+        name: CastSetup(billet_mesh(name, cell=cell, corner_radius=radius, **SIZES)).advance(
             1.0, 0.25
         )
         for name in ("quarter", "half", "whole")
     }
     free = {"quarter": ("a0",), "half": ("a0", "a2"), "whole": ("a0", "a1", "a2")}
-    quarter = values(scenes["quarter"])
-    for name, scene in scenes.items():
-        assert scene.problem.slice.planes.free == free[name]
-        assert scene.state.modes[0] == pytest.approx(scenes["quarter"].state.modes[0], rel=1e-7)
-        assert np.abs(scene.state.modes[1:]).max() < 1e-7
-        others = values(scene)
+    quarter = values(setups["quarter"])
+    for name, setup in setups.items():
+        assert setup.problem.slice.planes.free == free[name]
+        assert setup.state.modes[0] == pytest.approx(setups["quarter"].state.modes[0], rel=1e-7)
+        assert np.abs(setup.state.modes[1:]).max() < 1e-7
+        others = values(setup)
         assert len(others) == len(quarter)
         tolerance = 1e-6 if cell == "quadrilateral" else 2e-2
         worst = max(float(np.abs(others[k] - quarter[k]).max()) for k in quarter)
         assert worst < tolerance
-        balance = scene.results[-1].balance
+        balance = setup.results[-1].balance
         assert balance is not None
         if name == "whole":
-            pressure = scene.state.pressure.max() * 0.1
+            pressure = setup.state.pressure.max() * 0.1
             assert np.abs(balance.support).max() < 1e-6 * pressure
 
 
 def test_a_section_on_its_side() -> None:
     """Rotated by 90 degrees: displacement and stress turn with it."""
-    upright = CastScene(billet_mesh(**SIZES)).march(1.0, 0.25)
-    lying = CastScene(billet_mesh(**(SIZES | {"width": 0.08, "height": 0.1}))).march(1.0, 0.25)
+    upright = CastSetup(billet_mesh(**SIZES)).advance(1.0, 0.25)
+    lying = CastSetup(billet_mesh(**(SIZES | {"width": 0.08, "height": 0.1}))).advance(1.0, 0.25)
     one, other = values(upright), values(lying)
     swap = [1, 0, 3, 2, 4, 5]
     assert len(one) == len(other)
@@ -66,10 +66,10 @@ def test_a_section_on_its_side() -> None:
 
 def test_supports_of_a_quarter_carry_the_pressure() -> None:
     """On each line of symmetry what the stress and the pressure leave: nothing in all."""
-    scene = CastScene(billet_mesh()).march(1.0, 0.25)
-    balance = scene.results[-1].balance
+    setup = CastSetup(billet_mesh()).advance(1.0, 0.25)
+    balance = setup.results[-1].balance
     assert balance is not None
-    pressure = scene.state.pressure.max()
+    pressure = setup.state.pressure.max()
     assert np.abs(balance.support).max() < 1e-6 * pressure * 0.0625
     assert abs(balance.axial[0]) < 1e-6 * pressure * 0.0625**2
     assert balance.forces_error < 1e-8

@@ -13,7 +13,7 @@ from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import BentPlanes, PlainPlanes
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.values.types import Array
-from mechanics.scenes import SliceScene, elastic, expansion, mapped, skewed
+from mechanics.setups import SliceSetup, elastic, expansion, mapped, skewed
 
 FREE = ("left", "bottom", "right", "top")
 STEEL = Elasticity.constant(200e9, 0.3)
@@ -31,9 +31,9 @@ PLANES: dict[str, Any] = {
 }
 
 
-def jacobians(scene: SliceScene, size: float) -> tuple[Array, Array, int]:
+def jacobians(setup: SliceSetup, size: float) -> tuple[Array, Array, int]:
     """Jacobian and its finite differences at a random state of the second of two steps."""
-    problem, rng = scene.problem, np.random.default_rng(1)
+    problem, rng = setup.problem, np.random.default_rng(1)
     vector = problem.solver.x.duplicate()
     n = vector.getLocalSize()
 
@@ -44,11 +44,11 @@ def jacobians(scene: SliceScene, size: float) -> tuple[Array, Array, int]:
         return np.array(out.getArray())
 
     first = size * rng.uniform(-1, 1, n)
-    heat = scene.field(lambda x, y: 100 + 1000 * x)
-    problem.begin(scene.state, 0.5, heat)
+    heat = setup.field(lambda x, y: 100 + 1000 * x)
+    problem.begin(setup.state, 0.5, heat)
     residual(first)
-    old = scene.stepper._state(scene.state, 0.5, heat)
-    problem.begin(old, 1.0, scene.field(lambda x, y: 200 + 500 * y))
+    old = setup.stepper._state(setup.state, 0.5, heat)
+    problem.begin(old, 1.0, setup.field(lambda x, y: 200 + 500 * y))
     at = first + size * rng.uniform(-1, 1, n)
     residual(at)
     problem.jacobian(vector, problem.solver.snes.getJacobian()[1])
@@ -80,7 +80,7 @@ CASES = [
 
 @pytest.mark.parametrize(("cell", "large", "law", "planes"), CASES)
 def test_jacobian(cell: str, large: bool, law: str, planes: str) -> None:
-    scene = SliceScene(
+    setup = SliceSetup(
         mapped(2, 2, skewed(0.1, 0.06), cell, groups=FREE),
         LAWS[law],
         expansion(1e-5),
@@ -94,7 +94,7 @@ def test_jacobian(cell: str, large: bool, law: str, planes: str) -> None:
             ),
         },
     )
-    exact, found, free = jacobians(scene, 1e-3 if large else 2e-5)
+    exact, found, free = jacobians(setup, 1e-3 if large else 2e-5)
     assert np.abs(exact - found).max() < 2e-7 * np.abs(found).max()
     if free:
         tail, head = slice(-free, None), slice(None, -free)

@@ -9,7 +9,7 @@ import pytest
 
 from castfem.constitutive.elasticity import Elasticity, Solidity
 from castfem.constitutive.flow_laws import ThermoElastic
-from mechanics.scenes import SliceScene, box, mapped
+from mechanics.setups import SliceSetup, box, mapped
 
 SIZE, COLD, HOT = 0.1, 1000.0, 1800.0
 LAW = ThermoElastic(Elasticity.constant(1e10, 0.3, Solidity.between(1700.0, 1750.0)))
@@ -27,15 +27,15 @@ def refusal(
         u: "middle": the middle node along x, m; "xx", "xy", "yx": displacement gradients.
     """
     given = {"large_strain": large}
-    scene = SliceScene(mapped(4, 4, box(SIZE, SIZE)), LAW, judge=True, given=given)
-    problem, judge = scene.problem, scene.stepper._validity
+    setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), LAW, judge=True, given=given)
+    problem, judge = setup.problem, setup.stepper._validity
     assert judge is not None
     x, y = problem.space.tabulate_dof_coordinates()[:, :2].T
     moved = np.column_stack([u.get("xx", 0.0) * x + u.get("xy", 0.0) * y, u.get("yx", 0.0) * x])
     moved[np.hypot(x - 0.5 * SIZE, y - 0.5 * SIZE) < 1e-9, 0] += u.get("middle", 0.0)
     problem.fields.u.x.array[:] = moved.ravel()
     problem.fields.modes.value[:] = modes
-    state = replace(scene.state, displacement=moved.ravel(), modes=np.array(modes, float))
+    state = replace(setup.state, displacement=moved.ravel(), modes=np.array(modes, float))
     return judge.refusal(state, np.full(problem.points.count, temperature))
 
 
@@ -80,15 +80,15 @@ def test_small_strain_has_a_range() -> None:
 def test_strain_that_is_borne() -> None:
     """A bar drawn out beyond 10 %, and one that is squeezed on all sides, are taken back."""
     for component, value, told in ((0, 0.15, "strained by 0.15"), (None, -0.03, "mean stress")):
-        scene = SliceScene(mapped(1, 1, box(SIZE, SIZE)), LAW, judge=True, start=COLD)
-        stress = np.zeros((scene.problem.points.count, 4))
+        setup = SliceSetup(mapped(1, 1, box(SIZE, SIZE)), LAW, judge=True, start=COLD)
+        stress = np.zeros((setup.problem.points.count, 4))
         if component is None:
             stress[:, :3] = 3.0 * 1e10 / (3.0 * (1.0 - 0.6)) * value
         else:
             stress[:, component] = value * 3.0 * 1e10 / 2.6
-        judge = scene.stepper._validity
+        judge = setup.stepper._validity
         assert judge is not None
-        temperature = np.full(scene.problem.points.count, COLD)
-        state = replace(scene.state, stress=stress)
+        temperature = np.full(setup.problem.points.count, COLD)
+        state = replace(setup.state, stress=stress)
         assert told in judge.refusal(state, temperature)
         assert judge.refusal(state, np.full_like(temperature, HOT)) == ""

@@ -38,9 +38,9 @@ def test_closed_form_gives_the_known_numbers() -> None:
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_coarse_strip(cell: str) -> None:
     """Cells of 0.5 mm: 5 % of 20 MPa at 5 s and 21 s."""
-    strip = Strip(0.5e-3, cell=cell).march(5.0, 0.05)
+    strip = Strip(0.5e-3, cell=cell).advance(5.0, 0.05)
     assert strip.error(EXACT) < 0.05
-    strip.march(21.0, 0.1)
+    strip.advance(21.0, 0.1)
     assert strip.error(EXACT) < 0.03
     # Both directions of the plane of the shell are one, and no force is left in either.
     stress = strip.stress
@@ -54,7 +54,7 @@ def test_coarse_strip(cell: str) -> None:
 
 def test_fine_strip() -> None:
     """Cells of 0.1 mm: 1 % at 5 s, peak tension and zero where they belong."""
-    strip = Strip(0.1e-3).march(5.0, 0.02)
+    strip = Strip(0.1e-3).advance(5.0, 0.02)
     assert strip.error(EXACT) < 0.01
     peak = int(np.argmax(strip.stress[:, 2]))
     assert strip.stress[peak, 2] == pytest.approx(11.2711e6, rel=0.02)
@@ -66,5 +66,5 @@ def test_fine_strip() -> None:
 
 
 def test_error_falls_with_the_cells() -> None:
-    errors = [Strip(size).march(5.0, 0.05).error(EXACT) for size in (1e-3, 0.5e-3, 0.25e-3)]
+    errors = [Strip(size).advance(5.0, 0.05).error(EXACT) for size in (1e-3, 0.5e-3, 0.25e-3)]
     assert np.log2(errors[0] / errors[-1]) / 2 > 0.9

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from thermal.scenes import ThermalScene
+from thermal.setups import ThermalSetup
 
 from castfem import meshes
 from castfem.constitutive.elasticity import Elasticity, Solidity
@@ -49,7 +49,7 @@ class Strip:
             "strip", length=0.03, width=size, surface_size=size, core_size=size, cell=cell
         )
         curve = steel.thermal_curve(1200.0, 1800.0, POURED + ZERO_CELSIUS)
-        self.thermal = ThermalScene(mesh, curve, POURED + ZERO_CELSIUS)
+        self.thermal = ThermalSetup(mesh, curve, POURED + ZERO_CELSIUS)
         self.thermal.cool(("surface", PrescribedTemperature(SURFACE + ZERO_CELSIUS)))
         elasticity = Elasticity.constant(YOUNG, POISSON, Solidity.of(steel, stiffness_ratio=ratio))
         slice_ = Slice(
@@ -70,13 +70,13 @@ class Strip:
         self.state = self.stepper.initial(0.0, self.thermal.state.point.temperature)
         self.results: list[MechanicalResult] = []
 
-    def march(self, end: float, step: float) -> Strip:
+    def advance(self, end: float, step: float) -> Strip:
         """Even steps to `end` (s)."""
         begin = self.state.time
         count = round((end - begin) / step)
         for i in range(count):
             time = begin + (end - begin) * (i + 1) / count
-            self.thermal.march(time, time)
+            self.thermal.advance(time, time)
             result = self.stepper.step(self.state, time, self.thermal.state.point.temperature)
             assert result.converged, result.reason
             self.state = result.state

@@ -8,7 +8,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from imagined_run import rectangle
+from synthetic_run import rectangle
 
 from castfem.errors import RunFailure
 from castfem.output.fields import Fields

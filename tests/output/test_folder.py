@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imagined_run import summary, write_run
+from synthetic_run import summary, write_run
 
 from castfem.errors import InputError, RunFailure
 from castfem.output import folder as folder_module

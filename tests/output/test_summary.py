@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from imagined_run import summary
+from synthetic_run import summary
 
 import castfem
 from castfem.case import load_case

@@ -14,7 +14,7 @@ import h5py
 import meshio
 import numpy as np
 import pytest
-from imagined_run import rectangle
+from synthetic_run import rectangle
 
 from castfem.case.casting import FieldName
 from castfem.errors import InputError, RunFailure

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from imagined_run import HALF, LIQUIDUS, SOLIDUS, rectangle, write_run
+from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, write_run
 
 from castfem.output.fields import Fields
 from castfem.output.folder import FIGURES

@@ -7,9 +7,9 @@ import itertools
 import matplotlib.image
 import numpy as np
 import pytest
-from imagined_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
 from matplotlib.colors import to_rgb
 from strained_run import moved_points, write_strained
+from synthetic_run import COLUMNS, HALF, LIQUIDUS, SOLIDUS, rectangle, temperature
 
 from castfem.case import load_case
 from castfem.case.shipped_cases import find

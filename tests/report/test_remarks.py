@@ -6,8 +6,8 @@ import io
 
 import numpy as np
 import pytest
-from imagined_run import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
 from rich.console import Console
+from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
 
 from castfem.output.fields import Fields
 from castfem.output.summary import Summary, Zone

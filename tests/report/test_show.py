@@ -10,8 +10,8 @@ from pathlib import Path
 
 import matplotlib.image
 import pytest
-from imagined_run import write_run
 from rich.console import Console
+from synthetic_run import write_run
 
 from castfem.errors import InputError
 from castfem.output.folder import FIGURES, OutputFolder

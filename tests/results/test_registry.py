@@ -17,7 +17,7 @@ import pytest
 from bent_case import bent
 from ranks import needs_mpirun, python_on
 from small_case import write_small
-from time_loop.moulded import billet
+from time_loop.billet_runs import billet
 
 from castfem.case import load_case
 from castfem.fem import reductions

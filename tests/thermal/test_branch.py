@@ -16,7 +16,7 @@ from castfem.thermal.branch import Branch
 from castfem.thermal.flux_laws import Convection, Radiation
 from castfem.thermal.sprays import wendelstorf
 
-from .scenes import ThermalScene, constant_steel
+from .setups import ThermalSetup, constant_steel
 
 # What makes the strip one that boils: the film of steam ends between 600 and 550 degC.
 BOILING: dict[str, Any] = {
@@ -127,8 +127,8 @@ def test_a_stage_of_steel_that_fills_less_is_shorter() -> None:
         shape="strip", length=0.01, width=0.002, surface_size=1e-3, core_size=2e-3,
         cell="quadrilateral", order=1,
     )  # fmt: skip
-    scene = ThermalScene(mesh, constant_steel(1723.15, 1773.15), 1273.15).cool(("surface", law))
-    problem = scene.problem
+    setup = ThermalSetup(mesh, constant_steel(1723.15, 1773.15), 1273.15).cool(("surface", law))
+    problem = setup.problem
     hot, cold = (
         problem.curve.at(problem.curve.enthalpy(np.full_like(problem.area, t)))
         for t in (870.0, 830.0)

@@ -9,20 +9,20 @@ from scipy.optimize import brentq
 from castfem.fem.line_probes import Profile
 from castfem.thermal import flux_laws
 from castfem.verification import Neumann, ThreeZones
-from thermal.scenes import ThermalScene, constant_steel, strip
+from thermal.setups import ThermalSetup, constant_steel, strip
 
 ALLOY = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1000.0, 1450.0, 1500.0, 1540.0)
 
 
-def alloy_scene(cells: int, scheme: str = "sdirk2") -> ThermalScene:
+def alloy_setup(cells: int, scheme: str = "sdirk2") -> ThermalSetup:
     curve = constant_steel(ALLOY.solidus, ALLOY.liquidus, datum=ALLOY.initial)
-    scene = ThermalScene(strip(0.12, cells), curve, ALLOY.initial, scheme)
-    return scene.cool(("surface", flux_laws.PrescribedTemperature(ALLOY.surface)))
+    setup = ThermalSetup(strip(0.12, cells), curve, ALLOY.initial, scheme)
+    return setup.cool(("surface", flux_laws.PrescribedTemperature(ALLOY.surface)))
 
 
-def errors(scene: ThermalScene, time: float) -> tuple[float, float, float]:
+def errors(setup: ThermalSetup, time: float) -> tuple[float, float, float]:
     """Largest temperature error, K, and the errors of both fronts, m."""
-    x, temperature = scene.along_x()
+    x, temperature = setup.along_x()
     eta_s, eta_l = ALLOY.fronts()
     profile = Profile(x, temperature)
     return (
@@ -42,20 +42,20 @@ def test_reference_numbers_of_the_similarity_solution() -> None:
 
 @pytest.mark.parametrize("time", [10.0, 60.0])
 def test_alloy_freezes_as_the_similarity_solution(time: float) -> None:
-    scene = alloy_scene(400).march(time, 0.05)  # cells of 0.3 mm
-    temperature, solid, liquid = errors(scene, time)
+    setup = alloy_setup(400).advance(time, 0.05)  # cells of 0.3 mm
+    temperature, solid, liquid = errors(setup, time)
     assert temperature < 0.5
     assert max(abs(solid), abs(liquid)) < 0.1e-3
-    assert scene.state.removed / 0.3e-3 == pytest.approx(ALLOY.heat(time), rel=1e-4)
-    assert scene.worst_balance < 1e-9
+    assert setup.state.removed / 0.3e-3 == pytest.approx(ALLOY.heat(time), rel=1e-4)
+    assert setup.worst_balance < 1e-9
 
 
 def test_second_order_in_space() -> None:
     cells = np.array([50, 100, 200, 400])
     found = []
     for n in cells:
-        scene = alloy_scene(int(n)).march(60.0, 0.1)
-        x, temperature = scene.along_x()
+        setup = alloy_setup(int(n)).advance(60.0, 0.1)
+        x, temperature = setup.along_x()
         difference = temperature - ALLOY.temperature(x, 60.0)
         found.append(np.sqrt(np.mean(difference**2)))
     # Kinks of T(H) between two vertices make single meshes scatter about the slope.
@@ -69,9 +69,9 @@ def test_order_in_time_away_from_freezing(scheme: str, least: float) -> None:
     curve = constant_steel(1450.0, 1500.0, k=30.0, datum=1400.0)
 
     def final(step: float) -> np.ndarray:
-        scene = ThermalScene(strip(0.02, 20), curve, 1400.0, scheme)
+        setup = ThermalSetup(strip(0.02, 20), curve, 1400.0, scheme)
         cooling = flux_laws.PrescribedFlux(lambda t: 4e5 * np.sin(0.3 * t) ** 2)
-        return scene.cool(("surface", cooling)).march(8.0, step).along_x()[1]
+        return setup.cool(("surface", cooling)).advance(8.0, step).along_x()[1]
 
     steps = np.array([1.0, 0.5, 0.25, 0.125])
     exact = final(0.01 if scheme == "sdirk2" else 0.001)
@@ -87,9 +87,9 @@ def test_stefan_problem(initial: float, root: float) -> None:
     assert exact.root() == pytest.approx(root, abs=2e-6)
     curve = constant_steel(1494.35, 1494.45, rho=7500.0, c=661.0, k=33.0, datum=initial)
     start = max(initial, 1494.45)
-    scene = ThermalScene(strip(0.06, 200), curve, start)
-    scene.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).march(21.0, 0.05)
-    x, temperature = scene.along_x()
+    setup = ThermalSetup(strip(0.06, 200), curve, start)
+    setup.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).advance(21.0, 0.05)
+    x, temperature = setup.along_x()
     front = Profile(x, temperature).isotherm_depth(1494.35)
     # The front rests at a vertex until its latent heat is gone: up to a cell of 0.3 mm.
     assert front == pytest.approx(exact.front(21.0), abs=0.15e-3)
@@ -102,10 +102,10 @@ def test_stefan_front_converges() -> None:
     curve = constant_steel(1494.35, 1494.45, rho=7500.0, c=661.0, k=33.0, datum=1550.0)
     found = []
     for cells in (50, 100, 200):
-        scene = ThermalScene(strip(0.06, cells), curve, 1550.0)
+        setup = ThermalSetup(strip(0.06, cells), curve, 1550.0)
         heat = []
-        scene.cool(("surface", flux_laws.PrescribedTemperature(1000.0)))
-        scene.march(21.0, 0.05, lambda h=heat, s=scene: h.append(s.state.removed))
+        setup.cool(("surface", flux_laws.PrescribedTemperature(1000.0)))
+        setup.advance(21.0, 0.05, lambda h=heat, s=setup: h.append(s.state.removed))
         times = np.array([0.05 * (i + 1) for i in range(len(heat))])
         late = times > 5.0
         width = 0.06 / cells
@@ -121,13 +121,13 @@ def test_stefan_front_converges() -> None:
 def test_steady_wall_between_two_fluids() -> None:
     """Steady conduction with h on both sides; the step may be as long as one likes."""
     curve = constant_steel(1800.0, 1850.0, k=25.0)
-    scene = ThermalScene(strip(0.05, 30), curve, 800.0)
-    scene.cool(
+    setup = ThermalSetup(strip(0.05, 30), curve, 800.0)
+    setup.cool(
         ("surface", flux_laws.Convection(500.0, 300.0)),
         ("core_end", flux_laws.Convection(900.0, 1400.0)),
-    ).march(1e8, 1e7)
+    ).advance(1e8, 1e7)
     flux = (1400.0 - 300.0) / (1 / 500.0 + 0.05 / 25.0 + 1 / 900.0)
-    x, temperature = scene.along_x()
+    x, temperature = setup.along_x()
     exact = 300.0 + flux / 500.0 + flux * x / 25.0
     assert temperature == pytest.approx(exact, abs=1e-6)
 
@@ -136,37 +136,37 @@ def test_steady_wall_between_two_fluids() -> None:
 def test_gap_in_series(gap: float) -> None:
     """(301): contact and gap resistances in series with the wall of steel."""
     curve = constant_steel(1800.0, 1850.0, k=25.0)
-    scene = ThermalScene(strip(0.05, 20), curve, 800.0)
-    scene.cool(
+    setup = ThermalSetup(strip(0.05, 20), curve, 800.0)
+    setup.cool(
         ("surface", flux_laws.Contact(1600.0, 433.15, 0.15, gap)),
         ("core_end", flux_laws.PrescribedTemperature(1700.0)),
-    ).march(1e8, 1e7)
+    ).advance(1e8, 1e7)
     flux = (1700.0 - 433.15) / (0.05 / 25.0 + 1 / 1600.0 + gap / 0.15)
-    assert scene.along_x()[1][0] == pytest.approx(1700.0 - flux * 0.05 / 25.0, abs=1e-6)
+    assert setup.along_x()[1][0] == pytest.approx(1700.0 - flux * 0.05 / 25.0, abs=1e-6)
 
 
 def test_radiation_balances_conduction() -> None:
     curve = constant_steel(1800.0, 1850.0, k=25.0)
-    scene = ThermalScene(strip(0.05, 20), curve, 1500.0)
+    setup = ThermalSetup(strip(0.05, 20), curve, 1500.0)
     law = flux_laws.Radiation(0.8, 293.15)
-    scene.cool(("surface", law), ("core_end", flux_laws.PrescribedTemperature(1700.0))).march(
+    setup.cool(("surface", law), ("core_end", flux_laws.PrescribedTemperature(1700.0))).advance(
         1e8, 1e6
     )
     sigma = flux_laws.STEFAN_BOLTZMANN
     exact = brentq(
         lambda t: 0.8 * sigma * (t**4 - 293.15**4) - 25.0 / 0.05 * (1700.0 - t), 293.15, 1700.0
     )
-    assert scene.along_x()[1][0] == pytest.approx(exact, abs=1e-6)
+    assert setup.along_x()[1][0] == pytest.approx(exact, abs=1e-6)
 
 
 def test_radiation_cools_a_lump() -> None:
     """A body without inner resistance in cold surroundings: T^-3 = T0^-3 + 3 A t."""
     curve = constant_steel(1800.0, 1850.0, k=1e7, datum=1500.0)
-    scene = ThermalScene(strip(0.01, 4), curve, 1500.0)
-    scene.cool(("surface", flux_laws.Radiation(0.8, 1e-3))).march(100.0, 0.5)
+    setup = ThermalSetup(strip(0.01, 4), curve, 1500.0)
+    setup.cool(("surface", flux_laws.Radiation(0.8, 1e-3))).advance(100.0, 0.5)
     rate = 0.8 * flux_laws.STEFAN_BOLTZMANN / (7200.0 * 700.0 * 0.01)
     exact = (1500.0**-3 + 3 * rate * 100.0) ** (-1 / 3)
-    assert scene.along_x()[1].mean() == pytest.approx(exact, abs=0.01)
+    assert setup.along_x()[1].mean() == pytest.approx(exact, abs=0.01)
 
 
 def test_gap_factor_of_radiation() -> None:
@@ -235,19 +235,19 @@ def test_slope_of_the_flux(law: flux_laws.SurfaceLaw) -> None:
 
 def test_heat_generated_inside_warms_an_insulated_body() -> None:
     curve = constant_steel(1450.0, 1500.0, datum=1200.0)
-    scene = ThermalScene(strip(0.02, 10), curve, 1200.0)
-    scene.problem.set_source(np.full_like(scene.problem.area, 2e6))
-    scene.march(30.0, 1.0)
-    assert scene.along_x()[1] == pytest.approx(1200.0 + 2e6 * 30.0 / (7200.0 * 700.0), abs=1e-9)
-    assert scene.worst_balance < 1e-12
+    setup = ThermalSetup(strip(0.02, 10), curve, 1200.0)
+    setup.problem.set_source(np.full_like(setup.problem.area, 2e6))
+    setup.advance(30.0, 1.0)
+    assert setup.along_x()[1] == pytest.approx(1200.0 + 2e6 * 30.0 / (7200.0 * 700.0), abs=1e-9)
+    assert setup.worst_balance < 1e-12
 
 
 def test_heat_generated_between_cold_walls_is_a_parabola() -> None:
     curve = constant_steel(1450.0, 1500.0, k=25.0, datum=1200.0)
-    scene = ThermalScene(strip(0.02, 10), curve, 1200.0)
-    scene.problem.set_source(np.full_like(scene.problem.area, 5e7))
+    setup = ThermalSetup(strip(0.02, 10), curve, 1200.0)
+    setup.problem.set_source(np.full_like(setup.problem.area, 5e7))
     wall = flux_laws.PrescribedTemperature(1200.0)
-    scene.cool(("surface", wall), ("core_end", wall)).march(1e5, 1e4)
-    x, temperature = scene.along_x()
+    setup.cool(("surface", wall), ("core_end", wall)).advance(1e5, 1e4)
+    x, temperature = setup.along_x()
     assert temperature == pytest.approx(1200.0 + 5e7 * x * (0.02 - x) / 50.0, abs=1e-6)
-    assert scene.worst_balance < 1e-9
+    assert setup.worst_balance < 1e-9

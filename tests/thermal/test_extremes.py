@@ -1,4 +1,4 @@
-"""Stiff and extreme scenes: no over- or undershoot, no lost heat, no failed solve."""
+"""Stiff and extreme setups: no over- or undershoot, no lost heat, no failed solve."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from castfem import meshes
 from castfem.thermal import flux_laws
 from castfem.verification import Neumann, ThreeZones
-from thermal.scenes import ThermalScene, constant_steel, strip
+from thermal.setups import ThermalSetup, constant_steel, strip
 
 WALL, CAST = 433.15, 1813.15
 SLACK = 1e-5  # K
@@ -28,8 +28,8 @@ def billet(radius: float, cell: str = "quadrilateral", **sizes: float) -> meshes
     )
 
 
-def within_bounds(scene: ThermalScene, low: float = WALL) -> bool:
-    return scene.low >= low - SLACK and scene.high <= CAST + SLACK
+def within_bounds(setup: ThermalSetup, low: float = WALL) -> bool:
+    return setup.low >= low - SLACK and setup.high <= CAST + SLACK
 
 
 @pytest.mark.parametrize("scheme", ["sdirk2", "backward_euler"])
@@ -37,35 +37,35 @@ def within_bounds(scene: ThermalScene, low: float = WALL) -> bool:
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_sudden_quench_stays_within_bounds(step: float, scheme: str, cell: str) -> None:
     """H = 50 kW/m2K out of nothing, at a tiny step and at one a thousand times larger."""
-    scene = ThermalScene(
+    setup = ThermalSetup(
         billet(0.0, cell), constant_steel(1725.15, 1775.65, datum=CAST), CAST, scheme
     )
     falling = []
-    scene.cool(
+    setup.cool(
         ("wide", flux_laws.Contact(5e4, WALL, 0.15)), ("narrow", flux_laws.Contact(5e4, WALL, 0.15))
     )
-    before = scene.state.point.temperature
+    before = setup.state.point.temperature
 
     def watch() -> None:
         nonlocal before
-        now = scene.state.point.temperature
+        now = setup.state.point.temperature
         falling.append(float((now - before).max()))
         before = now
 
-    scene.march(50 * step, step, watch)
-    assert within_bounds(scene)
+    setup.advance(50 * step, step, watch)
+    assert within_bounds(setup)
     # Cooled from all sides by a constant wall, no point may ever grow warmer.
     assert max(falling) < SLACK
-    assert scene.worst_balance < 1e-9
+    assert setup.worst_balance < 1e-9
 
 
 @pytest.mark.parametrize("step", [1e-5, 1e-2, 10.0])
 def test_quench_of_a_rounded_billet_stays_within_bounds(step: float) -> None:
-    scene = ThermalScene(billet(5e-3), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
+    setup = ThermalSetup(billet(5e-3), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
     law = flux_laws.Contact(5e4, WALL, 0.15)
-    scene.cool(("wide", law), ("narrow", law), ("corner", law)).march(20 * step, step)
-    assert within_bounds(scene)
-    assert scene.worst_balance < 1e-9
+    setup.cool(("wide", law), ("narrow", law), ("corner", law)).advance(20 * step, step)
+    assert within_bounds(setup)
+    assert setup.worst_balance < 1e-9
 
 
 @pytest.mark.parametrize("freezing_range", [0.0, 0.01, 0.1])
@@ -76,41 +76,41 @@ def test_narrow_freezing_range(freezing_range: float, step: float) -> None:
     curve = constant_steel(
         solidus, solidus + freezing_range, rho=7500.0, c=661.0, k=33.0, datum=1550.0
     )
-    scene = ThermalScene(strip(0.06, 120), curve, 1550.0)
-    scene.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).march(20.0, step)
+    setup = ThermalSetup(strip(0.06, 120), curve, 1550.0)
+    setup.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).advance(20.0, step)
     exact = Neumann((33.0, 661.0), (33.0, 661.0), 7500.0, 272e3, 1000.0, solidus, 1550.0)
-    x, temperature = scene.along_x()
+    x, temperature = setup.along_x()
     # A vertex is solid once the front has passed its share of the strip, half a cell beyond it.
     solid = x[temperature < solidus].max() + 0.25e-3
     assert solid == pytest.approx(exact.front(20.0), abs=0.5e-3)
-    assert scene.low >= 1000.0 - SLACK and scene.high <= 1550.0 + SLACK
-    assert scene.worst_balance < 1e-9
+    assert setup.low >= 1000.0 - SLACK and setup.high <= 1550.0 + SLACK
+    assert setup.worst_balance < 1e-9
 
 
 def test_step_over_the_whole_latent_heat() -> None:
     """One step from liquid to cold solid: all latent heat must leave, exactly."""
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
-    scene = ThermalScene(strip(0.02, 40), curve, CAST)
-    scene.cool(("surface", flux_laws.Contact(1600.0, WALL, 0.15))).march(1e4, 1e4)
-    temperature = scene.state.point.temperature
+    setup = ThermalSetup(strip(0.02, 40), curve, CAST)
+    setup.cool(("surface", flux_laws.Contact(1600.0, WALL, 0.15))).advance(1e4, 1e4)
+    temperature = setup.state.point.temperature
     assert temperature.max() < 460.0
-    mean = float(scene.problem.area @ temperature) / float(scene.problem.area.sum())
+    mean = float(setup.problem.area @ temperature) / float(setup.problem.area.sum())
     expected = 7200.0 * (700.0 * (CAST - mean) + 272e3) * 0.02
-    assert scene.state.removed / 0.5e-3 == pytest.approx(expected, rel=1e-12)
-    assert scene.worst_balance < 1e-12
+    assert setup.state.removed / 0.5e-3 == pytest.approx(expected, rel=1e-12)
+    assert setup.worst_balance < 1e-12
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 1e3])
 def test_conductivity_ratio_of_a_thousand(ratio: float) -> None:
     """Steady wall, liquid and solid a thousand times apart: theta is linear, whatever the mesh."""
     curve = constant_steel(1500.0, 1500.0, k=(30.0, 30.0 * ratio))
-    scene = ThermalScene(strip(0.05, 25), curve, 1600.0)
-    scene.cool(
+    setup = ThermalSetup(strip(0.05, 25), curve, 1600.0)
+    setup.cool(
         ("surface", flux_laws.PrescribedTemperature(1000.0)),
         ("core_end", flux_laws.PrescribedTemperature(1800.0)),
-    ).march(1e9, 1e8)
+    ).advance(1e9, 1e8)
     flux = (30.0 * 500.0 + 30.0 * ratio * 300.0) / 0.05
-    x, temperature = scene.along_x()
+    x, temperature = setup.along_x()
     front = 30.0 * 500.0 / flux
     solid = x < front - 1e-9
     assert temperature[solid] == pytest.approx(1000.0 + flux * x[solid] / 30.0, abs=1e-5)
@@ -120,39 +120,39 @@ def test_conductivity_ratio_of_a_thousand(ratio: float) -> None:
 
 
 def test_coefficient_jumping_tenfold_every_tenth_of_a_second() -> None:
-    scene = ThermalScene(billet(0.0), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
+    setup = ThermalSetup(billet(0.0), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
     time = 0.0
     for i in range(1000):
         law = flux_laws.Contact(3000.0 if i % 2 == 0 else 300.0, WALL, 0.15)
-        scene.cool(("wide", law), ("narrow", law))
+        setup.cool(("wide", law), ("narrow", law))
         time += 0.1
-        scene.march(time, 0.1)
-    assert within_bounds(scene)
-    assert scene.worst_balance < 1e-9
+        setup.advance(time, 0.1)
+    assert within_bounds(setup)
+    assert setup.worst_balance < 1e-9
     # The long run sees the mean coefficient but for the skin, which breathes.
-    mean = ThermalScene(billet(0.0), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
+    mean = ThermalSetup(billet(0.0), constant_steel(1725.15, 1775.65, datum=CAST), CAST)
     law = flux_laws.Contact(1650.0, WALL, 0.15)
-    mean.cool(("wide", law), ("narrow", law)).march(100.0, 0.1)
-    assert scene.state.removed == pytest.approx(mean.state.removed, rel=0.03)
+    mean.cool(("wide", law), ("narrow", law)).advance(100.0, 0.1)
+    assert setup.state.removed == pytest.approx(mean.state.removed, rel=0.03)
 
 
 def test_radiation_from_1500_into_20_degrees() -> None:
-    scene = ThermalScene(strip(0.05, 50), constant_steel(1650.0, 1700.0, datum=1773.15), 1773.15)
-    scene.cool(("surface", flux_laws.Radiation(0.9, 293.15)))
-    scene.march(1.0, 0.01).march(1e4, 50.0)
-    assert scene.worst_balance < 1e-9
-    scene.march(1e8, 1e6)
-    assert scene.low >= 293.15 - SLACK and scene.high <= 1773.15 + SLACK
-    assert scene.state.point.temperature == pytest.approx(293.15, abs=0.01)
+    setup = ThermalSetup(strip(0.05, 50), constant_steel(1650.0, 1700.0, datum=1773.15), 1773.15)
+    setup.cool(("surface", flux_laws.Radiation(0.9, 293.15)))
+    setup.advance(1.0, 0.01).advance(1e4, 50.0)
+    assert setup.worst_balance < 1e-9
+    setup.advance(1e8, 1e6)
+    assert setup.low >= 293.15 - SLACK and setup.high <= 1773.15 + SLACK
+    assert setup.state.point.temperature == pytest.approx(293.15, abs=0.01)
 
 
 def test_second_order_steps_outside_the_bounds_are_taken_again() -> None:
     """A step of many decay times of the skin: SDIRK2 alone would end colder than the wall."""
-    scene = ThermalScene(strip(2e-3, 8), constant_steel(1725.15, 1775.65, datum=1500.0), 1500.0)
-    scene.cool(("surface", flux_laws.Contact(5e4, WALL, 0.15)))
-    result = scene.stepper.step(scene.state, 5.0)
+    setup = ThermalSetup(strip(2e-3, 8), constant_steel(1725.15, 1775.65, datum=1500.0), 1500.0)
+    setup.cool(("surface", flux_laws.Contact(5e4, WALL, 0.15)))
+    result = setup.stepper.step(setup.state, 5.0)
     assert result.limited
-    raw = scene.stepper._sdirk2(scene.state, 5.0, (0.0, 2000.0))[-1].point.temperature
+    raw = setup.stepper._sdirk2(setup.state, 5.0, (0.0, 2000.0))[-1].point.temperature
     assert raw.min() < WALL - 1.0
     assert result.state.point.temperature.min() >= WALL - SLACK
 
@@ -163,9 +163,9 @@ def test_heat_is_exact_at_any_step() -> None:
     removed = []
     for steps in (1, 30, 1000):
         curve = constant_steel(alloy.solidus, alloy.liquidus, datum=alloy.initial)
-        scene = ThermalScene(strip(0.02, 20), curve, alloy.initial)
-        scene.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).march(1e8, 1e8 / steps)
-        removed.append(scene.state.removed)
+        setup = ThermalSetup(strip(0.02, 20), curve, alloy.initial)
+        setup.cool(("surface", flux_laws.PrescribedTemperature(1000.0))).advance(1e8, 1e8 / steps)
+        removed.append(setup.state.removed)
     assert np.ptp(removed) / removed[0] < 1e-6
 
 
@@ -181,8 +181,8 @@ def test_where_conduction_is_an_m_matrix(
     radius: float, cell: str, least: float, most: float
 ) -> None:
     """On rectangles and Delaunay triangles; round an arc of quadrilaterals not quite."""
-    scene = ThermalScene(billet(radius, cell), constant_steel(1725.15, 1775.65), CAST)
-    matrix = scene.problem._laplacian
+    setup = ThermalSetup(billet(radius, cell), constant_steel(1725.15, 1775.65), CAST)
+    matrix = setup.problem._laplacian
     starts, columns, values = matrix.getValuesCSR()
     rows = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     off = rows != columns
@@ -194,6 +194,6 @@ def test_round_an_arc_liquid_is_warmed_by_hundredths_of_a_kelvin() -> None:
     """The corner alone is quenched, in short steps: the maximum principle, but for its entries."""
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
     mesh = billet(5e-3, surface_size=1e-3, corner_size=1e-3)
-    scene = ThermalScene(mesh, curve, CAST, "backward_euler")
-    scene.cool(("corner", flux_laws.Convection(3e4, 298.15))).march(1.0, 0.01)
-    assert CAST < scene.high < CAST + 0.1
+    setup = ThermalSetup(mesh, curve, CAST, "backward_euler")
+    setup.cool(("corner", flux_laws.Convection(3e4, 298.15))).advance(1.0, 0.01)
+    assert CAST < setup.high < CAST + 0.1

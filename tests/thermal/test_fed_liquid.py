@@ -10,27 +10,27 @@ from castfem.fem.line_probes import Profile
 from castfem.materials import load_steel
 from castfem.thermal import flux_laws
 from castfem.verification import ThreeZones
-from thermal.scenes import ThermalScene, constant_steel, strip
+from thermal.setups import ThermalSetup, constant_steel, strip
 
 ALLOY = ThreeZones(30.0, 7200.0, 700.0, 272e3, 1000.0, 1450.0, 1500.0, 1540.0)
 TIME = 10.0
 
 
-def chilled(along: float, across: float, axial: float, fed: bool = True) -> ThermalScene:
+def chilled(along: float, across: float, axial: float, fed: bool = True) -> ThermalSetup:
     """A strip strained uniformly while it is liquid, then chilled at its end for 10 s."""
     curve = constant_steel(ALLOY.solidus, ALLOY.liquidus, datum=ALLOY.initial)
     mesh = strip(0.06, 150)
-    scene = ThermalScene(mesh, curve, ALLOY.initial, moves=True, solidus=ALLOY.solidus)
-    scene.move(lambda x: np.array([along * x[0], across * x[1]]), axial)
+    setup = ThermalSetup(mesh, curve, ALLOY.initial, moves=True, solidus=ALLOY.solidus)
+    setup.move(lambda x: np.array([along * x[0], across * x[1]]), axial)
     if fed:
-        scene.state = scene.stepper.feed(scene.state)
-    scene.cool(("surface", flux_laws.PrescribedTemperature(ALLOY.surface)))
-    return scene.march(TIME, 0.1)
+        setup.state = setup.stepper.feed(setup.state)
+    setup.cool(("surface", flux_laws.PrescribedTemperature(ALLOY.surface)))
+    return setup.advance(TIME, 0.1)
 
 
-def fronts(scene: ThermalScene) -> tuple[float, float]:
+def fronts(setup: ThermalSetup) -> tuple[float, float]:
     """Depth of solidus and liquidus on the undeformed strip, m."""
-    profile = Profile(*scene.along_x())
+    profile = Profile(*setup.along_x())
     return profile.isotherm_depth(ALLOY.solidus), profile.isotherm_depth(ALLOY.liquidus)
 
 
@@ -40,18 +40,18 @@ EXACT = tuple(2.0 * eta * np.sqrt(TIME) for eta in ALLOY.fronts())
 @pytest.mark.parametrize(("across", "axial"), [(0.0, 0.0), (0.1, 0.05), (-0.1, 0.0), (0.0, -0.08)])
 def test_strain_across_the_heat_changes_no_front(across: float, axial: float) -> None:
     """Uniform strain at right angles to the heat: the undeformed fronts, heat by the area."""
-    scene = chilled(0.0, across, axial)
-    assert fronts(scene) == pytest.approx(EXACT, abs=0.06e-3)
+    setup = chilled(0.0, across, axial)
+    assert fronts(setup) == pytest.approx(EXACT, abs=0.06e-3)
     area = (1.0 + across) * (1.0 + axial)
     width = 0.06 / 150
-    assert scene.state.removed / width == pytest.approx(area * ALLOY.heat(TIME), rel=1e-3)
+    assert setup.state.removed / width == pytest.approx(area * ALLOY.heat(TIME), rel=1e-3)
 
 
 @pytest.mark.parametrize("along", [0.1, -0.1])
 def test_strain_along_the_heat_moves_the_mesh_alone(along: float) -> None:
     """Liquid squeezed or stretched along the heat freezes where it is, not where its mesh began."""
-    scene = chilled(along, 0.0, 0.0)
-    found = [(1.0 + along) * depth for depth in fronts(scene)]
+    setup = chilled(along, 0.0, 0.0)
+    found = [(1.0 + along) * depth for depth in fronts(setup)]
     assert found == pytest.approx(EXACT, abs=0.06e-3)
 
 
@@ -64,7 +64,7 @@ def test_liquid_that_were_not_fed_would_freeze_too_fast() -> None:
     assert stretched == pytest.approx([1.1 * depth for depth in EXACT], abs=0.07e-3)
 
 
-def insulated(axial: float) -> tuple[ThermalScene, float]:
+def insulated(axial: float) -> tuple[ThermalSetup, float]:
     """Steel whose density depends on temperature, cooled to 900 degC or so, then insulated."""
     steel = load_steel("plain_carbon", composition={"C": 0.2})
     start = steel.liquidus + 30.0
@@ -73,31 +73,31 @@ def insulated(axial: float) -> tuple[ThermalScene, float]:
         shape="rectangle", width=0.01, height=0.01, surface_size=1e-3, core_size=1e-3,
         cell="quadrilateral", order=1,
     )  # fmt: skip
-    scene = ThermalScene(mesh, curve, start, moves=True, solidus=steel.solidus)
-    scene.move(lambda x: np.zeros((2, x.shape[1])), axial)
-    scene.state = scene.stepper.feed(scene.state)
-    scene.cool(("", flux_laws.PrescribedFlux(1e6))).march(13.0, 0.1)
-    scene.cool().march(60.0, 1.0)
-    low, high = scene.state.extremes
+    setup = ThermalSetup(mesh, curve, start, moves=True, solidus=steel.solidus)
+    setup.move(lambda x: np.zeros((2, x.shape[1])), axial)
+    setup.state = setup.stepper.feed(setup.state)
+    setup.cool(("", flux_laws.PrescribedFlux(1e6))).advance(13.0, 0.1)
+    setup.cool().advance(60.0, 1.0)
+    low, high = setup.state.extremes
     assert high - low < 1e-3 and high < 1250.0
     enthalpy = steel.properties["enthalpy"]
     per_mass = float(enthalpy(start) - enthalpy(0.5 * (low + high)))
-    return scene, float(steel.density(steel.solidus, "below")) * 0.25e-4 * per_mass
+    return setup, float(steel.density(steel.solidus, "below")) * 0.25e-4 * per_mass
 
 
 @pytest.mark.parametrize("axial", [0.0, 0.03])
 def test_solid_keeps_its_mass(axial: float) -> None:
     """Heat out = rho(solidus) A0 (h0 - h), of the volume that froze."""
-    scene, expected = insulated(axial)
-    assert scene.state.removed == pytest.approx((1.0 + axial) * expected, rel=1e-6)
+    setup, expected = insulated(axial)
+    assert setup.state.removed == pytest.approx((1.0 + axial) * expected, rel=1e-6)
 
 
 def test_straining_the_solid_moves_no_heat() -> None:
-    scene, expected = insulated(0.0)
-    temperature = scene.state.point.temperature
-    scene.move(lambda x: np.array([0.02 * x[0], -0.05 * x[1]]), 0.1)
-    scene.state = scene.stepper.feed(scene.state)
-    scene.march(61.0, 1.0)
-    assert scene.state.fed == 0.0
-    assert scene.state.point.temperature == pytest.approx(temperature, abs=1e-3)
-    assert scene.state.removed == pytest.approx(expected, rel=1e-6)
+    setup, expected = insulated(0.0)
+    temperature = setup.state.point.temperature
+    setup.move(lambda x: np.array([0.02 * x[0], -0.05 * x[1]]), 0.1)
+    setup.state = setup.stepper.feed(setup.state)
+    setup.advance(61.0, 1.0)
+    assert setup.state.fed == 0.0
+    assert setup.state.point.temperature == pytest.approx(temperature, abs=1e-3)
+    assert setup.state.removed == pytest.approx(expected, rel=1e-6)

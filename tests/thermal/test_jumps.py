@@ -14,7 +14,7 @@ from castfem.thermal import flux_laws
 from castfem.thermal.stepper import REBOUND, ThermalStepper
 from castfem.time_loop.loop import TimeLoop
 from castfem.values.types import Array
-from thermal.scenes import ThermalScene, constant_steel, strip
+from thermal.setups import ThermalSetup, constant_steel, strip
 from thermal.test_extremes import CAST, SLACK, billet
 
 AMBIENT = 298.15
@@ -24,8 +24,8 @@ FIXED = "thermal.time.step='{}'"
 ADAPTIVE = "thermal.time.adaptive={{tolerance='{}',first='1 ms',smallest='1e-6 s',largest='1 s'}}"
 
 
-class Course:
-    """Temperatures of all vertices after each step of a march, in place of its files."""
+class Temperatures:
+    """Temperatures of all vertices after each step of a run, in place of its files."""
 
     def __init__(self) -> None:
         self.found: list[Array] = []
@@ -40,16 +40,16 @@ class Course:
         return float(np.diff(self.found, axis=0).max())
 
 
-def marched(*changes: str) -> tuple[Course, Counts]:
-    """The shipped billet, changed, after its march."""
-    scene = build(load_case("cases/billet125/thermal.toml", changes), MPI.COMM_SELF)
-    course = Course()
-    march = TimeLoop(scene, course)  # type: ignore[arg-type]
+def cooled(*changes: str) -> tuple[Temperatures, Counts]:
+    """The shipped billet, changed, after its run."""
+    simulation = build(load_case("cases/billet125/thermal.toml", changes), MPI.COMM_SELF)
+    temperatures = Temperatures()
+    time_loop = TimeLoop(simulation, temperatures)  # type: ignore[arg-type]
     try:
-        march.run()
+        time_loop.run()
     finally:
-        scene.destroy()
-    return course, march.run_state.counts
+        simulation.destroy()
+    return temperatures, time_loop.run_state.counts
 
 
 def convection(coefficient: str) -> str:
@@ -73,48 +73,50 @@ def convection(coefficient: str) -> str:
 )
 def test_steel_that_is_quenched_never_warms(coefficient: str, stepping: str, jumps: bool) -> None:
     """From the meniscus on, freezing, all round: 1542, 292, 438 degC it went at 30 kW/m2K."""
-    course, counts = marched(convection(coefficient), stepping, *COARSE)
-    assert course.rise < SLACK
+    temperatures, counts = cooled(convection(coefficient), stepping, *COARSE)
+    assert temperatures.rise < SLACK
     assert counts.limited >= jumps
     assert counts.limited < 0.25 * counts.steps
 
 
 def test_without_a_look_ahead_it_would_come_back(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ThermalStepper, "_look_ahead", lambda *_: (False, None))
-    course, counts = marched(convection("30 kW/(m^2 K)"), FIXED.format("0.5 s"), *COARSE)
-    assert course.rise > 100.0 and counts.limited == 0
+    temperatures, counts = cooled(convection("30 kW/(m^2 K)"), FIXED.format("0.5 s"), *COARSE)
+    assert temperatures.rise > 100.0 and counts.limited == 0
 
 
 def test_a_billet_as_shipped_is_not_damped() -> None:
     """Its first step wakes fast modes too, but no vertex is carried past its rest."""
-    course, counts = marched("output.fields=[]", "casting.length='150 mm'")
-    assert course.rise < SLACK and counts.limited == 0
+    temperatures, counts = cooled("output.fields=[]", "casting.length='150 mm'")
+    assert temperatures.rise < SLACK and counts.limited == 0
 
 
 @pytest.mark.parametrize(("coefficient", "way"), [(3e4, 1.0), (50.0, -1.0)])
 def test_a_zone_downstream_cools_or_warms_one_way(coefficient: float, way: float) -> None:
     """The skin goes to where the new cooling takes it and does not come back."""
-    scene = ThermalScene(billet(0.0, surface_size=2e-3), STEEL, CAST)
+    simulation = ThermalSetup(billet(0.0, surface_size=2e-3), STEEL, CAST)
     faces = ("wide", "narrow")
-    scene.cool(*((face, flux_laws.Contact(1600.0, 433.15, 0.15)) for face in faces)).march(5.0, 0.5)
-    skin = scene.surface.patch(scene.section.required(list(faces))).dofs
-    found = [scene.state.point.temperature[skin]]
-    scene.cool(*((face, flux_laws.Convection(coefficient, AMBIENT)) for face in faces))
-    scene.march(7.0, 0.5, lambda: found.append(scene.state.point.temperature[skin]))
+    simulation.cool(*((face, flux_laws.Contact(1600.0, 433.15, 0.15)) for face in faces)).advance(
+        5.0, 0.5
+    )
+    skin = simulation.surface.patch(simulation.section.required(list(faces))).dofs
+    found = [simulation.state.point.temperature[skin]]
+    simulation.cool(*((face, flux_laws.Convection(coefficient, AMBIENT)) for face in faces))
+    simulation.advance(7.0, 0.5, lambda: found.append(simulation.state.point.temperature[skin]))
     assert (way * np.diff(found, axis=0)).max() < REBOUND
     assert (way * (found[0] - found[1])).min() > 50.0
-    assert scene.results[-1].limited is False
-    assert scene.worst_balance < 1e-9
+    assert simulation.results[-1].limited is False
+    assert simulation.worst_balance < 1e-9
 
 
 def test_second_order_returns_after_a_jump() -> None:
-    """Each march takes its first step with backward Euler; its error falls by four all the same."""
+    """Each run takes its first step with backward Euler; its error falls by four all the same."""
     curve = constant_steel(1450.0, 1500.0, datum=1400.0)
 
     def final(step: float) -> tuple[Array, int]:
-        scene = ThermalScene(strip(0.02, 10), curve, 1400.0)
-        scene.cool(("surface", flux_laws.Convection(3e4, AMBIENT))).march(8.0, step)
-        return scene.along_x()[1], sum(r.limited for r in scene.results)
+        simulation = ThermalSetup(strip(0.02, 10), curve, 1400.0)
+        simulation.cool(("surface", flux_laws.Convection(3e4, AMBIENT))).advance(8.0, step)
+        return simulation.along_x()[1], sum(r.limited for r in simulation.results)
 
     steps = np.array([2.0, 1.0, 0.5])
     exact = final(0.005)[0]

@@ -9,20 +9,20 @@ import pytest
 
 from castfem import meshes
 from castfem.thermal import flux_laws
-from thermal.scenes import ThermalScene, constant_steel
+from thermal.setups import ThermalSetup, constant_steel
 
 STEEL = constant_steel(1725.0, 1775.0, datum=1815.0)
 
 
-def cooled(step: float, **options: Any) -> ThermalScene:
+def cooled(step: float, **options: Any) -> ThermalSetup:
     mesh = meshes.build(
         "rectangle", width=0.125, height=0.125, corner_radius=0.005, symmetry="quarter",
         surface_size=1e-3, core_size=8e-3, cell="quadrilateral",
     )  # fmt: skip
-    scene = ThermalScene(mesh, STEEL, 1815.0, options=options)
+    setup = ThermalSetup(mesh, STEEL, 1815.0, options=options)
     names = [g for g in mesh.groups if not g.startswith("symmetry")]
-    scene.cool(*((name, flux_laws.Contact(1600.0, 433.15, 0.15)) for name in names))
-    return scene.march(10.0, step)
+    setup.cool(*((name, flux_laws.Contact(1600.0, 433.15, 0.15)) for name in names))
+    return setup.advance(10.0, step)
 
 
 def test_iterating_is_as_good_as_factorising() -> None:
@@ -47,9 +47,9 @@ def test_where_iterating_fails_it_factorises() -> None:
 @pytest.mark.parametrize("step", [1e3, 1e5])
 def test_steps_far_too_long(step: float) -> None:
     """Close to a steady state in one step: the stage is almost a Laplacian."""
-    scene = cooled(10.0)
-    scene.march(10.0 + step, step)
-    temperature = scene.state.point.temperature
+    setup = cooled(10.0)
+    setup.advance(10.0 + step, step)
+    temperature = setup.state.point.temperature
     assert temperature.min() > 433.15 - 1e-3
     assert temperature.max() < 1815.0 + 1e-3
-    assert abs(scene.results[-1].balance) < 1e-9
+    assert abs(setup.results[-1].balance) < 1e-9

@@ -13,24 +13,24 @@ from ranks import needs_mpirun, python_on
 
 from castfem.fem.line_probes import LineProbes
 from castfem.thermal import flux_laws
-from thermal.scenes import ThermalScene, constant_steel
+from thermal.setups import ThermalSetup, constant_steel
 from thermal.test_extremes import CAST, WALL, billet
 
 HERE = Path(__file__).parents[1]
 
 
-def marched(comm: MPI.Comm, cell: str = "quadrilateral", radius: float = 5e-3) -> ThermalScene:
+def cooled(comm: MPI.Comm, cell: str = "quadrilateral", radius: float = 5e-3) -> ThermalSetup:
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
-    scene = ThermalScene(billet(radius, cell), curve, CAST, comm=comm)
+    setup = ThermalSetup(billet(radius, cell), curve, CAST, comm=comm)
     law = flux_laws.Contact(1600.0, WALL, 0.15)
-    scene.cool(("wide", law), ("narrow", law), *([("corner", law)] if radius else []))
-    return scene.march(4.0, 0.1)
+    setup.cool(("wide", law), ("narrow", law), *([("corner", law)] if radius else []))
+    return setup.advance(4.0, 0.1)
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_many_ranks_give_what_one_gives(cell: str) -> None:
-    alone, together = marched(MPI.COMM_SELF, cell), marched(MPI.COMM_WORLD, cell)
+    alone, together = cooled(MPI.COMM_SELF, cell), cooled(MPI.COMM_WORLD, cell)
     one = alone.section.gather(alone.state.point.temperature)
     many = together.section.gather(together.state.point.temperature)
     if MPI.COMM_WORLD.rank == 0:
@@ -50,8 +50,8 @@ def test_many_ranks_give_what_one_gives(cell: str) -> None:
 
 @pytest.mark.mpi
 def test_gather_and_scatter_are_inverse() -> None:
-    scene = ThermalScene(billet(0.0), constant_steel(1725.15, 1775.65), CAST, comm=MPI.COMM_WORLD)
-    section = scene.section
+    setup = ThermalSetup(billet(0.0), constant_steel(1725.15, 1775.65), CAST, comm=MPI.COMM_WORLD)
+    section = setup.section
     values = np.arange(section.owned) + 1000.0 * section.comm.rank
     assert np.array_equal(section.scatter(section.gather(values)), values)
 
@@ -60,11 +60,11 @@ SCRIPT = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
 from mpi4py import MPI
-from thermal.test_parallel import marched
-scene = marched(MPI.COMM_WORLD)
-field = scene.section.gather(scene.state.point.temperature)
+from thermal.test_parallel import cooled
+setup = cooled(MPI.COMM_WORLD)
+field = setup.section.gather(setup.state.point.temperature)
 if MPI.COMM_WORLD.rank == 0:
-    print("RESULT", json.dumps({"removed": scene.state.removed, "field": field.tolist()}))
+    print("RESULT", json.dumps({"removed": setup.state.removed, "field": field.tolist()}))
 """
 
 
@@ -74,7 +74,7 @@ def test_three_ranks_give_what_one_gives() -> None:
     assert done.returncode == 0, done.stderr
     line = next(x for x in done.stdout.splitlines() if x.startswith("RESULT"))
     three = json.loads(line.removeprefix("RESULT"))
-    alone = marched(MPI.COMM_SELF)
+    alone = cooled(MPI.COMM_SELF)
     field = alone.section.gather(alone.state.point.temperature)
     assert np.abs(np.array(three["field"]) / field - 1).max() < 1e-8
     assert three["removed"] == pytest.approx(alone.state.removed, rel=1e-8)

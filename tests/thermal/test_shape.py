@@ -15,7 +15,7 @@ from castfem.fem.dolfinx_compat import assemble_owned
 from castfem.forms import heat
 from castfem.thermal import flux_laws
 from castfem.values.types import Array
-from thermal.scenes import ThermalScene, constant_steel
+from thermal.setups import ThermalSetup, constant_steel
 from thermal.test_extremes import CAST, WALL, billet
 
 STEEL = constant_steel(1725.15, 1775.65, datum=CAST)
@@ -23,8 +23,8 @@ CONTACT = flux_laws.Contact(5e3, WALL, 0.15)
 COARSE = {"surface_size": 2e-3, "core_size": 1.2e-2}
 
 
-def cooled(scene: ThermalScene) -> ThermalScene:
-    return scene.cool(("wide", CONTACT), ("narrow", CONTACT), ("corner", CONTACT))
+def cooled(setup: ThermalSetup) -> ThermalSetup:
+    return setup.cool(("wide", CONTACT), ("narrow", CONTACT), ("corner", CONTACT))
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
@@ -38,11 +38,11 @@ def test_moved_slice_is_the_slice_made_that_way(
     f = np.array(gradient)
     thickness = 1.0 / float(np.linalg.det(f))
     mesh = billet(5e-3, cell, **COARSE)
-    made = cooled(ThermalScene(replace(mesh, points=mesh.points @ f.T), STEEL, CAST))
-    moved = cooled(ThermalScene(mesh, STEEL, CAST, moves=True))
+    made = cooled(ThermalSetup(replace(mesh, points=mesh.points @ f.T), STEEL, CAST))
+    moved = cooled(ThermalSetup(mesh, STEEL, CAST, moves=True))
     moved.move(lambda x: (f - np.eye(2)) @ x[:2], thickness - 1.0)
-    for scene in (made, moved):
-        scene.march(3.0, 0.25)
+    for setup in (made, moved):
+        setup.advance(3.0, 0.25)
     ours, theirs = moved.state.point.temperature, made.state.point.temperature
     assert theirs.min() < 1300.0
     assert ours == pytest.approx(theirs, rel=1e-9)
@@ -51,36 +51,36 @@ def test_moved_slice_is_the_slice_made_that_way(
 
 def test_heat_is_kept_while_the_slice_moves() -> None:
     """Every step closes, and the steel neither gains nor loses by being moved."""
-    scene = cooled(ThermalScene(billet(5e-3, **COARSE), STEEL, CAST, moves=True))
-    start = scene.state.enthalpy
+    setup = cooled(ThermalSetup(billet(5e-3, **COARSE), STEEL, CAST, moves=True))
+    start = setup.state.enthalpy
     for turn in range(8):
         size = 0.02 * (-1) ** turn
 
         def wave(x: Array, size: float = size) -> Array:
             return size * np.stack([x[0] * np.cos(40.0 * x[1]), x[1] * np.cos(50.0 * x[0])])
 
-        scene.move(wave, 0.5 * size).march(0.5 * (turn + 1), 0.25)
-    lost = scene.problem.area @ (start - scene.state.enthalpy)
-    assert scene.worst_balance < 1e-12
-    assert lost == pytest.approx(scene.state.removed, rel=1e-12)
-    assert scene.low > WALL and scene.high < CAST + 0.01 * (CAST - WALL)
+        setup.move(wave, 0.5 * size).advance(0.5 * (turn + 1), 0.25)
+    lost = setup.problem.area @ (start - setup.state.enthalpy)
+    assert setup.worst_balance < 1e-12
+    assert lost == pytest.approx(setup.state.removed, rel=1e-12)
+    assert setup.low > WALL and setup.high < CAST + 0.01 * (CAST - WALL)
 
 
 def test_liquid_that_has_folded_conducts_as_if_it_had_not_moved() -> None:
-    scene = cooled(ThermalScene(billet(5e-3, **COARSE), STEEL, CAST, moves=True))
-    still = cooled(ThermalScene(billet(5e-3, **COARSE), STEEL, CAST))
-    scene.move(lambda x: np.stack([-2.0 * x[0], np.zeros_like(x[0])]))  # turned inside out
-    for one in (scene, still):
-        one.march(2.0, 0.25)
-    assert scene.state.point.temperature == pytest.approx(still.state.point.temperature, rel=1e-9)
+    setup = cooled(ThermalSetup(billet(5e-3, **COARSE), STEEL, CAST, moves=True))
+    still = cooled(ThermalSetup(billet(5e-3, **COARSE), STEEL, CAST))
+    setup.move(lambda x: np.stack([-2.0 * x[0], np.zeros_like(x[0])]))  # turned inside out
+    for one in (setup, still):
+        one.advance(2.0, 0.25)
+    assert setup.state.point.temperature == pytest.approx(still.state.point.temperature, rel=1e-9)
 
 
 def test_residual_is_the_enthalpy_form() -> None:
     """What is solved vertex by vertex is (23) as `forms.heat` writes it, assembled as a whole."""
-    scene = cooled(ThermalScene(billet(5e-3, **COARSE), STEEL, CAST)).march(2.0, 0.25)
-    section, problem, step = scene.section, scene.problem, 0.1
+    setup = cooled(ThermalSetup(billet(5e-3, **COARSE), STEEL, CAST)).advance(2.0, 0.25)
+    section, problem, step = setup.section, setup.problem, 0.1
     space = section.vertex_space
-    old, point = scene.state.enthalpy, scene.curve.at(scene.state.enthalpy - 3e6)
+    old, point = setup.state.enthalpy, setup.curve.at(setup.state.enthalpy - 3e6)
     new, base, theta, flux = (fem.Function(space) for _ in range(4))
     q = CONTACT.flux(point.temperature, 0.0)[0]
     for function, values in ((new, old - 3e6), (base, old), (theta, point.conduction), (flux, q)):

@@ -16,7 +16,7 @@ from castfem.errors import RunFailure
 BOUNDS = Adaptive(tolerance=1.0, first=1e-3, smallest=1e-5, largest=0.5)
 
 
-def march(control: StepControl, error: float) -> list[float]:
+def advance(control: StepControl, error: float) -> list[float]:
     return march_some(control, error, 100_000)
 
 
@@ -38,7 +38,7 @@ def test_milestones_are_hit_exactly(stops: list[float], step: float) -> None:
         StepControl(10.0, stops, fixed=step),
         StepControl(10.0, stops, adaptive=BOUNDS),
     ):
-        times = march(control, 0.3)
+        times = advance(control, 0.3)
         assert times[-1] == 10.0
         reached = sorted(set(times))
         for stop in stops:
@@ -46,7 +46,7 @@ def test_milestones_are_hit_exactly(stops: list[float], step: float) -> None:
 
 
 def test_adaptive_steps_grow_to_the_largest_and_leave_no_crumb() -> None:
-    times = march(StepControl(100.0, adaptive=BOUNDS), 0.01)
+    times = advance(StepControl(100.0, adaptive=BOUNDS), 0.01)
     steps = [b - a for a, b in pairwise(times)]
     assert max(steps) == pytest.approx(0.5)
     assert min(steps[20:]) > 0.2

@@ -12,7 +12,7 @@ from castfem.forms.heat import surface_stretch
 from castfem.meshes import SectionMesh
 from castfem.thermal import flux_laws
 from castfem.values.types import Array
-from thermal.scenes import ThermalScene, constant_steel
+from thermal.setups import ThermalSetup, constant_steel
 
 RADIUS, SIDE = 5e-3, 0.0625
 STEEL = constant_steel(1725.15, 1775.65)
@@ -26,8 +26,8 @@ def section(cell: str, size: float, order: int) -> SectionMesh:
     )  # fmt: skip
 
 
-def shares(scene: ThermalScene, name: str) -> Array:
-    return scene.surface.patch(scene.section.matching([name])).weights
+def shares(setup: ThermalSetup, name: str) -> Array:
+    return setup.surface.patch(setup.section.matching([name])).weights
 
 
 def wave(x: Array) -> Array:
@@ -40,19 +40,19 @@ def wave(x: Array) -> Array:
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_area_and_perimeter_are_those_of_the_section(cell: str, size: float, order: int) -> None:
     mesh = section(cell, size, order)
-    scene = ThermalScene(mesh, STEEL, 1800.0)
-    area = scene.problem.area
+    setup = ThermalSetup(mesh, STEEL, 1800.0)
+    area = setup.problem.area
     assert area.sum() == pytest.approx(mesh.quality().area, rel=1e-12)
     assert area.min() > 0.0
-    arc = shares(scene, "corner")
+    arc = shares(setup, "corner")
     assert arc.min() > 0.0
     length = fem.assemble_scalar(
         fem.form(
-            fem.Constant(scene.section.mesh, 1.0)
+            fem.Constant(setup.section.mesh, 1.0)
             * ufl.Measure(
-                "ds", domain=scene.section.mesh, subdomain_data=scene.section.facet_tags,
+                "ds", domain=setup.section.mesh, subdomain_data=setup.section.facet_tags,
                 metadata={"quadrature_degree": 40},
-            )(tuple(scene.section.matching(["corner"])))
+            )(tuple(setup.section.matching(["corner"])))
         )
     )  # fmt: skip
     assert arc.sum() == pytest.approx(length, rel=1e-10)
@@ -60,22 +60,22 @@ def test_area_and_perimeter_are_those_of_the_section(cell: str, size: float, ord
         assert arc.sum() == pytest.approx(0.5 * np.pi * RADIUS, rel=3e-3 * (size / 4e-3) ** 3)
         exact = SIDE**2 - (1 - np.pi / 4) * RADIUS**2
         assert area.sum() == pytest.approx(exact, rel=1e-4 * (size / 4e-3) ** 3)
-    straight = sum(shares(scene, name).sum() for name in ("wide", "narrow"))
+    straight = sum(shares(setup, name).sum() for name in ("wide", "narrow"))
     assert straight == pytest.approx(2 * (SIDE - RADIUS), rel=1e-12)
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_surface_that_has_moved_keeps_its_true_length(cell: str) -> None:
-    scene = ThermalScene(section(cell, 4e-3, 2), STEEL, 1800.0, moves=True)
+    setup = ThermalSetup(section(cell, 4e-3, 2), STEEL, 1800.0, moves=True)
     law = flux_laws.Contact(1600.0, 433.15, 0.15)
-    scene.cool(("wide", law), ("narrow", law), ("corner", law)).move(wave)
-    shape, mesh = scene.problem.shape, scene.section.mesh
+    setup.cool(("wide", law), ("narrow", law), ("corner", law)).move(wave)
+    shape, mesh = setup.problem.shape, setup.section.mesh
     assert shape is not None
     stretch = surface_stretch(shape.gradient, shape.thickness, ufl.FacetNormal(mesh))
     for name in ("wide", "narrow", "corner"):
         ds = ufl.Measure(
-            "ds", domain=mesh, subdomain_data=scene.section.facet_tags,
+            "ds", domain=mesh, subdomain_data=setup.section.facet_tags,
             metadata={"quadrature_degree": 40},
-        )(tuple(scene.section.matching([name])))  # fmt: skip
+        )(tuple(setup.section.matching([name])))  # fmt: skip
         length = fem.assemble_scalar(fem.form(stretch * ds))
-        assert shares(scene, name).sum() == pytest.approx(length, rel=1e-6)
+        assert shares(setup, name).sum() == pytest.approx(length, rel=1e-6)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moulded import billet, marched, run, shipped
+from billet_runs import billet, run, run_in_memory, shipped
 
 from castfem.output.history import read_history
 
@@ -43,7 +43,7 @@ def test_pull_of_friction_and_external_force_are_that_of_the_stress(
 def test_a_force_on_the_strand_strains_all_its_parts_alike() -> None:
     force = ("casting.length=30 mm", 'mechanics.planes.force="1 kN"')
     quarter, half = (
-        marched(billet("coupled", *force, f"section.symmetry={s}")).samples[-1].mechanics
+        run_in_memory(billet("coupled", *force, f"section.symmetry={s}")).samples[-1].mechanics
         for s in ("quarter", "half")
     )
     assert quarter is not None and half is not None

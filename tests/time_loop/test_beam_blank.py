@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from time_loop.moulded import CASES, marched
+from time_loop.billet_runs import CASES, run_in_memory
 
 from castfem.case import load_case
 
@@ -50,7 +50,7 @@ figures = false
 def test_beam_blank_in_its_mould(tmp_path: Path) -> None:
     """Forces and heat balance, the wall is not entered, and it bears the liquid."""
     (tmp_path / "beam_blank.toml").write_text(BEAM_BLANK)
-    kept = marched(load_case(tmp_path / "beam_blank.toml"))
+    kept = run_in_memory(load_case(tmp_path / "beam_blank.toml"))
     for sample in kept.samples[1:]:
         mechanics = sample.mechanics
         assert mechanics is not None and mechanics.balance is not None

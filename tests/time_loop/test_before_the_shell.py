@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from time_loop.moulded import FED, Kept, billet, marched
+from time_loop.billet_runs import FED, Kept, billet, run_in_memory
 
 RUBBING = 'mould.friction={law="coulomb",coefficient=0.3}'
 SHORT = ("casting.length=120 mm", *FED)
 
 
 def strained(interval: str, *sets: str) -> Kept:
-    return marched(billet("taper_1", *SHORT, f"coupling.interval={interval}", *sets))
+    return run_in_memory(billet("taper_1", *SHORT, f"coupling.interval={interval}", *sets))
 
 
 def course(kept: Kept) -> list[float]:

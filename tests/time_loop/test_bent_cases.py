@@ -11,7 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bent_case import HALF, RADIUS, SEGMENT, bent
-from moulded import marched as moulded_march
+from billet_runs import run_in_memory
 
 from castfem.case import Case, load_case
 from castfem.errors import InputError
@@ -21,26 +21,26 @@ from castfem.simulation.simulation import build
 from castfem.time_loop import loop
 
 
-def marched(case: Case) -> tuple[list[Any], float]:
+def samples_of(case: Case) -> tuple[list[Any], float]:
     """Samples of a run in memory, and how often the modelled part makes up the section."""
-    return moulded_march(case).samples, {"half": 2.0, "whole": 1.0}[case.section.symmetry]
+    return run_in_memory(case).samples, {"half": 2.0, "whole": 1.0}[case.section.symmetry]
 
 
 def planes_of(case: Case) -> tuple[BentPlanes, Callable[[float], float]]:
     """The planes of a case, and where its slice is over time."""
-    scene = build(case, MPI.COMM_SELF)
+    simulation = build(case, MPI.COMM_SELF)
     try:
-        assert scene.mechanics is not None
-        planes = scene.mechanics.problem.slice.planes
+        assert simulation.mechanics is not None
+        planes = simulation.mechanics.problem.slice.planes
         assert isinstance(planes, BentPlanes)
-        return planes, scene.machine.position
+        return planes, simulation.machine.position
     finally:
-        scene.destroy()
+        simulation.destroy()
 
 
 def test_the_planes_follow_the_rolls() -> None:
     """(41): a2 = -a0 / (R - f/2), 1/R linear between the rolls; through states of a run."""
-    kept = moulded_march(bent())
+    kept = run_in_memory(bent())
     rolls, chi = [0.1, 0.6, 1.35], [0.0, 1.0 / RADIUS, 0.0]
     seen = []
     for state, sample in zip(kept.states, kept.samples[-len(kept.states) :], strict=True):
@@ -92,7 +92,7 @@ def test_a_half_bears_half() -> None:
     table = {"position": [0, 1.5], "position_unit": "m", "value": [0, 60], "unit": "kN"}
     planes = {"force": table, "force_contains_bending": False}
     (half, parts), (whole, _) = (
-        marched(bent(section__symmetry=part, mechanics__planes=planes))
+        samples_of(bent(section__symmetry=part, mechanics__planes=planes))
         for part in ("half", "whole")
     )
     ours, theirs = half[-1].mechanics, whole[-1].mechanics

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from moulded import Kept, marched
+from billet_runs import Kept, run_in_memory
 
 from castfem.case import load_case
 from castfem.case.load import from_document
@@ -38,7 +38,7 @@ def slab() -> Slab:
     document["machine"] = {"rolls": STRAIGHT}
     del document["mechanics"]["planes"]["force_contains_bending"]
     document["casting"]["length"] = f"{BENDER[1]} m"
-    return Slab(marched(case), marched(from_document(document)))
+    return Slab(run_in_memory(case), run_in_memory(from_document(document)))
 
 
 def within(kept: Kept, ends: tuple[float, float]) -> list[Sample]:

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from moulded import Kept, billet, marched, run
+from billet_runs import Kept, billet, run, run_in_memory
 
 from castfem import constitutive
 from castfem.constitutive import load_elasticity, load_law
@@ -34,7 +34,7 @@ def own_law(folder: Path, low: str, high: str, fast: str) -> str:
 def test_the_summary_has_the_largest_shares(tmp_path: Path) -> None:
     words = own_law(tmp_path, "1390 degC", "1440 degC", "1e-4 1/s"), LONG
     case = billet("idealised", *words)
-    kept = marched(case)
+    kept = run_in_memory(case)
     told = [sample.strained.beyond for sample in kept.samples]
     assert not told[0] and told[-1]  # no shell at the meniscus
     assert kept.summary is not None
@@ -53,7 +53,7 @@ def test_the_share_is_that_of_the_shell(tmp_path: Path) -> None:
     shares = {}
     for low in ("1480 degC", "1390 degC", "1350 degC", "500 degC"):
         words = own_law(tmp_path, low, "1500 degC", "1 1/s"), LONG
-        shares[low] = marched(billet("idealised", *words)).samples[-1].strained.beyond
+        shares[low] = run_in_memory(billet("idealised", *words)).samples[-1].strained.beyond
     one, two, three, four = (found["colder"] for found in shares.values())
     assert one == pytest.approx(1.0, rel=1e-12) and four == 0.0
     assert one > two > three > four
@@ -98,6 +98,6 @@ def test_a_law_that_does_not_say_has_no_share() -> None:
     assert data is not None
     assert data.temperature == (950.0 + 273.15, 1400.0 + 273.15)
     assert data.rate == (1e-6, 1e-3)
-    kept = marched(billet("idealised", "mechanics.law=weiner_boley", "casting.length=30 mm"))
+    kept = run_in_memory(billet("idealised", "mechanics.law=weiner_boley", "casting.length=30 mm"))
     assert kept.summary is not None
     assert not any(name.endswith("than_data") for name in kept.summary.quantities)

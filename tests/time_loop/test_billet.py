@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from time_loop.moulded import CASES, COARSE, ELASTIC, FED, Kept, billet, marched, run
+from time_loop.billet_runs import CASES, COARSE, ELASTIC, FED, Kept, billet, run, run_in_memory
 
 import castfem
 from castfem.cli import execute
@@ -36,8 +36,8 @@ TIGHT = 1e-6  # m: a gap below this is contact
 
 @lru_cache
 def six(name: str) -> Kept:
-    """One of the six as shipped, but for its cells, marched once for all tests."""
-    return marched(billet(name, *(FED if name.startswith("taper") and name != LEFT else ())))
+    """One of the six as shipped, but for its cells, run_in_memory once for all tests."""
+    return run_in_memory(billet(name, *(FED if name.startswith("taper") and name != LEFT else ())))
 
 
 def strained(sample: Sample) -> MechanicalSample:
@@ -119,7 +119,7 @@ def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_gap_of_an_interval_settles(name: str) -> None:
     """Repeating intervals until gap and heat agree changes little: they agreed nearly before."""
-    kept = marched(billet(name, "coupling.passes=1", *FED))
+    kept = run_in_memory(billet(name, "coupling.passes=1", *FED))
     for quantity, close in (
         ("heat_removed", 2e-3), ("shell_mid_face", 1e-3), ("shell_corner", 0.02),
         ("von_mises_max", 0.05),
@@ -132,7 +132,7 @@ def test_more_passes_come_to_one_answer() -> None:
     """Heat over long intervals: the tighter the gap has to settle, the closer to one answer."""
     long = ("coupling.interval=0.5 s", 'casting.length="240 mm"')
     heat = {
-        kelvin: marched(billet("taper_0", *long, f"coupling.settled={kelvin} K")).value(
+        kelvin: run_in_memory(billet("taper_0", *long, f"coupling.settled={kelvin} K")).value(
             "heat_removed"
         )
         for kelvin in (1e3, 1.0, 1e-2, 1e-4)
@@ -148,7 +148,7 @@ def test_triangles_agree_with_quadrilaterals() -> None:
     pressure of triangles ripples (docs/contact.md); its sum must not.
     """
     one, other = (
-        marched(billet("taper_3", f"mesh.cell={cell}", 'casting.length="180 mm"'))
+        run_in_memory(billet("taper_3", f"mesh.cell={cell}", 'casting.length="180 mm"'))
         for cell in ("quadrilateral", "triangle")
     )
     samples = [
@@ -179,9 +179,9 @@ def test_mechanics_first_expects_what_never_comes() -> None:
     500 K colder than it gets, and the third has to warm it again. Peak stress in MPa at 2 s: 65
     where there are 46, 42 with the temperatures first.
     """
-    old = marched(billet("idealised", *SHOCK, "coupling.order=mechanics_first"))
-    new = marched(billet("idealised", *SHOCK))
-    short = marched(billet("idealised", *SHOCK[:2], "coupling.interval=0.2 s"))
+    old = run_in_memory(billet("idealised", *SHOCK, "coupling.order=mechanics_first"))
+    new = run_in_memory(billet("idealised", *SHOCK))
+    short = run_in_memory(billet("idealised", *SHOCK[:2], "coupling.interval=0.2 s"))
     first, second, third = old.states[1:4]
     assert first.mechanical is not None and second.mechanical is not None
     start = old.states[0].thermal.point.temperature
@@ -220,11 +220,11 @@ def test_order_decides_through_which_gap_heat_flows(
         Zones, "set_gap", lambda zones, gap: taken.append(gap.copy()) or set_gap(zones, gap)
     )
     single = (f"coupling.order={order}", "coupling.passes=1", "casting.length=105 mm")
-    scene = build(billet("taper_0", *single), MPI.COMM_SELF)
+    simulation = build(billet("taper_0", *single), MPI.COMM_SELF)
     try:
-        TimeLoop(scene, Gaps()).run()  # type: ignore[arg-type]
+        TimeLoop(simulation, Gaps()).run()  # type: ignore[arg-type]
     finally:
-        scene.destroy()
+        simulation.destroy()
     assert len(taken) == 7 and 1e-6 < found[-1].max() < 1e-4
     before, after = found[:-1], found[1:]
     one, other = (before, after) if order == "thermal_first" else (after, before)
@@ -235,7 +235,7 @@ def test_mechanics_first_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
     order = ("coupling.order=mechanics_first",)
     run(billet("taper_1", *order, 'casting.length="60 mm"'), tmp_path)
     cut = run(billet("taper_1", *order, 'casting.length="120 mm"'), tmp_path, resume=True)
-    whole = marched(billet("taper_1", *order, 'casting.length="120 mm"'))
+    whole = run_in_memory(billet("taper_1", *order, 'casting.length="120 mm"'))
     for name in ("von_mises_max", "displacement_corner", "heat_removed"):
         assert cut.quantities[name].value == pytest.approx(whole.value(name), rel=1e-10)
 
@@ -307,7 +307,7 @@ def test_another_mould_is_another_case(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_ranks_do_not_show(name: str) -> None:
     case = billet(name, 'casting.length="150 mm"')
-    alone, together = marched(case), marched(case, MPI.COMM_WORLD)
+    alone, together = run_in_memory(case), run_in_memory(case, MPI.COMM_WORLD)
     assert len(alone.samples) == len(together.samples)
     for one, many in zip(alone.samples, together.samples, strict=True):
         assert many.removed == pytest.approx(one.removed, rel=1e-8)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from small_case import strip
-from time_loop.moulded import CASES, billet, marched
+from time_loop.billet_runs import CASES, billet, run_in_memory
 
 from castfem.case import load_case
 from castfem.errors import InputError
@@ -35,9 +35,9 @@ FREEZING: dict[str, Any] = {
 def test_a_strain_across_that_no_side_follows(strain: str) -> None:
     case = strip(FREEZING | {"mechanics.strain": strain})
     with pytest.raises(InputError, match=r"planes\.across: free along y.*side_low"):
-        marched(case)
+        run_in_memory(case)
     held = {"mechanics.held": [{"on": ["side_low", "side_high"], "component": "y"}]}
-    assert marched(case.with_(held)).value("axial_strain") < 0.0
+    assert run_in_memory(case.with_(held)).value("axial_strain") < 0.0
 
 
 def test_a_gap_of_nanometres() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from time_loop.moulded import Kept, billet, marched, run, shipped
+from time_loop.billet_runs import Kept, billet, run, run_in_memory, shipped
 
 from castfem.errors import InputError, RunFailure
 from castfem.output.history import read_history
@@ -45,7 +45,7 @@ def contact(kept: Kept, name: str) -> np.ndarray:
 def test_ten_percent_into_the_shell() -> None:
     """A shell of 6 s is squeezed by 10 %/m: it follows the wall and lengthens the strand."""
     squeezed = wall((0, 0), (300, 0), (301, 0.0625), (420, 0.81))
-    kept = sound(marched(billet("taper_1", squeezed, 'casting.length="420 mm"')))
+    kept = sound(run_in_memory(billet("taper_1", squeezed, 'casting.length="420 mm"')))
     assert contact(kept, "share")[-1] > 0.9
     assert kept.value("size_mid_face") == pytest.approx(0.125 - 2 * 0.81e-3, abs=2e-6)
     assert kept.value("contact_pressure_max") > 2e6
@@ -56,7 +56,7 @@ def test_a_surface_that_stays_liquid_does_not_sink_into_the_wall() -> None:
     """80 um on a wall as soft as the liquid's stand-in, to be pushed out as the surface freezes."""
     slow = "cooling.mould.surface.0.coefficient=250 W/(m^2 K)"
     liquid = "mechanics.liquid_stiffness=1e-5"
-    kept = sound(marched(shipped("taper_1", slow, liquid, "casting.length=90 mm")))
+    kept = sound(run_in_memory(shipped("taper_1", slow, liquid, "casting.length=90 mm")))
     assert kept.samples[-1].shell["mid_face"] == 0.0
     assert contact(kept, "penetration").max() < 1e-9
     head = 7000.0 * 9.81 * 0.09
@@ -64,7 +64,7 @@ def test_a_surface_that_stays_liquid_does_not_sink_into_the_wall() -> None:
 
 
 def test_ten_percent_from_the_meniscus_on() -> None:
-    kept = sound(marched(shipped("taper_1", "mould.taper=10 %/m", SHORT)))
+    kept = sound(run_in_memory(shipped("taper_1", "mould.taper=10 %/m", SHORT)))
     # As the first points freeze, at 1.75 s, a sixth of the surface stands off by 2 um; later less.
     share = contact(kept, "share")
     assert np.delete(share, share.argmin()).min() > 0.85
@@ -74,7 +74,7 @@ def test_ten_percent_from_the_meniscus_on() -> None:
 
 def test_ten_percent_away() -> None:
     """The wall leaves at once: the gap is what it has opened, less the bulge of the strand."""
-    kept = sound(marched(billet("taper_1", "mould.taper=-10 %/m", SHORT)))
+    kept = sound(run_in_memory(billet("taper_1", "mould.taper=-10 %/m", SHORT)))
     assert kept.value("contact_share") == 0.0
     opened = 0.5 * 0.125 * (1.0 - 1.0 / (1.0 - 0.1 * 0.6)) * 0.24 / 0.6
     gap, bulge = kept.value("gap_mid_face"), kept.value("displacement_mid_face")
@@ -85,7 +85,7 @@ def test_ten_percent_away() -> None:
 def test_casting_speed(speed: str, length: str) -> None:
     """Five times as fast, ten times as slow."""
     changes = (f"casting.speed={speed}", f'casting.length="{length}"')
-    kept = sound(marched(shipped("taper_1", *changes)))
+    kept = sound(run_in_memory(shipped("taper_1", *changes)))
     assert (kept.value("shell_corner") > 5e-3) == (speed == "0.36 m/min")
 
 
@@ -100,9 +100,9 @@ def test_intervals_twenty_times_longer(name: str, off: tuple[float, float], stre
     and 2 s.
     """
     length = 'casting.length="360 mm"'
-    fine = marched(billet(name, length, "coupling.interval=0.25 s"))
+    fine = run_in_memory(billet(name, length, "coupling.interval=0.25 s"))
     for interval, share in zip(("1 s", "2 s"), off, strict=True):
-        long = sound(marched(billet(name, length, f"coupling.interval={interval}")))
+        long = sound(run_in_memory(billet(name, length, f"coupling.interval={interval}")))
         assert long.value("heat_removed") == pytest.approx(fine.value("heat_removed"), rel=share)
         peak = fine.value("von_mises_max")
         assert long.value("von_mises_max") == pytest.approx(peak, rel=stress)
@@ -111,7 +111,9 @@ def test_intervals_twenty_times_longer(name: str, off: tuple[float, float], stre
 def test_friction_up_to_the_pressure() -> None:
     """The wall draws on the strand and lengthens it; no friction is friction of coefficient 0."""
     found = {
-        mu: sound(marched(billet("taper_1", 'casting.length="150 mm"', f"mould.friction={law}")))
+        mu: sound(
+            run_in_memory(billet("taper_1", 'casting.length="150 mm"', f"mould.friction={law}"))
+        )
         for mu, law in (
             (None, "none"),
             (0.0, '{law="coulomb", coefficient=0.0}'),
@@ -128,7 +130,7 @@ def test_friction_up_to_the_pressure() -> None:
 
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_nearly_sharp_corner(name: str) -> None:
-    kept = sound(marched(billet(name, "section.corner_radius=0.5 mm", SHORT)))
+    kept = sound(run_in_memory(billet(name, "section.corner_radius=0.5 mm", SHORT)))
     gap = kept.value("gap_corner")
     assert (gap > 5e-5) == (name == "taper_0")
 
@@ -141,7 +143,7 @@ def test_strong_cooling_settles() -> None:
     strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="150 mm"')
     face, unsettled = {}, {}
     for name, changes in (("plain", ("coupling.passes=1",)), ("repeated", ())):
-        kept = sound(marched(billet("taper_1", *strong, *changes)))
+        kept = sound(run_in_memory(billet("taper_1", *strong, *changes)))
         surface = [r.profiles["mid_face"].temperature[0] for r in kept.samples[-5:]]
         face[name] = np.abs(np.diff(surface, 2)).max()
         assert kept.summary is not None
@@ -153,30 +155,32 @@ def test_strong_cooling_settles() -> None:
 def test_intervals_that_do_not_settle_are_cut_back() -> None:
     """Two passes are not enough for whole intervals: shorter ones take their place."""
     strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="75 mm"')
-    kept = sound(marched(billet("taper_1", *strong, "coupling.passes=2")))
+    kept = sound(run_in_memory(billet("taper_1", *strong, "coupling.passes=2")))
     assert kept.summary is not None
     assert kept.summary.steps["intervals"] > kept.samples[-1].time / 0.25 + 2
     assert kept.summary.steps["intervals cut back"] > 1
 
 
 def test_cold_mould() -> None:
-    cold = sound(marched(billet("taper_1", SHORT, "cooling.mould.surface.0.wall=20 degC")))
-    warm = marched(billet("taper_1", SHORT))
+    cold = sound(run_in_memory(billet("taper_1", SHORT, "cooling.mould.surface.0.wall=20 degC")))
+    warm = run_in_memory(billet("taper_1", SHORT))
     assert cold.value("heat_removed") > 1.05 * warm.value("heat_removed")
 
 
 def test_step_in_the_wall() -> None:
     """Half a millimetre within 1 mm of mould, in and out, against a shell of 2.5 s."""
-    inward = sound(marched(billet("taper_1", SHORT, wall((0, 0), (150, 0), (151, 0.5)))))
+    inward = sound(run_in_memory(billet("taper_1", SHORT, wall((0, 0), (150, 0), (151, 0.5)))))
     assert inward.value("size_mid_face") == pytest.approx(0.124, abs=2e-6)
-    outward = sound(marched(billet("taper_1", SHORT, wall((0, 0), (150, 0), (151, -0.5)))))
+    outward = sound(run_in_memory(billet("taper_1", SHORT, wall((0, 0), (150, 0), (151, -0.5)))))
     assert outward.value("contact_share") == 0.0
     assert outward.value("gap_mid_face") > 0.3e-3
     assert outward.value("heat_removed") < 0.9 * inward.value("heat_removed")
 
 
 def test_a_strand_that_touches_nowhere() -> None:
-    kept = sound(marched(billet("taper_1", SHORT, "mould.width=140 mm", "mould.height=140 mm")))
+    kept = sound(
+        run_in_memory(billet("taper_1", SHORT, "mould.width=140 mm", "mould.height=140 mm"))
+    )
     assert not contact(kept, "length").any() and not contact(kept, "pressure").any()
     assert kept.value("gap_max") > 7e-3 and kept.value("shell_mid_face") == 0.0
     assert abs(contact(kept, "axial")).max() == 0.0
@@ -185,7 +189,7 @@ def test_a_strand_that_touches_nowhere() -> None:
 def test_contact_lost_and_regained() -> None:
     """Waves of 0.1 mm in the wall, less than three intervals long: contact comes and goes."""
     waves = [(20.0 * i, 0.1 * (i % 2)) for i in range(13)]
-    kept = sound(marched(billet("taper_1", SHORT, wall(*waves))))
+    kept = sound(run_in_memory(billet("taper_1", SHORT, wall(*waves))))
     change = np.diff(contact(kept, "share"))
     assert (change > 0.1).sum() >= 3 and (change < -0.1).sum() >= 3
     assert kept.summary is not None and kept.summary.steps["intervals cut back"] < 5

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from time_loop.moulded import Kept, billet
+from time_loop.billet_runs import Kept, billet
 
 from castfem.contact.state import OPEN, SLIP
 from castfem.coupling.staggered import CouplingWindow, StaggeredCoupling, StrandState
@@ -44,7 +44,7 @@ class Attempts:
     """Watches the coupling, and spoils its first attempt to come to `WHEN`.
 
     Args:
-        patch: For the time of the march.
+        patch: For the time of the run.
         spoil: Given the patch for the attempt that is to fail, spoils what it uses; None stands in
             for the attempt, and nothing is computed.
 
@@ -146,11 +146,11 @@ def repeated(patch: pytest.MonkeyPatch) -> None:
 
 
 class Undisturbed(Kept):
-    """A march whose spoilt attempt computes nothing, and a checkpoint from before it."""
+    """A run whose spoilt attempt computes nothing, and a checkpoint from before it."""
 
-    def __init__(self, scene: Simulation) -> None:
+    def __init__(self, simulation: Simulation) -> None:
         super().__init__()
-        self.scene = scene
+        self.simulation = simulation
         self.checkpoint: tuple[Any, Any] = (None, None)
 
     def step(self, run: RunState, sample: Sample) -> None:
@@ -162,13 +162,13 @@ class Undisturbed(Kept):
 @pytest.fixture(scope="module")
 def undisturbed() -> Iterator[Undisturbed]:
     """The run that takes the same windows."""
-    scene = build(billet("taper_0", *RUBBING), MPI.COMM_SELF)
+    simulation = build(billet("taper_0", *RUBBING), MPI.COMM_SELF)
     with pytest.MonkeyPatch.context() as patch:
         Attempts(patch, None)
-        kept = Undisturbed(scene)
-        TimeLoop(scene, kept).run()  # type: ignore[arg-type]
+        kept = Undisturbed(simulation)
+        TimeLoop(simulation, kept).run()  # type: ignore[arg-type]
     yield kept
-    scene.destroy()
+    simulation.destroy()
 
 
 @pytest.mark.parametrize("spoil", [untried, half_way, found_and_lost, repeated])
@@ -176,9 +176,9 @@ def test_a_failed_attempt_leaves_no_trace(
     undisturbed: Undisturbed, monkeypatch: pytest.MonkeyPatch, spoil: Callable[[Any], None]
 ) -> None:
     attempts, kept = Attempts(monkeypatch, spoil), Kept()
-    march = TimeLoop(undisturbed.scene, kept)  # type: ignore[arg-type]
-    restart.restore(march.run_state, *undisturbed.checkpoint)
-    march.run()
+    time_loop = TimeLoop(undisturbed.simulation, kept)  # type: ignore[arg-type]
+    restart.restore(time_loop.run_state, *undisturbed.checkpoint)
+    time_loop.run()
     (old,) = attempts.given
     assert attempts.before == attempts.after == [bits(old)]
     # Contact, friction, flow and Nitsche's own state were there to be spoilt ...
@@ -194,7 +194,7 @@ def test_a_failed_attempt_leaves_no_trace(
     assert old.time == old.thermal.time == old.mechanical.time == BEFORE
     assert np.array_equal(old.mechanical.temperature, old.thermal.point.temperature)
     # The run goes on as if the attempt had never been.
-    assert march.run_state.counts.cut_back == 1
+    assert time_loop.run_state.counts.cut_back == 1
     same = undisturbed.states[-len(kept.states) :]
     assert same[0].time > BEFORE and len(same) == 3 and same[-1].time == WHEN
     for ours, theirs in zip(kept.states, same, strict=True):

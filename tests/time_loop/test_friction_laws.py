@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from moulded import billet, marched
+from billet_runs import billet, run_in_memory
 
 from castfem.contact.state import SLIP
 
@@ -23,7 +23,7 @@ LAWS = {
 def test_friction_of_each_law(law: str) -> None:
     """The strand slides down the mould: friction at every point is the law's, and holds it back."""
     keys = f"law={law}".split(", ")
-    kept = marched(
+    kept = run_in_memory(
         billet("taper_1", "casting.length=210 mm", *(f"mould.friction.{key}" for key in keys))
     )
     assert kept.summary is not None and kept.summary.status == "finished"

@@ -32,22 +32,22 @@ def faces(symmetry: str, solidus: str) -> tuple[list[float], float]:
             "output.fields=[]",
         ),
     )
-    scene = build(case, MPI.COMM_SELF)
+    simulation = build(case, MPI.COMM_SELF)
     try:
-        march = TimeLoop(scene)
-        march.run()
-        source = scene.section.source
+        time_loop = TimeLoop(simulation)
+        time_loop.run()
+        source = simulation.section.source
         assert source is not None
-        places = source.points[scene.section.node_of_owned]
-        temperature = march.run_state.state.thermal.point.temperature
+        places = source.points[simulation.section.node_of_owned]
+        temperature = time_loop.run_state.state.thermal.point.temperature
         half = 0.0625
         found = [
             float(temperature[np.linalg.norm(places - place, axis=1).argmin()])
             for place in ((half, 0.0), (0.0, half))
         ]
-        return found, march.run_state.state.thermal.removed * scene.section.multiplicity
+        return found, time_loop.run_state.state.thermal.removed * simulation.section.multiplicity
     finally:
-        scene.destroy()
+        simulation.destroy()
 
 
 def test_isothermal_freezing_is_that_of_a_range_next_to_nothing() -> None:

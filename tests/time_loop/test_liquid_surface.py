@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from time_loop.moulded import CASES, COARSE, Kept, marched
+from time_loop.billet_runs import CASES, COARSE, Kept, run_in_memory
 from time_loop.test_beam_blank import BEAM_BLANK
 
 from castfem.case import load_case
@@ -78,10 +78,10 @@ value = "1000 degC"
 
 def cast(folder: Path, **given: str) -> Kept:
     """A billet in a mould."""
-    scene = {"length": "300 mm", "cell": "quadrilateral", "size": "3 mm", "cooling": MILD}
+    simulation = {"length": "300 mm", "cell": "quadrilateral", "size": "3 mm", "cooling": MILD}
     path = folder / "billet.toml"
-    path.write_text(BILLET.format(**{**scene, "contact": "penalty", **given}))
-    return marched(load_case(path))
+    path.write_text(BILLET.format(**{**simulation, "contact": "penalty", **given}))
+    return run_in_memory(load_case(path))
 
 
 @pytest.mark.parametrize(
@@ -113,7 +113,7 @@ def test_a_hollow_surface_stays_where_it_is(tmp_path: Path) -> None:
     path = tmp_path / "beam_blank.toml"
     path.write_text(BEAM_BLANK)
     changes = ("coupling.interval=0.25 s", "casting.length=30 mm", "mould.taper=0 %/m")
-    kept = marched(load_case(path, changes))
+    kept = run_in_memory(load_case(path, changes))
     assert kept.samples[-1].shell["mid_face"] == 0.0
     first, last = (s.mechanical for s in (kept.states[1], kept.states[-1]))
     assert first is not None and last is not None

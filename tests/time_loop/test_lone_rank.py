@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from moulded import COARSE
+from billet_runs import COARSE
 from ranks import needs_mpirun, python_on
 
 from castfem.output.checkpoint import load_checkpoint
@@ -106,16 +106,16 @@ from mpi4py import MPI
 from castfem.case import load_case
 from castfem.case.shipped_cases import find
 from castfem.simulation.simulation import build
-scene = build(load_case(find(sys.argv[1]), sys.argv[2:]), MPI.COMM_WORLD)
-state = scene.stepper.initial(scene.start_temperature)
+simulation = build(load_case(find(sys.argv[1]), sys.argv[2:]), MPI.COMM_WORLD)
+state = simulation.stepper.initial(simulation.start_temperature)
 guess = state.enthalpy.copy()
 if MPI.COMM_WORLD.rank == 1:
     guess[:] = np.nan
-stage = scene.problem.solve_stage(state.enthalpy, guess, 0.1, 0.1)
+stage = simulation.problem.solve_stage(state.enthalpy, guess, 0.1, 0.1)
 ended = f"converged {stage.result.converged} {stage.result.reason}"
 for words in MPI.COMM_WORLD.gather(ended) or ():  # one rank speaks: lines of two would mix
     print(words)
-scene.destroy()
+simulation.destroy()
 """
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from time_loop.moulded import billet, marched, run
+from time_loop.billet_runs import billet, run, run_in_memory
 
 from castfem.output.history import read_history
 
@@ -15,7 +15,7 @@ SHORT = ("casting.length=70 mm", "mould.length=50 mm")
 
 def test_intervals_end_where_the_mould_does() -> None:
     """A gap of its own carries the heat on below the mould, so that no zone ends with it."""
-    kept = marched(
+    kept = run_in_memory(
         billet(
             "taper_1",
             *SHORT,
@@ -33,7 +33,7 @@ def test_intervals_end_where_the_mould_does() -> None:
 
 
 def test_heat_goes_on_below_the_mould() -> None:
-    kept = marched(billet("taper_1", *SHORT, "cooling.mould.to=50 mm"))
+    kept = run_in_memory(billet("taper_1", *SHORT, "cooling.mould.to=50 mm"))
     below = [r for r in kept.samples if r.position > 0.05 + 1e-12]
     assert len(below) >= 2 and min(r.flux["mid_face"] for r in below) > 1e5
 
@@ -60,7 +60,7 @@ def test_below_the_mould_there_is_no_gap(tmp_path: Path) -> None:
 def test_the_mould_is_remembered_below_it(tmp_path: Path) -> None:
     """Its heat, the worst of its contact: also where a run goes on from a checkpoint below it."""
     longer = ("casting.length=140 mm", "mould.length=100 mm", "cooling.mould.to=100 mm")
-    kept = marched(billet("taper_0", *longer))
+    kept = run_in_memory(billet("taper_0", *longer))
     inside = [r for r in kept.samples if 0.0 < r.position < 0.1 + 1e-12]
     contact = [r.mechanics.contact for r in inside if r.mechanics and r.mechanics.contact]
     assert kept.value("mould_heat_removed") == inside[-1].removed < kept.value("heat_removed")

@@ -8,7 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
-from moulded import billet, run
+from billet_runs import billet, run
 
 from castfem import constitutive, materials
 from castfem.cli import execute

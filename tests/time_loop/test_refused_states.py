@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mechanics.scenes import SliceScene, box, mapped
-from time_loop.moulded import FED, billet, run
+from mechanics.setups import SliceSetup, box, mapped
+from time_loop.billet_runs import FED, billet, run
 
 from castfem.constitutive.elasticity import Elasticity, Solidity
 from castfem.constitutive.flow_laws import ThermoElastic
@@ -66,8 +66,8 @@ def test_a_moment_before_there_is_a_shell(tmp_path: Path, symmetry: str, load: s
 
 def test_a_load_that_little_would_bear_is_not_blamed() -> None:
     """Elastic strain alone, in what there is, tells whether a shorter step may do."""
-    scene = SliceScene(mapped(1, 1, box(0.1, 0.1)), LAW, judge=True)
-    judge, count = scene.stepper._validity, scene.problem.points.count
+    simulation = SliceSetup(mapped(1, 1, box(0.1, 0.1)), LAW, judge=True)
+    judge, count = simulation.stepper._validity, simulation.problem.points.count
     assert judge is not None
     hot, cold = np.full(count, 1800.0), np.full(count, 1000.0)
     area = 0.1 * 0.1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from time_loop.moulded import billet, marched, run
+from time_loop.billet_runs import billet, run, run_in_memory
 
 from castfem.output.history import read_history
 
@@ -63,7 +63,7 @@ def test_the_shell_is_told_with_the_cell_it_ends_in() -> None:
     """Cells of 2 mm at the surface, of 8 mm in the core: its steps are within a sixth of them."""
     changes = ("casting.length=2 m", "casting.speed=1.2 m/min")
     coarse, fine = (
-        marched(billet("thermal", *changes, *more)).samples
+        run_in_memory(billet("thermal", *changes, *more)).samples
         for more in (("mesh.core_size=8 mm",), ("mesh.core_size=1.5 mm", "mesh.surface_size=1 mm"))
     )
     finer = [r.shell["mid_face"] for r in fine]

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from moulded import billet, run
+from billet_runs import billet, run
 from ranks import needs_mpirun, python_on
 
 from castfem.case import Case, load_case
@@ -141,7 +141,7 @@ def test_an_interrupted_run_goes_on_from_its_last_step(tmp_path: Path) -> None:
     assert min(whole.steps[n] for n in whole.steps if n.startswith("Newton")) > 10
 
 
-def broken(self: Recorder, march: object) -> None:
+def broken(self: Recorder, run: object) -> None:
     raise RunFailure("no space left on device")
 
 

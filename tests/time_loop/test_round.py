@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from small_case import small
-from time_loop.moulded import marched
+from time_loop.billet_runs import run_in_memory
 
 # What makes a round in a mould of its billet.
 ROUND: dict[str, Any] = {
@@ -31,7 +31,7 @@ def test_the_gap_of_a_round_is_that_of_its_quarter() -> None:
     """Intervals are repeated, relaxed by sums over the surface: the same share of each vertex."""
     case = small(ROUND)
     quarter, whole = (
-        marched(case.with_({"section.symmetry": part})) for part in ("quarter", "whole")
+        run_in_memory(case.with_({"section.symmetry": part})) for part in ("quarter", "whole")
     )
     for kept in (quarter, whole):
         assert kept.summary is not None

@@ -203,7 +203,7 @@ print("LOADED", unwanted)
 """
 
 
-def test_thermal_scene_loads_no_mechanics_and_nothing_to_draw_with(tmp_path: Path) -> None:
+def test_thermal_simulation_loads_no_mechanics_and_nothing_to_draw_with(tmp_path: Path) -> None:
     case = str(CASES / "billet125" / "thermal.toml")
     overrides = [*COARSE, 'casting.length="60 mm"']
     run(billet('casting.length="60 mm"'), tmp_path / "first")  # the mesh is in the cache
@@ -219,7 +219,7 @@ def test_thermal_scene_loads_no_mechanics_and_nothing_to_draw_with(tmp_path: Pat
 def test_forms_compiled_are_forms_assembled(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Every form that is compiled is assembled once, at set-up; the march compiles none."""
+    """Every form that is compiled is assembled once, at set-up; the time loop compiles none."""
     from dolfinx import fem
 
     made: list[object] = []
@@ -229,13 +229,13 @@ def test_forms_compiled_are_forms_assembled(
     assert len(made) == 5
 
 
-def test_scene_holds_only_the_laws_it_needs() -> None:
+def test_simulation_holds_only_the_laws_it_needs() -> None:
     from castfem.simulation.simulation import build
     from castfem.thermal import flux_laws
 
-    scene = build(billet(), MPI.COMM_SELF)
-    assert not scene.stepper.estimate
-    kinds = {type(law) for c in scene.zones._coolings for _, law in c.laws}
+    simulation = build(billet(), MPI.COMM_SELF)
+    assert not simulation.stepper.estimate
+    kinds = {type(law) for c in simulation.zones._coolings for _, law in c.laws}
     assert kinds == {flux_laws.Contact}
     adaptive = billet('thermal.time.adaptive={tolerance="1 K"}')
     assert build(adaptive, MPI.COMM_SELF).stepper.estimate

@@ -33,11 +33,11 @@ RUBBING = (
 @lru_cache
 def ends(*changes: str) -> dict[str, float]:
     """What the run comes to: heat, stress, movement, contact."""
-    scene = build(load_case(CASE, (*COARSE, *changes)), MPI.COMM_SELF)
+    simulation = build(load_case(CASE, (*COARSE, *changes)), MPI.COMM_SELF)
     try:
-        sample = TimeLoop(scene).run()
+        sample = TimeLoop(simulation).run()
     finally:
-        scene.destroy()
+        simulation.destroy()
     strained = sample.mechanics
     assert strained is not None and strained.contact is not None
     return {

@@ -95,14 +95,14 @@ def test_other_physics_is_refused(tmp_path: Path) -> None:
     run(billet("mechanics.solver.snes_max_it=40"), tmp_path, resume=True)
 
 
-def test_a_thermal_scene_knows_no_mechanics() -> None:
+def test_a_thermal_simulation_knows_no_mechanics() -> None:
     code = (
         "import sys; from mpi4py import MPI; from castfem.case import load_case; "
         "from castfem.simulation.simulation import build; "
         "from castfem.time_loop.loop import TimeLoop; "
-        "scene = build(load_case(sys.argv[1], sys.argv[2:]), MPI.COMM_SELF); "
-        "march = TimeLoop(scene); march._enter_zone(); march.advance(); "
-        "assert not any(name.startswith('mechanics') for name in scene.section.compiled); "
+        "simulation = build(load_case(sys.argv[1], sys.argv[2:]), MPI.COMM_SELF); "
+        "time_loop = TimeLoop(simulation); time_loop._enter_zone(); time_loop.advance(); "
+        "assert not any(name.startswith('mechanics') for name in simulation.section.compiled); "
         "bad = [m for m in sys.modules if m.startswith(('castfem.mechanics', 'castfem.contact', "
         "'castfem.constitutive'))]; assert not bad, bad"
     )

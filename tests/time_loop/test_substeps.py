@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from moulded import Kept, billet, marched
+from billet_runs import Kept, billet, run_in_memory
 
 ALONE = ("casting.length=60 mm", "coupling.dissipation=0", "coupling.follow_shape=false")
 STEPS = ("thermal.time.step=0.05 s",)
@@ -19,7 +19,7 @@ def shape(kept: Kept) -> list[np.ndarray]:
 def test_steps_within_an_interval_are_those_of_shorter_intervals() -> None:
     """Where the mechanics tell the heat nothing, it is all one how long they keep silent."""
     kept = [
-        marched(billet("idealised", *ALONE, *STEPS, f"coupling.interval={interval}", *step))
+        run_in_memory(billet("idealised", *ALONE, *STEPS, f"coupling.interval={interval}", *step))
         for interval, step in (
             ("0.1 s", ()),
             ("0.5 s", ("coupling.mechanical_step=0.1 s",)),
@@ -37,7 +37,7 @@ def test_work_and_iterations_are_those_of_all_steps() -> None:
     changes = ("casting.length=90 mm", "thermal.time.step=62.5 ms")
     step = "coupling.mechanical_step=62.5 ms"
     short, several = (
-        marched(billet("taper_3", *changes, *more))
+        run_in_memory(billet("taper_3", *changes, *more))
         for more in (("coupling.interval=62.5 ms",), ("coupling.interval=0.25 s", step))
     )
     heating = [sum(s.heating.sum() for s in kept.states) for kept in (short, several)]

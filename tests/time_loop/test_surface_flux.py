@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from moulded import billet, marched
+from billet_runs import billet, run_in_memory
 
 
 @pytest.mark.parametrize(
@@ -14,7 +14,7 @@ def test_through_a_face_that_nothing_cools_flows_nothing(cooled: str, other: str
     case = billet(
         "thermal", "casting.length=30 mm", f"cooling.mould.surface.0.on=['{on}']", "mesh.order=1"
     )
-    last = marched(case).samples[-1]
+    last = run_in_memory(case).samples[-1]
     assert last.flux[cooled] > 1e6
     assert last.flux[other] == 0.0
 
@@ -28,7 +28,9 @@ RADIATING = (
 
 
 def _heat(gap: str, of: str) -> float:
-    summary = marched(billet("thermal", "casting.length=60 mm", RADIATING % (gap, of))).summary
+    summary = run_in_memory(
+        billet("thermal", "casting.length=60 mm", RADIATING % (gap, of))
+    ).summary
     assert summary is not None
     return summary.quantities["heat_removed"].value
 
@@ -47,7 +49,7 @@ def test_radiation_crosses_the_gap_of_the_mould() -> None:
     """A mould that opens: the corner, which touches nothing, loses more heat with radiation."""
     opens = ("taper_minus_1", "casting.length=90 mm")
     with_, without = (
-        marched(billet(*opens, RADIATING % ("", of))).samples[-1] for of in ("", NO_HEAT)
+        run_in_memory(billet(*opens, RADIATING % ("", of))).samples[-1] for of in ("", NO_HEAT)
     )
     assert with_.mechanics is not None
     gap = with_.mechanics.gap["corner"]

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from time_loop.moulded import Kept, billet, marched
+from time_loop.billet_runs import Kept, billet, run_in_memory
 
 from castfem.mould.wall import GapFunction, Wall
 from castfem.simulation import mechanics as build_mechanics
@@ -81,7 +81,7 @@ def forces(kept: Kept) -> tuple[Array, Array, Array]:
 
 
 def moved(kept: Kept) -> dict[str, float]:
-    """Outward movement of the surface where the march ended, m."""
+    """Outward movement of the surface where the run ended, m."""
     assert kept.samples[-1].mechanics is not None
     return kept.samples[-1].mechanics.moved
 
@@ -98,7 +98,7 @@ def moved(kept: Kept) -> dict[str, float]:
 )
 def test_the_wall_alone_holds_the_strand(part: tuple[str, ...], taper: str, extra: str) -> None:
     """However unequal its sides are cooled, the forces of the wall on them cancel."""
-    wall, springs, side = forces(marched(billet(taper, *part, UNEQUAL[part], SHORT, extra)))
+    wall, springs, side = forces(run_in_memory(billet(taper, *part, UNEQUAL[part], SHORT, extra)))
     assert side.max() > 200.0
     # At large strain the summary leaves out the strand's thickness, which differs by 1e-4.
     rounding = 3e-4 if "large" in extra else 1e-7
@@ -113,12 +113,12 @@ def test_a_strand_that_touches_nothing(
 ) -> None:
     """It stays where it is, as if points of it were held: those would carry nothing either."""
     case = billet("taper_minus_3", *part, UNEQUAL[part], SHORT)
-    springs = marched(case)
+    springs = run_in_memory(case)
     make = build_mechanics.MechanicalProblem
     monkeypatch.setattr(
         build_mechanics, "MechanicalProblem", lambda *a, **k: make(*a, **(k | {"springs": None}))
     )
-    points = marched(case)
+    points = run_in_memory(case)
     assert springs.value("contact_share") == 0.0
     assert springs.value("gap_mid_face") > 5e-5
     assert moved(springs) == pytest.approx(moved(points), abs=1e-8)
@@ -131,9 +131,9 @@ def test_a_mould_that_moves_sideways_takes_the_strand_along(
 ) -> None:
     """By 0.45 mm and 0.18 mm: it is strained as in the mould at rest."""
     case = billet("taper_1", *WHOLE, SHORT)
-    rest = marched(case)
+    rest = run_in_memory(case)
     in_a_wall_that(monkeypatch, by=(5e-3, 2e-3))
-    along = marched(case)
+    along = run_in_memory(case)
     expected = moved(rest)
     for name, normal in (("narrow_face", (1, 0)), ("narrow_face_left", (-1, 0)),
                          ("mid_face", (0, 1)), ("mid_face_extrados", (0, -1))):  # fmt: skip
@@ -148,9 +148,9 @@ def test_a_mould_that_closes_on_one_side(monkeypatch: pytest.MonkeyPatch) -> Non
     case = billet("taper_0", *WHOLE, SHORT)
     with monkeypatch.context() as patch:
         in_a_wall_that(patch, closing=10e-3)
-        one = marched(case)
+        one = run_in_memory(case)
     in_a_wall_that(monkeypatch, closing=10e-3, by=(5e-3, 0.0))
-    both = marched(case)
+    both = run_in_memory(case)
     wall, _, side = forces(one)
     assert np.abs(wall).max() < WEAK * side.max()
     assert moved(one)["narrow_face"] == pytest.approx(-0.9e-3, abs=1e-6)
@@ -163,7 +163,7 @@ def test_a_mould_that_closes_on_one_side(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_section_held_on_one_side_alone() -> None:
     """Without a mould: nothing is left loose, and what is added leaves it even about its middle."""
     held = 'mechanics.held=[{on=["narrow_face_left"], component="x"}]'
-    kept = marched(billet("idealised", *WHOLE, SHORT, held))
+    kept = run_in_memory(billet("idealised", *WHOLE, SHORT, held))
     found = moved(kept)
     assert found["narrow_face_left"] == pytest.approx(0.0, abs=1e-12)
     assert abs(found["narrow_face"]) > 1e-5

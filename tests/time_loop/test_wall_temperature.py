@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from moulded import marched, shipped
+from billet_runs import run_in_memory, shipped
 
 from castfem.errors import InputError
 
@@ -19,7 +19,7 @@ def test_heat_meets_the_wall_where_it_is() -> None:
         "cooling.mould.surface.0.wall=mould",
         f"mould.wall_temperature={TABLE}",
     )
-    samples = [r for r in marched(case).samples if r.position > 0.0]
+    samples = [r for r in run_in_memory(case).samples if r.position > 0.0]
     depth = np.array([r.position for r in samples])
     wall = 273.15 + np.interp(depth, [0.0, 0.03, 0.06], [100.0, 400.0, 200.0])
     surface = np.array([r.profiles["mid_face"].temperature[0] for r in samples])

@@ -18,7 +18,7 @@ from castfem.time_loop import loop
 from castfem.time_loop.loop import TimeLoop
 
 CASES = Path(__file__).parents[2] / "cases" / "billet125"
-# Scenes of steps, files and resuming keep the liquid where it is. Those that leave the mould within
+# Tests of steps, files and resuming keep the liquid where it is. Those that leave the mould within
 # 100 mm (test_mould_end) or load a strand before it has a shell (test_axial_forces) have no answer
 # with liquid that is fed. `shipped` is for all others.
 ELASTIC = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
@@ -52,7 +52,7 @@ def run(case: Case, folder: Path, **options: object) -> Summary:
 
 @dataclass
 class Kept:
-    """Every sample of a march in memory, and its state after each interval."""
+    """Every sample of a run in memory, and its state after each step."""
 
     samples: list[Sample] = field(default_factory=list)
     states: list[StrandState] = field(default_factory=list)
@@ -63,18 +63,18 @@ class Kept:
         self.states.append(run.state)
 
     def value(self, name: str) -> float:
-        """A result where the march ended, SI."""
+        """A result where the run ended, SI."""
         assert self.summary is not None
         return self.summary.quantities[name].value
 
 
-def marched(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
-    """March in memory to the end."""
-    scene, kept = build(case, comm), Kept()
+def run_in_memory(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Kept:
+    """Run in memory to the end."""
+    simulation, kept = build(case, comm), Kept()
     try:
-        last = TimeLoop(scene, kept)  # type: ignore[arg-type]
+        last = TimeLoop(simulation, kept)  # type: ignore[arg-type]
         last.run()
         kept.summary = summarise(last.run_state, "finished")
     finally:
-        scene.destroy()
+        simulation.destroy()
     return kept

@@ -1,4 +1,4 @@
-"""A run that never was: a quarter billet cooled at both faces, by a closed form on a small mesh."""
+"""A synthetic result folder: a quarter billet cooled at both faces, by a closed form."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def depth_of(level: float, time: float, diagonal: bool) -> float:
 
 
 def rows(count: int, until: float = LENGTH / SPEED) -> list[dict[str, float]]:
-    """The history of the run that never was."""
+    """Rows of history.csv."""
     found, removed, before = [], 0.0, 0.0
     ends = np.array([[HALF, 0.0], [HALF, HALF], [0.0, 0.0]])
     for time in until * (np.arange(count + 1) / count) ** 1.5:

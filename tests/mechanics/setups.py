@@ -1,4 +1,4 @@
-"""Mechanical scenes in memory for the tests: meshes of mapped squares, laws, and steps."""
+"""Mechanical problems in memory for the tests: meshes of mapped squares, laws, and steps."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def expansion(coefficient: float) -> Callable[[Array], Array]:
 
 
 @dataclass
-class SliceScene:
+class SliceSetup:
     """A section, its equilibrium and the state that has been reached."""
 
     mesh: meshes.SectionMesh

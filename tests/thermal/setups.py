@@ -1,4 +1,4 @@
-"""Thermal scenes in memory for the tests: a steel, a mesh, a cooling, and a march."""
+"""Thermal problems in memory for the tests: a steel, a mesh, a cooling, and steps."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def constant_steel(
 
 
 @dataclass
-class ThermalScene:
+class ThermalSetup:
     """A section, its heat balance and the state that has been reached."""
 
     mesh: meshes.SectionMesh
@@ -80,7 +80,7 @@ class ThermalScene:
         self.results: list[StepResult] = []
         self.low = self.high = self.start
 
-    def cool(self, *laws: tuple[str, SurfaceLaw | PrescribedTemperature]) -> ThermalScene:
+    def cool(self, *laws: tuple[str, SurfaceLaw | PrescribedTemperature]) -> ThermalSetup:
         """Cool the groups that begin with a name by a law; laws on one group add up."""
         cooling = Cooling([], [])
         for name, law in laws:
@@ -97,7 +97,7 @@ class ThermalScene:
         self.problem.set_cooling(cooling)
         return self
 
-    def move(self, displacement: Callable[[Array], Array], axial: float = 0.0) -> ThermalScene:
+    def move(self, displacement: Callable[[Array], Array], axial: float = 0.0) -> ThermalSetup:
         """Displace the points x (3, n) by (2, n) and stretch the slice."""
         assert self.problem.shape is not None
         self.displacement.interpolate(displacement)
@@ -107,9 +107,9 @@ class ThermalScene:
         self.problem.follow_shape()
         return self
 
-    def march(
+    def advance(
         self, end: float, step: float, each: Callable[[], None] | None = None
-    ) -> ThermalScene:
+    ) -> ThermalSetup:
         """March to `end` with even steps not longer than `step`."""
         begin = self.state.time
         n = max(int(np.ceil((end - begin) / step - 1e-9)), 1)
@@ -132,7 +132,7 @@ class ThermalScene:
 
     @property
     def nodes(self) -> Array:
-        """Positions of the owned vertices (owned, 2), m; for scenes on one rank."""
+        """Positions of the owned vertices (owned, 2), m; for setups on one rank."""
         return np.asarray(self.mesh.points[self.section.node_of_owned])
 
     def along_x(self) -> tuple[Array, Array]:

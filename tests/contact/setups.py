@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from mechanics import scenes
+from mechanics import setups
 
 from castfem.contact.settings import Contact
 from castfem.mechanics.planes import PlainPlanes
@@ -50,7 +50,7 @@ def tapered_block(
     cells: int = 10,
     options: dict[str, Any] | None = None,
     **given: Any,
-) -> scenes.SliceScene:
+) -> setups.SliceSetup:
     """The elastic block: 20 mm square, 0.05 mm of a wall tapered by 0.04 mm pushed into it.
 
     Args:
@@ -65,13 +65,13 @@ def tapered_block(
     width, push, taper = 20e-3 / length, 0.05e-3 / length, 0.04e-3 / length
     # Rollers under the foot; sideways it is held in the middle of its top alone.
     groups = ("left", "symmetry_y", "right", "top")
-    mesh = scenes.mapped(cells, cells, scenes.box(width, width), cell, groups=groups)
+    mesh = setups.mapped(cells, cells, setups.box(width, width), cell, groups=groups)
     angle = -np.arctan(taper / width)
     wall = LineWall(lambda z: np.array([0.0, width - push * z]), lambda z: angle)
     contact = Contact(wall, ("top",), lambda time: time, method=method, **given)
-    return scenes.SliceScene(
+    return setups.SliceSetup(
         mesh,
-        law=scenes.elastic(40e9 / stress, 0.3),
+        law=setups.elastic(40e9 / stress, 0.3),
         given={"planes": PLANE_STRAIN, "contact": contact},
         options=options or {},
     )
@@ -107,7 +107,7 @@ def dragged_block(
     pressure: float,
     top: Callable[[float], float],
     shear: Callable[[float], float],
-) -> scenes.SliceScene:
+) -> setups.SliceSetup:
     """A block (groups left, foot, right, top) pressed on a wall and drawn along it by its top.
 
     Args:
@@ -118,7 +118,7 @@ def dragged_block(
         top: Displacement of that over time, m.
         shear: Stress that its sides carry over time, Pa: then it is sheared evenly.
     """
-    return scenes.SliceScene(
+    return setups.SliceSetup(
         mesh,
         law,
         given={
