@@ -22,6 +22,7 @@ ORDER = {
     "fem": "DOLFINx and PETSc, any physics",
     "materials": "steels",
     "machine": "position, speed, rolls",
+    "extraction": "resistance, drives, effort",
     "mould": "the wall the strand passes",
     "output": "the files of a run",
     "constitutive": "laws at a material point",

@@ -1,0 +1,1 @@
+"""Withdrawal of the strand: what its rolls resist, what its drives take, what is left in it."""
