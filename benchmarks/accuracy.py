@@ -150,7 +150,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
                     markersize=5,
                 )
                 axis.step(*front(own, key), where="post", color=colour, label=name)
-            axis.set(xscale="log", yscale="log", xlabel="time of the march [s]", ylabel=label)
+            axis.set(xscale="log", yscale="log", xlabel="run time [s]", ylabel=label)
         for number, level in enumerate(LEVELS):
             for axis, y in zip(axes, level, strict=True):
                 axis.axhline(y, color="#555555", linewidth=0.8, linestyle=(0, (2, 3 - number)))
@@ -172,7 +172,7 @@ HEADINGS = {
     "heat_late_percent": "heat [%]",
     "mid_face_exit_K": "mid-face, exit [K]",
     "corner_exit_K": "corner, exit [K]",
-    "seconds": "march [s]",
+    "seconds": "time loop [s]",
 }
 FORMATS = {
     "mid_face_late_K": ".3f",

@@ -144,8 +144,8 @@ class Result:
         heat: Heat removed from the whole section until then (n,), MJ per m of strand.
         shell_mid_face: Depth of the solidus (n,), mm; shell_corner: along the diagonal.
         vertices: Unknowns. cells: Cells. steps: Steps taken. rejected: Steps tried in vain.
-        newton: Newton iterations. wall: Shortest time of the march, s, without set-up and output.
-        sections: Time of the shortest march by section of the stopwatch, s.
+        newton: Newton iterations. wall: Shortest time of the time loop, s, without output.
+        sections: Time of the shortest run by section of the stopwatch, s.
     """
 
     settings: Settings
@@ -178,14 +178,14 @@ def run(
     case: Case | None = None,
     comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Result:
-    """March the billet and time the march.
+    """Run the billet and time its time loop.
 
     Args:
         settings: What to run.
-        repeats: How often to march; the shortest time counts.
-        patience: Seconds after which a march is not repeated any more.
-        case: What to march instead of the billet with `settings`.
-        comm: Ranks to march on; with several, `patience` has no effect.
+        repeats: How often to run; the shortest time counts.
+        patience: Seconds after which a run is not repeated any more.
+        case: What to run instead of the billet with `settings`.
+        comm: Ranks to run on; with several, `patience` has no effect.
     """
     case = billet_case(settings) if case is None else case
     best: Result | None = None
@@ -209,7 +209,7 @@ def _once(case: Case, settings: Settings, comm: MPI.Comm) -> Result:
         time_loop = TimeLoop(simulation, _as_recorder(listener))
         comm.Barrier()
         start = perf_counter()
-        with simulation.watch.section("march"):
+        with simulation.watch.section("time loop"):
             time_loop.run()
         wall = perf_counter() - start
         sections = {n: t - before.get(n, 0.0) for n, t in simulation.watch.seconds.items()}

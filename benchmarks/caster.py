@@ -116,7 +116,7 @@ def show(output: Output) -> None:
         "core_size_mm": "core and face size [mm]", "vertices": "vertices", "steps": "steps",
         "closed_m": "core closes at [m]", "closed_error_mm": "error [mm]",
         "mid_face_error_K": "mid-face [K]", "corner_error_K": "corner [K]",
-        "shell_error_mm": "shell [mm]", "seconds": "march [s]",
+        "shell_error_mm": "shell [mm]", "seconds": "time loop [s]",
     }  # fmt: skip
     formats = {
         "closed_m": ".3f", "closed_error_mm": "+.0f", "mid_face_error_K": ".2f",

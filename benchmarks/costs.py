@@ -18,7 +18,7 @@ from benchmarks.accuracy import default_settings
 from benchmarks.billet import Result, refined, run
 from benchmarks.probe import measure
 from benchmarks.report import Output, table
-from castfem.support.stopwatch import LIBRARIES, MARCH
+from castfem.support.stopwatch import LIBRARIES, TIME_LOOP
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,22 +31,22 @@ SECTIONS = {
     "assembly": "DOLFINx: assembly",
     "python": "residual, Jacobian and norms in numpy",
     "law": "constitutive law",
-    "march": "stepping",
+    "time loop": "stepping",
     "results": "results of each step",
 }
 
 
 def shares(result: Result) -> dict[str, float]:
-    """Share of each section in the march without output."""
-    whole = sum(result.sections.get(n, 0.0) for n in MARCH)
-    return {n: result.sections.get(n, 0.0) / whole for n in MARCH if n in result.sections}
+    """Share of each section in the time loop without output."""
+    whole = sum(result.sections.get(n, 0.0) for n in TIME_LOOP)
+    return {n: result.sections.get(n, 0.0) / whole for n in TIME_LOOP if n in result.sections}
 
 
 SHIPPED = "as shipped"
 
 
 def libraries(result: Result) -> float:
-    """Share of the march inside PETSc and DOLFINx."""
+    """Share of the time loop inside PETSc and DOLFINx."""
     return sum(s for n, s in shares(result).items() if n in LIBRARIES)
 
 
@@ -106,7 +106,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
                 x, own[0]["seconds"] * (x / x[0]) ** slope, style, color="#777777",
                 linewidth=1.0, label=f"cells$^{{{slope:g}}}$",
             )  # fmt: skip
-        axis.set(xscale="log", yscale="log", xlabel="cells", ylabel="time of the march [s]")
+        axis.set(xscale="log", yscale="log", xlabel="cells", ylabel="run time [s]")
         axis.legend()
     return figure
 
@@ -133,7 +133,7 @@ def processes(factors: tuple[float, ...], repeats: int) -> list[dict[str, Any]]:
 
 
 def start_up(repeats: int) -> dict[str, float]:
-    """A run of the shipped case by the command line: what passes outside the march, s.
+    """A run of the shipped case by the command line: what is spent outside the time loop, s.
 
     The first run of a new user compiles forms and meshes the section (caches of its own), the
     following ones find both in the caches.
@@ -143,12 +143,12 @@ def start_up(repeats: int) -> dict[str, float]:
         caches = os.environ | {"XDG_CACHE_HOME": f"{folder}/cache"}
         found["first"] = _command_line(Path(folder, "first"), caches)
         again = [_command_line(Path(folder, f"run{i}"), caches) for i in range(repeats)]
-    best = min(again, key=lambda times: times["before_march"])
+    best = min(again, key=lambda times: times["before_loop"])
     return {f"first_{k}": v for k, v in found["first"].items()} | best
 
 
 def _command_line(folder: Path, environment: dict[str, str]) -> dict[str, float]:
-    """One `castfem run`: seconds until the march begins, and the rest."""
+    """One `castfem run`: seconds until the time loop begins, and the rest."""
     command = [sys.executable, "-m", "castfem.cli", "run", "billet125/thermal", "-q"]
     start = perf_counter()
     done = subprocess.run(
@@ -159,18 +159,18 @@ def _command_line(folder: Path, environment: dict[str, str]) -> dict[str, float]
         raise RuntimeError(f"{' '.join(command)}:\n{done.stdout}\n{done.stderr}")
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     wall = summary["wall_time"]
-    march = sum(wall.get(n, 0.0) for n in (*MARCH, "output"))
+    loop = sum(wall.get(n, 0.0) for n in (*TIME_LOOP, "output"))
     setup = sum(t for n, t in wall.items() if n.startswith("setup"))
     figures = [p.stat().st_mtime for p in (folder / "figures").glob("*")]
     drawing = max(figures) - (folder / "summary.json").stat().st_mtime if figures else 0.0
     return {
         "whole": whole,
-        "march": march,
+        "loop": loop,
         "setup": setup,
         "output": wall.get("output", 0.0),
         "steps": float(summary["steps"]["accepted"]),
         "figures": max(drawing, 0.0),
-        "before_march": whole - march - max(drawing, 0.0),
+        "before_loop": whole - loop - max(drawing, 0.0),
     }
 
 
@@ -199,13 +199,13 @@ def main(output: Output, quick: bool = False) -> None:
 
 def show(output: Output) -> None:
     """The tables, from the data."""
-    headings = {"section": "part of the march", "seconds": "time [s]", "percent": "share [%]"}
+    headings = {"section": "part of the time loop", "seconds": "time [s]", "percent": "share [%]"}
     formats = {"seconds": ".3f", "percent": ".0f"}
     output.insert("shares", table(output.rows("shares"), headings, formats))
     rows = output.rows("scaling")
     headings = {
         "stepping": "step", "cells": "cells", "vertices": "vertices", "steps": "steps",
-        "newton": "Newton iterations", "seconds": "march [s]",
+        "newton": "Newton iterations", "seconds": "time loop [s]",
         "microseconds": "per vertex and iteration [us]", "libraries_percent": "in PETSc [%]",
     }  # fmt: skip
     formats = {"seconds": ".3f", "microseconds": ".2f", "libraries_percent": ".0f"}
@@ -227,7 +227,7 @@ def _processes(output: Output, quick: bool) -> None:
 def _show_processes(output: Output) -> None:
     headings = {
         "vertices": "vertices", "memory_mb": "memory [MB]",
-        "imports_mb": "of it before the scene is built [MB]", "one_rank_s": "1 rank [s]",
+        "imports_mb": "of it before the simulation is built [MB]", "one_rank_s": "1 rank [s]",
         "two_ranks_s": "2 ranks [s]", "gain": "gain",
     }  # fmt: skip
     formats = {
@@ -240,11 +240,11 @@ def _show_processes(output: Output) -> None:
 def _start_up(output: Output, quick: bool) -> None:
     times = start_up(1 if quick else 3)
     rows = [
-        {"what": "first run ever: until the march begins", "s": times["first_before_march"]},
-        {"what": "every further run: until the march begins", "s": times["before_march"]},
+        {"what": "first run ever: until the time loop begins", "s": times["first_before_loop"]},
+        {"what": "every further run: until the time loop begins", "s": times["before_loop"]},
         {"what": "of it mesh, forms, operators", "s": times["setup"]},
-        {"what": "march, without files", "s": times["march"] - times["output"]},
-        {"what": "files during the march", "s": times["output"]},
+        {"what": "time loop, without files", "s": times["loop"] - times["output"]},
+        {"what": "files during the time loop", "s": times["output"]},
         {"what": "the same for each step", "s": times["output"] / times["steps"]},
         {"what": "figures at the end", "s": times["figures"]},
     ]

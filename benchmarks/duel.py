@@ -2,7 +2,7 @@
 
 Both get the same lengths for their meshes, the same steps, and the best of their options: the
 script's form, cells, scheme and linear solver are all varied.  Of every combination the shortest of
-several marches counts; the two take turns, so that a busy machine meets both.
+several runs counts; the two take turns, so that a busy machine meets both.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from skfem import MeshQuad, MeshTri
 
-    from benchmarks.opponent import March
+    from benchmarks.opponent import Run
 
 SIZES = (0.8, 0.6, 0.4, 0.3, 0.2)  # mm
 STEPS = (0.5, 0.25, 0.1)  # s
@@ -104,7 +104,7 @@ def _outer(corner: str) -> Callable[[Any], Any] | None:
     return None if corner == "sharp" else lambda x: (x[0] > 1e-9) & (x[1] > 1e-9)
 
 
-def _row(settings: Settings, way: Way, found: March, reference: Reference) -> dict[str, Any]:
+def _row(settings: Settings, way: Way, found: Run, reference: Reference) -> dict[str, Any]:
     return {
         "code": "scikit-fem",
         "variant": settings.corner,
@@ -171,7 +171,7 @@ def draw(rows: list[dict[str, Any]]) -> Figure:
                 axis.step(*front(own, "worst_K"), where="post", color=colour, label=code)
             for level, _ in LEVELS:
                 axis.axhline(level, color="#555555", linewidth=0.8, linestyle=":")
-            axis.set(xscale="log", yscale="log", xlabel="time of the march [s]")
+            axis.set(xscale="log", yscale="log", xlabel="run time [s]")
             axis.set_title(f"{corner} corner")
         axes[0].set_ylabel("temperature error, 5 s to 10 s [K]")
         axes[0].legend()
@@ -206,7 +206,7 @@ def show(output: Output) -> None:
         "level": "asked for", "code": "code", "how": "how", "scheme": "scheme",
         "surface_size_mm": "surface size [mm]", "stepping": "step", "vertices": "vertices",
         "newton": "Newton iterations", "mid_face_late_K": "mid-face [K]",
-        "corner_late_K": "corner [K]", "heat_late_percent": "heat [%]", "seconds": "march [s]",
+        "corner_late_K": "corner [K]", "heat_late_percent": "heat [%]", "seconds": "time loop [s]",
         "ratio": "times castfem's",
     }  # fmt: skip
     formats = {

@@ -9,7 +9,7 @@ its textbook has it:
   fixed-point iteration;
 * source (29): the latent heat released over the step is taken from the iterate before,
   under-relaxed so that the iteration is stable; it stops when no temperature changes by more than
-  a tolerance, or after a number of passes.
+  a tolerance, or after a number of iterations.
 
 The heat that left through the surface is compared with the decrease of the enthalpy (24): what is
 missing or too much was lost by the form.  The front is compared with that of very short steps.
@@ -51,7 +51,7 @@ LENGTH, CELL, END = 0.04, 0.5e-3, 10.0
 RANGES = (50.0, 5.0)  # K
 STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 FINE = 0.002  # s, step of the reference front
-PASSES, SETTLED = 100, 1e-3  # most iterations of a step; K
+ITERATIONS, CONVERGED = 100, 1e-3  # most iterations of a step; K
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,23 +76,23 @@ class Alloy:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """One march.
+    """One run.
 
     Attributes:
         lost: Heat that vanished: the share of the decrease of enthalpy that never left.
         front: Depth of the solidus, m. surface: Temperature there, K.
-        solves: Linear systems a step. unsettled: Share of the steps that did not settle.
+        solves: Linear systems a step. not_converged: Share of the steps that did not converge.
     """
 
     lost: float
     front: float
     surface: float
     solves: float
-    unsettled: float
+    not_converged: float
 
 
 class Strip:
-    """The strip, the forms on it, and marches by each of them."""
+    """The strip, the forms on it, and runs by each of them."""
 
     def __init__(self, alloy: Alloy) -> None:
         self.alloy = alloy
@@ -143,21 +143,21 @@ class Strip:
             diags(self.area * capacity) + dt * (K * self.conduction + H * diags(self.edge))
         )
 
-    def advance(
-        self, advance: Callable[[Array, float], tuple[Array, int, bool]], dt: float
-    ) -> Outcome:
-        """March to END; `advance` gives new temperatures, solves, and whether they settled."""
-        t, heat_out, solves, unsettled = np.full(len(self.area), START), 0.0, 0, 0
+    def run(self, advance: Callable[[Array, float], tuple[Array, int, bool]], dt: float) -> Outcome:
+        """Advance to END; `advance` gives new temperatures, solves, and whether they converged."""
+        t, heat_out, solves, not_converged = np.full(len(self.area), START), 0.0, 0, 0
         steps = round(END / dt)
         self.step.value = dt
         for _ in range(steps):
-            t, n, settled = advance(t, dt)
+            t, n, converged = advance(t, dt)
             heat_out += dt * float(self.edge @ (H * (t - AMBIENT)))
             solves += n
-            unsettled += not settled
+            not_converged += not converged
         h0 = float(self.alloy.enthalpy(np.array([START]))[0])
         decrease = float(self.area @ (h0 - self.alloy.enthalpy(t)))
-        return Outcome(1.0 - heat_out / decrease, *self.read(t), solves / steps, unsettled / steps)
+        return Outcome(
+            1.0 - heat_out / decrease, *self.read(t), solves / steps, not_converged / steps
+        )
 
     def read(self, t: Array) -> tuple[float, float]:
         """Depth of the solidus, m, and the surface temperature, K."""
@@ -169,17 +169,17 @@ class Strip:
         """One step of (26): fixed-point iteration on the capacity of the new temperature."""
         t = old.copy()
         self.u["old"].x.array[:] = old
-        for n in range(1, PASSES + 1):
+        for n in range(1, ITERATIONS + 1):
             capacity = self.alloy.capacity(t)
             self.u["capacity"].x.array[:] = capacity
             change = splu(self.matrix(capacity, dt)).solve(self.residual(self.effective, t))
             t = t - change
-            if np.abs(change).max() < SETTLED:
+            if np.abs(change).max() < CONVERGED:
                 return t, n, True
-        return t, PASSES, False
+        return t, ITERATIONS, False
 
-    def by_source(self, passes: int) -> Callable[[Array, float], tuple[Array, int, bool]]:
-        """A step of (29) with at most so many passes."""
+    def by_source(self, iterations: int) -> Callable[[Array, float], tuple[Array, int, bool]]:
+        """A step of (29) with at most so many iterations."""
         relaxation = 1.0 / (1.0 + LATENT / (C * (LIQUIDUS - self.alloy.solidus)))
 
         def advance(old: Array, dt: float) -> tuple[Array, int, bool]:
@@ -188,19 +188,19 @@ class Strip:
             fraction = before
             self.u["old"].x.array[:] = old
             self.u["capacity"].x.array[:] = RHO * C
-            for n in range(1, passes + 1):
+            for n in range(1, iterations + 1):
                 fraction = fraction + relaxation * (self.alloy.fraction(t) - fraction)
                 self.u["latent"].x.array[:] = RHO * LATENT * (fraction - before)
                 change = lu.solve(self.residual(self.source, t))
                 t = t - change
-                if n > 1 and np.abs(change).max() < SETTLED:
+                if n > 1 and np.abs(change).max() < CONVERGED:
                     return t, n, True
-            return t, passes, False
+            return t, iterations, False
 
         return advance
 
     def by_enthalpy(self, dt: float, scheme: str = "backward_euler") -> Outcome:
-        """The march by castfem's own solver."""
+        """The run by castfem's own solver."""
         knots = np.array([300.0, self.alloy.solidus, LIQUIDUS, 2000.0])
         release = np.array([0.0, RHO * LATENT / (LIQUIDUS - self.alloy.solidus), 0.0])
         c, k = np.full(3, RHO * C), np.full(3, K)
@@ -236,13 +236,13 @@ def compare(
         exact = strip.by_enthalpy(fine, "sdirk2")
         ways: dict[str, Callable[[float], Outcome]] = {
             "enthalpy": strip.by_enthalpy,
-            "effective specific heat": lambda dt, s=strip: s.advance(s.by_effective_heat, dt),
-            "source, 10 passes": lambda dt, s=strip: s.advance(s.by_source(10), dt),
-            "source, to 0.001 K": lambda dt, s=strip: s.advance(s.by_source(PASSES), dt),
+            "effective specific heat": lambda dt, s=strip: s.run(s.by_effective_heat, dt),
+            "source, 10 iterations": lambda dt, s=strip: s.run(s.by_source(10), dt),
+            "source, to 0.001 K": lambda dt, s=strip: s.run(s.by_source(ITERATIONS), dt),
         }
-        for name, march in ways.items():
+        for name, run in ways.items():
             for dt in steps:
-                found = march(dt)
+                found = run(dt)
                 rows.append(
                     {
                         "form": name,
@@ -252,7 +252,7 @@ def compare(
                         "front_error_mm": 1e3 * (found.front - exact.front),
                         "surface_error_K": found.surface - exact.surface,
                         "solves_per_step": found.solves,
-                        "unsettled_percent": 100 * found.unsettled,
+                        "not_converged_percent": 100 * found.not_converged,
                     }
                 )
     return rows
@@ -301,7 +301,7 @@ def main(output: Output, quick: bool = False) -> None:
     rows = compare(steps=(0.1, 1.0), fine=0.01) if quick else compare()
     output.csv("latent_heat", rows)
     output.figure("latent_heat", draw(rows))
-    print(f"latent heat: {len(rows)} marches")
+    print(f"latent heat: {len(rows)} runs")
     show(output)
 
 
@@ -317,13 +317,13 @@ def show(output: Output) -> None:
         "front_error_mm": "front [mm]",
         "surface_error_K": "surface [K]",
         "solves_per_step": "linear systems a step",
-        "unsettled_percent": "steps that did not settle [%]",
+        "not_converged_percent": "steps that did not converge [%]",
     }
     formats = {
         "heat_lost_percent": ".2g",
         "front_error_mm": "+.3f",
         "surface_error_K": "+.2f",
         "solves_per_step": ".1f",
-        "unsettled_percent": ".0f",
+        "not_converged_percent": ".0f",
     }
     output.insert("latent heat", table(shown, headings, formats))

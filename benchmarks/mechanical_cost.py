@@ -217,11 +217,11 @@ def _step(output: Output, quick: bool) -> None:
     output.csv("mechanical_calls", calls)
     slab = measure(replace(SLAB, steps=4) if quick else SLAB, repeats=1 if quick else 4)
     keys = ("cells", "unknowns", "points", "step_s", "newton", "heat_s")
-    scenes = [
-        {"scene": name, **{k: r[k] for k in keys}, "blas": blas()}
+    cases = [
+        {"case": name, **{k: r[k] for k in keys}, "blas": blas()}
         for name, r in (("billet", found), ("slab", slab))
     ]
-    output.csv("mechanical_scenes", scenes)
+    output.csv("mechanical_cases", cases)
 
 
 def _show_step(output: Output) -> None:
@@ -229,7 +229,7 @@ def _show_step(output: Output) -> None:
     text = table(output.rows("mechanical_step"), headings, {"ms": ".1f", "percent": ".0f"})
     calls = output.rows("mechanical_calls")
     single = table(calls, {"call": "single calls", "ms": "ms"}, {"ms": ".2f"})
-    found, slab = output.rows("mechanical_scenes")
+    found, slab = output.rows("mechanical_cases")
     minutes = SLAB_STEPS * (slab["step_s"] + slab["heat_s"]) / 60.0
     output.insert(
         "mechanical step",

@@ -87,7 +87,7 @@ def mesh_from(points: Array, cells: npt.NDArray[np.int64]) -> MeshQuad | MeshTri
 
 
 @dataclass(frozen=True, slots=True)
-class March:
+class Run:
     """What a run gives: surface temperatures, degC, heat of the whole section, MJ/m, and cost."""
 
     instants: Array
@@ -215,8 +215,8 @@ class Billet:
         return t
 
 
-def advance(billet: Billet, scheme: str = "sdirk2", step: float = 0.1, every: float = 0.5) -> March:
-    """March the billet to END with even steps; results at multiples of `every`.
+def advance(billet: Billet, scheme: str = "sdirk2", step: float = 0.1, every: float = 0.5) -> Run:
+    """Take the billet to END with even steps; results at multiples of `every`.
 
     Args:
         billet: The problem.
@@ -248,7 +248,7 @@ def advance(billet: Billet, scheme: str = "sdirk2", step: float = 0.1, every: fl
             removed = 4e-6 * (first - float(s.sum()))
             found.append((n * step, t[billet.mid_face], t[billet.corner], removed))
     wall = perf_counter() - start
-    return March(*np.array(found).T, len(t), billet.newton, wall)
+    return Run(*np.array(found).T, len(t), billet.newton, wall)
 
 
 if __name__ == "__main__":

@@ -24,13 +24,13 @@ FINE = "coupling.interval=0.05 s"
 ORDERS = {
     "mechanics first": (),
     "temperature first": ("coupling.order=thermal_first",),
-    "intervals of 0.05 s": ("coupling.order=thermal_first", FINE),
+    "windows of 0.05 s": ("coupling.order=thermal_first", FINE),
 }
 
 
 @dataclass
 class Corner:
-    """Sits where a recorder does: the corner's surface at the end of each interval.
+    """Sits where a recorder does: the corner's surface at the end of each window.
 
     Attributes:
         time: s. heat: Temperature, °C. told: What the mechanics were strained with, °C.
@@ -43,7 +43,7 @@ class Corner:
     peak: list[float] = field(default_factory=list)
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Note an interval."""
+        """Note a window."""
         mechanical = run.state.mechanical
         assert mechanical is not None and sample.mechanics is not None
         told = run.simulation.probes.sample(mechanical.temperature)["corner"].temperature[0]
@@ -53,8 +53,8 @@ class Corner:
         self.peak.append(sample.mechanics.peak / 1e6)
 
 
-def marched(*changes: str) -> Corner:
-    """March the shipped case on coarse cells."""
+def run(*changes: str) -> Corner:
+    """Run the shipped case on coarse cells."""
     case = load_case(CASES / "mechanics_first.toml", (*QUIET, *COARSE[:4], *changes))
     simulation, corner = build(case, MPI.COMM_SELF), Corner()
     TimeLoop(simulation, corner).run()  # type: ignore[arg-type]
@@ -67,10 +67,10 @@ def figure(found: dict[str, Corner]) -> Any:
     from matplotlib.figure import Figure
 
     drawn = Figure(figsize=(7.2, 3.0), layout="constrained")
-    exact = found["intervals of 0.05 s"]
+    exact = found["windows of 0.05 s"]
     panels = drawn.subplots(1, 2, sharey=True)
     for axes, (name, corner) in zip(panels, found.items(), strict=False):
-        axes.plot(exact.time, exact.heat, color="0.6", label="heat, short intervals")
+        axes.plot(exact.time, exact.heat, color="0.6", label="heat, short windows")
         axes.plot(corner.time, corner.heat, "o", color="C3", label="heat")
         axes.plot(corner.time, corner.told, "--s", color="C0", ms=4, label="told to the mechanics")
         axes.set_title(name)
@@ -83,7 +83,7 @@ def figure(found: dict[str, Corner]) -> Any:
 def main(output: Output, quick: bool) -> None:
     """The figure and the table."""
     orders = dict(list(ORDERS.items())[:2]) if quick else ORDERS
-    found = {name: marched(*changes) for name, changes in orders.items()}
+    found = {name: run(*changes) for name, changes in orders.items()}
     if not quick:
         output.figure("mechanics_first", figure(found))
     rows = []

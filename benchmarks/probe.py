@@ -1,4 +1,4 @@
-"""One march of the billet in a process of its own, for what cannot be measured in a shared one.
+"""One run of the billet in a process of its own, for what cannot be measured in a shared one.
 
     python -m benchmarks.probe '{"surface_size": 0.4}'          (mpirun -n 2 before it)
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def main() -> None:
-    """March and print."""
+    """Run and print."""
     given = json.loads(sys.argv[1])
     from mpi4py import MPI
 

@@ -1,4 +1,4 @@
-"""One march of a freezing slice, timed step by step; by itself in a process of its own.
+"""One run of a freezing slice, timed step by step; by itself in a process of its own.
 
     python -m benchmarks.slice_probe '{"cells": 900}'          (mpirun -n 2 before it)
 
@@ -105,19 +105,19 @@ def events(names: tuple[str, ...]) -> float:
 
 
 def measure(run: Run, comm: MPI.Comm = MPI.COMM_SELF, repeats: int = 1) -> dict[str, Any]:
-    """March and time the mechanics.
+    """Run and time the mechanics.
 
-    The same march does the same work in the same step. With several of them the fastest of each
+    The same run does the same work in the same step. With several of them the fastest of each
     step counts: on a machine with other work that is the nearest to the truth.
 
     Args:
         run: What to run.
         comm: Ranks.
-        repeats: Marches.
+        repeats: Runs.
 
     Returns:
         Sizes; means over the steps: step_s, heat_s (of the temperature), newton, and seconds by
-        part (see `_parts`); memory of all ranks after the first march.
+        part (see `_parts`); memory of all ranks after the first run.
     """
     PETSc.Log.begin()
     found: dict[str, Any] = {}
@@ -166,7 +166,7 @@ def _parts(slice_: CoolingSlice) -> dict[str, float]:
 
 
 def main() -> None:
-    """March and print."""
+    """Run and print."""
     given = json.loads(sys.argv[1])
     comm = MPI.COMM_WORLD
     before = peak()

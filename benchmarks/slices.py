@@ -138,7 +138,7 @@ class CoolingSlice:
 
     @property
     def seconds(self) -> float:
-        """Time of the march so far, both halves."""
+        """Time of the steps so far, both halves."""
         return self.heating + sum(self.times)
 
     def destroy(self) -> None:

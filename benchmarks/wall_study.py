@@ -29,12 +29,12 @@ from castfem.values.types import Array
 
 
 @dataclass
-class Marched:
-    """Sits where a recorder does, and keeps what the mechanics read at every interval.
+class Noted:
+    """Sits where a recorder does, and keeps what the mechanics read at every window.
 
     Attributes:
-        mechanics: One sample an interval. seconds: Of processor time.
-        newton: Mechanical iterations. cut: Intervals that were cut back.
+        mechanics: One sample a window. seconds: Of processor time.
+        newton: Mechanical iterations. cut: Windows that were cut back.
         values: Of the summary's quantities at the end.
     """
 
@@ -45,19 +45,19 @@ class Marched:
     values: dict[str, float] = field(default_factory=dict)
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Note an interval."""
+        """Note a window."""
         if sample.mechanics is not None and sample.position > 0.0:
             self.mechanics.append(sample.mechanics)
 
     def contact(self, name: str) -> Array:
-        """A number of the contact, or a pair, at every interval."""
+        """A number of the contact, or a pair, at every window."""
         return np.array([getattr(m.contact, name) for m in self.mechanics])
 
 
-def run_case(mould: str, changes: Iterable[str]) -> Marched:
-    """March one billet with some keys changed."""
+def run_case(mould: str, changes: Iterable[str]) -> Noted:
+    """Run one billet with some keys changed."""
     simulation = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF)
-    found = Marched()
+    found = Noted()
     one = TimeLoop(simulation, found)  # type: ignore[arg-type]
     start = process_time()
     one.run()
@@ -74,7 +74,7 @@ def run_case(mould: str, changes: Iterable[str]) -> Marched:
 
 FACTORS = (10, 30, 100, 300, 1000)
 RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
-SCENES: tuple[tuple[str, tuple[str, ...]], ...] = (
+STUDIED: tuple[tuple[str, tuple[str, ...]], ...] = (
     *((m, ()) for m in ("taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")),
     ("taper_1", (RUBBED,)),
     ("taper_0", (RUBBED,)),
@@ -82,14 +82,14 @@ SCENES: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("taper_0", ("mechanics.liquid_stiffness=1e-5",)),
     ("taper_1", ("mesh.cell=triangle",)),
 )
-PLAIN = 5  # of the scenes: the moulds as shipped
+PLAIN = 5  # of those: the moulds as shipped
 
 
 def factors(output: Output, quick: bool) -> None:
     """Iterations, cuts and time by the factor, and how far the results are from the last."""
-    scenes = SCENES[:2] if quick else SCENES
+    studied = STUDIED[:2] if quick else STUDIED
     found = {
-        f: [run_case(m, (*COARSE, *c, touch("penalty", f))) for m, c in scenes] for f in FACTORS
+        f: [run_case(m, (*COARSE, *c, touch("penalty", f))) for m, c in studied] for f in FACTORS
     }
     last, rows = found[FACTORS[-1]], []
     for factor, runs in found.items():
@@ -114,7 +114,7 @@ def show_factors(output: Output) -> None:
     """The table, from the data."""
     rows = output.rows("contact_factor")
     head = {
-        "factor": "factor", "newton": "Newton an interval", "cut": "cut back", "seconds": "time",
+        "factor": "factor", "newton": "Newton a window", "cut": "cut back", "seconds": "time",
         "heat_removed": "heat off by", "von_mises_max": "peak stress off by",
         "penetration": "penetration, µm",
     }  # fmt: skip
@@ -179,7 +179,7 @@ EARLY = ("casting.length=150 mm", "coupling.interval=0.1 s", "mechanics.liquid_s
 def cells(output: Output, quick: bool) -> None:
     """Force on a face from 1 to 2.5 s against the finest quadrilaterals, and what touches."""
     sizes = SIZES[:2] if quick else SIZES
-    found: dict[tuple[str, float], Marched] = {}
+    found: dict[tuple[str, float], Noted] = {}
     for cell in ("quadrilateral", "triangle"):
         for size in sizes:
             keys = [f"mesh.{k}_size={size} mm" for k in ("surface", "corner")]
@@ -226,7 +226,7 @@ SPRINGS: tuple[float | None, ...] = (None, 1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
 
 @contextmanager
 def sprung(stiffness: float | None) -> Any:
-    """Let scenes have springs of another stiffness, or points held rigidly."""
+    """Let a slice have springs of another stiffness, or points held rigidly."""
     shipped = build_mechanics.SPRING
     build_mechanics.SPRING = stiffness  # type: ignore[assignment]
     try:

@@ -101,5 +101,5 @@ def write_strained(
                 }
                 fields.write(time, 0.06 * time, found)
         folder.write_summary(summary())
-        folder.finish(wall_time={"march": 1.0})
+        folder.finish(wall_time={"time loop": 1.0})
     return path

@@ -125,7 +125,7 @@ def summary(status: str = "finished") -> Summary:
         references=compare(references, quantities),
         balances={"energy": energy},
         steps={"accepted": 412, "rejected": 3, "newton": 1204},
-        wall_time={"mesh": 0.21, "march": 2.54},
+        wall_time={"mesh": 0.21, "time loop": 2.54},
         zones=(Zone("mould", 0.0, 0.6),),
         mould_exit=0.6,
     )
@@ -148,7 +148,7 @@ def write_run(path: Path, *, steps: int = 40, part: str = "quarter", finish: boo
                     fields.write(row["time"], row["position"], {"temperature": now})
         if finish:
             folder.write_summary(summary())
-            folder.finish(wall_time={"mesh": 0.21, "march": 2.54}, memory_mb=412.3)
+            folder.finish(wall_time={"mesh": 0.21, "time loop": 2.54}, memory_mb=412.3)
         else:
             folder.update(reached={"time": 3.2, "position": 0.192, "step": 20})
             folder.close()

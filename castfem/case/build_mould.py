@@ -57,17 +57,17 @@ def _cavity(table: Mould, section: Section, hot: float) -> wall.Cavity:
 
 
 def _tapers(table: Mould, section: Section) -> wall.Tapers:
-    """Return the courses; a face without taper of its own has that of all faces, or none."""
-    courses = {}
+    """Return the profiles; a face without taper of its own has that of all faces, or none."""
+    profiles = {}
     for name, given in table.taper.parts.items():
         try:
-            courses[name] = given.course(table.length)
+            profiles[name] = given.profile(table.length)
         except ValueError as error:
             raise ValueError(f"{error}" if name == "face" else f"{name}: {error}") from None
     straight = wall.Taper.single(0.0, table.length)
-    face = courses.get("face", straight)
+    face = profiles.get("face", straight)
     return wall.Tapers(
-        courses.get("narrow_face", face), courses.get("wide_face", face), courses.get("corner")
+        profiles.get("narrow_face", face), profiles.get("wide_face", face), profiles.get("corner")
     )
 
 

@@ -84,7 +84,7 @@ def _demands(case: Case) -> Iterator[Demand]:
     if time is not None and time.adaptive is not None and time.adaptive.largest is not None:
         yield Demand(("thermal", "time", "adaptive", "largest"), time.adaptive.largest, *steps)
     if case.mechanics is not None and case.coupling is not None:
-        steps = ("intervals", _MOST, _MANY, _MECHANICAL)
+        steps = ("coupling windows", _MOST, _MANY, _MECHANICAL)
         if case.coupling.interval is not None:
             window = case.coupling.interval
             if isinstance(window, Way):

@@ -149,8 +149,8 @@ class Case(TableModel):
         table = self.mould
         if table is None:
             return ()
-        courses = [given.course(table.length) for given in table.taper.parts.values()]
-        knots = segment_ends(courses, table.length)
+        profiles = [given.profile(table.length) for given in table.taper.parts.values()]
+        knots = segment_ends(profiles, table.length)
         warmth = table.copper.temperature if table.condition == "cold" else None
         if isinstance(warmth, TableOfValues):
             knots += [p for p in warmth.arguments if 0.0 < p < table.length]

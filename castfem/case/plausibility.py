@@ -154,7 +154,7 @@ def _sprays(case: Case) -> Iterator[Problem]:
 def _taper(mould: Mould, section: Section) -> Iterator[Problem]:
     """Yield the tapers that close or open the mould by much more than a strand shrinks."""
     for name, given in mould.taper.parts.items():
-        closed = _closing(given.course(mould.length), _half(section, name), mould.length)
+        closed = _closure(given.profile(mould.length), _half(section, name), mould.length)
         if abs(closed) <= _CLOSED:
             continue
         part = "" if name == "face" else f"{name}: "
@@ -170,10 +170,10 @@ def _taper(mould: Mould, section: Section) -> Iterator[Problem]:
         )
 
 
-def _closing(course: TaperProfile, start: float, length: float) -> float:
+def _closure(profile: TaperProfile, start: float, length: float) -> float:
     """Return the largest closing (w_in - w_out) / w_out at any position, negative: opening."""
-    positions = [z for z in course.knots() if z < length] + [length]
-    closed = [start / course.half(z, start) - 1.0 for z in positions]
+    positions = [z for z in profile.knots() if z < length] + [length]
+    closed = [start / profile.half(z, start) - 1.0 for z in positions]
     return max(closed, key=abs)
 
 

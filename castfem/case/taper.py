@@ -38,8 +38,8 @@ class Given:
     segments: tuple[TaperSegment, ...] = ()
     closing: Table | None = None
 
-    def course(self, length: float) -> TaperProfile:
-        """Return the course along a mould of that length, m.
+    def profile(self, length: float) -> TaperProfile:
+        """Return the profile along a mould of that length, m.
 
         Raises:
             ValueError: The segments do not fill the mould, or close it altogether.

@@ -15,7 +15,7 @@ from castfem.compare.figures import Definition, Panel, figures
 from castfem.compare.runs import Run
 from castfem.compare.sections import draw_sections
 from castfem.plots.history import plain_unit
-from castfem.plots.style import Course, dress, look, new_panels, save
+from castfem.plots.style import Abscissa, dress, look, new_panels, save
 from castfem.results.registry import probe_label
 
 if TYPE_CHECKING:
@@ -96,14 +96,14 @@ def _draw_figure(
         above=0.28,
         below=0.1 + _LINE * math.ceil(len(order) / columns),
     )
-    course = _course(panels[0])
+    abscissa = _abscissa(panels[0])
     for panel, ax in zip(panels, axes, strict=True):
         factor, unit = _engineering(definition, panel)
         # The base first, so that a run that lies on it is seen.
         for curve in sorted(panel.curves, key=lambda c: c.run is not base):
             pen = pens[id(curve.run)]
             ax.plot(
-                curve.position * course.scale,
+                curve.position * abscissa.scale,
                 curve.values * factor,
                 color=pen.colour,
                 linestyle=pen.dashes,
@@ -116,7 +116,7 @@ def _draw_figure(
             low = min(float(np.nanmin(c.values)) for c in panel.curves) * factor
             ax.set_ylim(bottom=min(0.0, low))
         _scale(ax, definition)
-    _dress(axes, course)
+    _dress(axes, abscissa)
     handles = {text: line for line, text in zip(*axes[0].get_legend_handles_labels(), strict=True)}
     names = [words(run.label) for run in order]
     figure.legend(
@@ -154,17 +154,17 @@ def _place(definition: Definition, panel: Panel) -> str:
     return probe_label(panel.place)
 
 
-def _dress(axes: list[Axes], course: Course) -> None:
+def _dress(axes: list[Axes], abscissa: Abscissa) -> None:
     """Give the panels their x axis, with the time on top if it is the same for all runs."""
-    if np.isfinite(course.time).all():
-        dress(axes, course)
+    if np.isfinite(abscissa.time).all():
+        dress(axes, abscissa)
         return
     for ax in axes:
-        ax.set_xlim(0.0, float(course.abscissa[-1]))
-    axes[-1].set_xlabel(course.label)
+        ax.set_xlim(0.0, float(abscissa.values[-1]))
+    axes[-1].set_xlabel(abscissa.label)
 
 
-def _course(panel: Panel) -> Course:
+def _abscissa(panel: Panel) -> Abscissa:
     """The x axis: the longest way of all runs; zones, and a time, only if all runs share them."""
     longest = max(panel.curves, key=lambda curve: curve.position[-1])
     tables = [curve.run.history() for curve in panel.curves]
@@ -177,7 +177,7 @@ def _course(panel: Panel) -> Course:
         if table is not None
     )
     time = longest.position / speeds[0] if steady else np.full(len(longest.position), np.nan)
-    return Course(time, longest.position, zones if same else ())
+    return Abscissa(time, longest.position, zones if same else ())
 
 
 def _engineering(definition: Definition, panel: Panel) -> tuple[float, str]:

@@ -40,7 +40,7 @@ class Run:
             return None
         return table if len(table) > 1 else None
 
-    def course(self) -> tuple[float, float] | None:
+    def speed_and_length(self) -> tuple[float, float] | None:
         """Mean casting speed [m/s] and how far it came [m]; None without a history."""
         table = self.history()
         if table is None:

@@ -144,7 +144,7 @@ def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> float
 def _may_be_judged(run: Run, base: Run) -> bool:
     """Whether a bound on a share holds for this one: it is of an idealised mould, cast alike."""
     ideal = base.label == _IDEAL or _IDEAL in base.summary.title.lower()
-    one, other = run.course(), base.course()
+    one, other = run.speed_and_length(), base.speed_and_length()
     return ideal and (one == other or bool(one and other and np.allclose(one, other, rtol=_ALIKE)))
 
 

@@ -21,7 +21,7 @@ _PLANE = 1e-12
 
 @dataclass(frozen=True, slots=True)
 class Tapers:
-    """The courses of the cavity's dimensions along the mould.
+    """The profiles of the cavity's dimensions along the mould.
 
     Attributes:
         width: Of the width at the middle of the narrow faces; of a round, the diameter.
@@ -34,7 +34,7 @@ class Tapers:
     corner: TaperProfile | None = None
 
     @property
-    def courses(self) -> tuple[TaperProfile, ...]:
+    def profiles(self) -> tuple[TaperProfile, ...]:
         """All that are given."""
         return tuple(c for c in (self.width, self.height, self.corner) if c is not None)
 
@@ -45,9 +45,9 @@ class Tapers:
         return (self.height,) if dimension == "height" else (self.width,)
 
 
-def same(course: TaperProfile) -> Tapers:
-    """Return one course for the whole perimeter."""
-    return Tapers(course, course)
+def same(profile: TaperProfile) -> Tapers:
+    """Return one profile for the whole perimeter."""
+    return Tapers(profile, profile)
 
 
 class Cavity(Protocol):
@@ -94,8 +94,8 @@ class RectangleCavity:
         """
         start = 0.5 * self.width, 0.5 * self.height
         a, b = (
-            scale * course.half(position, half)
-            for course, half in zip((tapers.width, tapers.height), start, strict=True)
+            scale * profile.half(position, half)
+            for profile, half in zip((tapers.width, tapers.height), start, strict=True)
         )
         ends = (a, b)
         if tapers.corner is not None:

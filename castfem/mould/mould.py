@@ -100,7 +100,7 @@ class Mould:
         self.cavity, self.length, self.tapers = cavity, length, tapers
         self.wall_temperature, self.expansion = wall_temperature, expansion
         self._built: tuple[float, Contour] | None = None
-        for position in segment_ends(tapers.courses, length):
+        for position in segment_ends(tapers.profiles, length):
             self.contour(position)
 
     def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:

@@ -130,10 +130,10 @@ def taper_between(inlet: float, outlet: float, height: float) -> float:
     return (inlet - outlet) / (outlet * height)
 
 
-def segment_ends(courses: Sequence[TaperProfile], length: float) -> list[float]:
+def segment_ends(profiles: Sequence[TaperProfile], length: float) -> list[float]:
     """Return the ends of all segments between the meniscus and the end of the mould, m."""
     ends = [0.0]
-    for knot in sorted({k for course in courses for k in course.knots()} | {length}):
+    for knot in sorted({k for profile in profiles for k in profile.knots()} | {length}):
         if ends[-1] + ROUNDING * length < knot <= length * (1.0 - ROUNDING) or knot == length:
             ends.append(knot)
     return ends

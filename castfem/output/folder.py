@@ -37,7 +37,7 @@ from castfem.output.checkpoint import CHECKPOINT_NAME
 from castfem.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.output.history import HISTORY_NAME
 from castfem.output.provenance import command, versions
-from castfem.output.summary import SUMMARY_NAME, Summary
+from castfem.output.summary import SUMMARY_NAME, Summary, renamed
 from castfem.output.xdmf import XDMF_NAME
 from castfem.support.atomic_files import (
     replacing,
@@ -142,7 +142,7 @@ class RunRecord:
         record = {key: value for key, value in content.items() if key in known}
         for key in ("wall_time", "reached"):  # what was not finite is null there
             if isinstance(record.get(key), dict):
-                record[key] = {k: v for k, v in record[key].items() if v is not None}
+                record[key] = renamed({k: v for k, v in record[key].items() if v is not None})
         try:
             found = TypeAdapter(cls).validate_python(record)
         except ValidationError as error:

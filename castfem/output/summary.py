@@ -42,6 +42,21 @@ Kind = Literal["value", "at_least", "at_most"]
 SIGNS: Mapping[Kind, str] = {"value": "", "at_least": "≥ ", "at_most": "≤ "}
 
 
+RENAMED = {
+    "intervals": "coupling windows",
+    "intervals cut back": "coupling windows cut back",
+    "passes through intervals": "coupling iterations",
+    "intervals not settled": "coupling windows not converged",
+    "march": "time loop",
+}
+"""Counts and stages by the names they have in older result folders, and those of today."""
+
+
+def renamed(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Counts or stages of a file, by the names of today."""
+    return {RENAMED.get(name, name): value for name, value in entries.items()}
+
+
 @dataclass(frozen=True, slots=True)
 class Quantity:
     """One result.
@@ -225,8 +240,8 @@ class Summary:
                 name: {term: _quantity(q) for term, q in terms.items()}
                 for name, terms in content["balances"].items()
             },
-            steps=content["steps"],
-            wall_time=content["wall_time"],
+            steps=renamed(content["steps"]),
+            wall_time=renamed(content["wall_time"]),
             zones=tuple(Zone(**zone) for zone in content["zones"]),
             mould_exit=content.get("mould_exit"),
             unchecked=tuple(content.get("unchecked", ())),

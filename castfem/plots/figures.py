@@ -16,7 +16,7 @@ from castfem.plots.history import HISTORY_FIGURES
 from castfem.plots.mechanics import MECHANICS_FIGURES
 from castfem.plots.section import SECTION_FIGURES, Steel
 from castfem.plots.strand import draw_stack
-from castfem.plots.style import Course, look, save
+from castfem.plots.style import Abscissa, look, save
 from castfem.support.atomic_files import saving
 
 _OVER_SECTION = SECTION_FIGURES | SHAPE_FIGURES | {"stack": draw_stack}
@@ -79,14 +79,14 @@ def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
         return []
     time = table["time"].to_numpy()
     position = table["position"].to_numpy() if "position" in table else np.full(len(time), np.nan)
-    course = Course(time, position, summary.zones if summary else ())
+    abscissa = Abscissa(time, position, summary.zones if summary else ())
     steel = Steel.of(_known(summary))
     if steel is None and (path / HDF5_NAME).is_file():
         with Fields(path) as fields:
             steel = _steel(fields, summary)
     drawn = []
     for name, draw in (HISTORY_FIGURES | MECHANICS_FIGURES).items():
-        figure = draw(table, course, steel)
+        figure = draw(table, abscissa, steel)
         if figure is not None:
             drawn.append(save(figure, _target(path, name)))
     return drawn

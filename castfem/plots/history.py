@@ -11,7 +11,7 @@ from castfem.plots.section import Steel
 from castfem.plots.style import (
     LIQUIDUS_COLOUR,
     SOLIDUS_COLOUR,
-    Course,
+    Abscissa,
     dress,
     new_panels,
     place_legend,
@@ -79,7 +79,7 @@ def _listed(names: list[str]) -> str:
 
 
 def draw_surface_temperature(
-    table: pandas.DataFrame, course: Course, steel: Steel | None
+    table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None
 ) -> Figure | None:
     """Surface temperature at the probes, and in the core."""
     surfaces = curves(table, "surface_temperature")
@@ -88,10 +88,10 @@ def draw_surface_temperature(
     figure, (axes,) = new_panels(1, 3.4)
     for probe, colour, column in surfaces:
         label = probe if probe == "surface" else f"surface, {probe}"
-        axes.plot(course.abscissa, table[column], color=colour, label=label)
+        axes.plot(abscissa.values, table[column], color=colour, label=label)
     if "temperature_core" in table and table["temperature_core"].notna().any():
         core = table["temperature_core"]
-        axes.plot(course.abscissa, core, color="#444444", linestyle=":", label="core")
+        axes.plot(abscissa.values, core, color="#444444", linestyle=":", label="core")
     if steel is not None:
         for name, level, colour in (
             ("liquidus", steel.liquidus, LIQUIDUS_COLOUR),
@@ -105,12 +105,12 @@ def draw_surface_temperature(
                 label=f"{name} {level - ZERO_CELSIUS:.1f} °C",
             )
     axes.set_ylabel(axis_label(table, surfaces[0][2]))
-    dress([axes], course)
+    dress([axes], abscissa)
     place_legend(axes, 3)
     return figure
 
 
-def draw_shell(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+def draw_shell(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Depth of the solidus and of the liquidus below the surface at the probes."""
     solid, liquid = curves(table, "shell"), curves(table, "liquidus_depth")
     if not solid and not liquid:
@@ -119,27 +119,27 @@ def draw_shell(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
     for lines, kind, style in ((solid, "solidus (shell)", "-"), (liquid, "liquidus", "--")):
         for probe, colour, column in lines:
             label = f"{probe}, {kind}"
-            axes.plot(course.abscissa, table[column], color=colour, linestyle=style, label=label)
+            axes.plot(abscissa.values, table[column], color=colour, linestyle=style, label=label)
             cell = column.replace("shell_", "solidus_cell_", 1)
             if lines is solid and has_values(table, cell):
-                _draw_stair(axes, course, table[column], table[cell], colour)
+                _draw_stair(axes, abscissa, table[column], table[cell], colour)
     axes.set_ylim(0.0, axes.get_ylim()[1])
     axes.set_ylabel(axis_label(table, [*solid, *liquid][0][2]))
-    dress([axes], course)
+    dress([axes], abscissa)
     place_legend(axes, 2 if len(solid) + len(liquid) > 3 else 1)
     return figure
 
 
 def _draw_stair(
-    axes: Axes, course: Course, depth: pandas.Series, cell: pandas.Series, colour: str
+    axes: Axes, abscissa: Abscissa, depth: pandas.Series, cell: pandas.Series, colour: str
 ) -> None:
     """How well the cells resolve a depth: within the shaded band."""
     off = STAIR * cell.to_numpy()
     shade: dict[str, Any] = {"color": colour, "alpha": 0.18, "linewidth": 0.0, "zorder": 1.5}
-    axes.fill_between(course.abscissa, depth - off, depth + off, **shade)
+    axes.fill_between(abscissa.values, depth - off, depth + off, **shade)
 
 
-def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+def draw_heat(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Heat flux at the probes; heat leaving the strand; all that has left it."""
     fluxes = curves(table, "heat_flux")
     totals = _totals(table)
@@ -147,15 +147,15 @@ def draw_heat(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
         return None
     figure, axes = new_panels(bool(fluxes) + len(totals), 2.0)
     for label, colour, column in fluxes:
-        axes[0].plot(course.abscissa, table[column], color=colour, label=label)
+        axes[0].plot(abscissa.values, table[column], color=colour, label=label)
         axes[0].set_ylabel(axis_label(table, column))
     for panel, (label, (values, unit)) in zip(axes[bool(fluxes) :], totals.items(), strict=True):
         style = "steps-pre" if "leaving" in label else "default"
-        panel.plot(course.abscissa, values, color="#444444", drawstyle=style)
+        panel.plot(abscissa.values, values, color="#444444", drawstyle=style)
         panel.set_ylabel(f"{label} [{unit}]".replace("leaving ", "leaving\n"))
     for panel in axes:
         panel.set_ylim(bottom=min(0.0, panel.get_ylim()[0]) if _below_zero(panel) else 0.0)
-    dress(axes, course)
+    dress(axes, abscissa)
     if fluxes:
         place_legend(axes[0])
     return figure
@@ -166,7 +166,7 @@ def _below_zero(panel: Axes) -> bool:
     return any(np.nanmin(np.asarray(line.get_ydata(), dtype=float)) < 0.0 for line in panel.lines)
 
 
-def draw_steps(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+def draw_steps(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Time step, Newton iterations, errors of energy and forces, penetration of a mould."""
     found = [
         (draw, [name for name in names if has_values(table, name)])
@@ -182,22 +182,24 @@ def draw_steps(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
         return None
     figure, axes = new_panels(len(panels), 1.5)
     for panel, (draw, names) in zip(axes, panels, strict=True):
-        draw(panel, table, course, names)
+        draw(panel, table, abscissa, names)
         if any(name.endswith(("mechanics", "force_error")) for name in names):
             panel.legend(loc="upper right", ncols=2)  # above what is drawn
-    dress(axes, course)
+    dress(axes, abscissa)
     return figure
 
 
-def _draw_step(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
+def _draw_step(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa, names: list[str]) -> None:
     """The time step."""
     values = np.where(table[names[0]] > 0.0, table[names[0]], np.nan)  # none at the meniscus
-    panel.step(course.abscissa, values, where="pre", color=_THERMAL, linewidth=1.2)
+    panel.step(abscissa.values, values, where="pre", color=_THERMAL, linewidth=1.2)
     _log_scale(panel, values)
     panel.set_ylabel(axis_label(table, names[0]))
 
 
-def _draw_newton(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
+def _draw_newton(
+    panel: Axes, table: pandas.DataFrame, abscissa: Abscissa, names: list[str]
+) -> None:
     """Newton iterations of the temperature and of the mechanics."""
     from matplotlib.ticker import MaxNLocator
 
@@ -207,17 +209,19 @@ def _draw_newton(panel: Axes, table: pandas.DataFrame, course: Course, names: li
         values = table[name].to_numpy()
         label = "mechanics" if mechanical else "temperature"
         if len(values) > _MANY:
-            panel.plot(course.abscissa, values, ".", color=colour, markersize=2.5, label=label)
+            panel.plot(abscissa.values, values, ".", color=colour, markersize=2.5, label=label)
         else:
             panel.step(
-                course.abscissa, values, where="pre", color=colour, linewidth=1.0, label=label
+                abscissa.values, values, where="pre", color=colour, linewidth=1.0, label=label
             )
     panel.set_ylim(0, 1.4 * np.nanmax(table[names].to_numpy()) + 1)
     panel.yaxis.set_major_locator(MaxNLocator(5, integer=True))
     panel.set_ylabel("Newton\niterations [-]")
 
 
-def _draw_errors(panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]) -> None:
+def _draw_errors(
+    panel: Axes, table: pandas.DataFrame, abscissa: Abscissa, names: list[str]
+) -> None:
     """How far energy and forces are out of balance; what is exact is left out."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
@@ -225,7 +229,7 @@ def _draw_errors(panel: Axes, table: pandas.DataFrame, course: Course, names: li
         forces = name == "force_error"
         size = np.abs(table[name].to_numpy())
         panel.plot(
-            course.abscissa,
+            abscissa.values,
             np.where(size == 0, np.nan, size),
             ".",
             color=_MECHANICAL if forces else _THERMAL,
@@ -247,10 +251,10 @@ def _power(value: float) -> str:
 
 
 def _draw_penetration(
-    panel: Axes, table: pandas.DataFrame, course: Course, names: list[str]
+    panel: Axes, table: pandas.DataFrame, abscissa: Abscissa, names: list[str]
 ) -> None:
     """How deep the surface lies in the wall."""
-    panel.plot(course.abscissa, table[names[0]], color=_MECHANICAL, linewidth=1.2)
+    panel.plot(abscissa.values, table[names[0]], color=_MECHANICAL, linewidth=1.2)
     panel.set_ylim(bottom=0.0)
     panel.set_ylabel(axis_label(table, names[0]))
 
@@ -333,7 +337,7 @@ def plain_unit(unit: str) -> str:
     )
 
 
-HISTORY_FIGURES: dict[str, Callable[[pandas.DataFrame, Course, Steel | None], Figure | None]] = {
+HISTORY_FIGURES: dict[str, Callable[[pandas.DataFrame, Abscissa, Steel | None], Figure | None]] = {
     "surface_temperature": draw_surface_temperature,
     "shell": draw_shell,
     "heat": draw_heat,

@@ -9,7 +9,7 @@ import numpy as np
 
 from castfem.plots.history import axis_label, curves, has_values, unit_of
 from castfem.plots.section import Steel
-from castfem.plots.style import Course, dress, new_panels, place_legend
+from castfem.plots.style import Abscissa, dress, new_panels, place_legend
 
 if TYPE_CHECKING:
     import pandas
@@ -28,24 +28,24 @@ _HELD = 1e-6  # mm; a surface that moves by less is held, as that of a strip
 _NOTHING = 1e-6  # kN; a free strand carries less, the rounding of the solver
 
 
-def draw_stress(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+def draw_stress(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Von Mises stress at the probes, and the largest of the section."""
     lines = curves(table, "von_mises")
     if not lines and not has_values(table, "von_mises_max"):
         return None
     figure, (axes,) = new_panels(1, 3.4)
-    _draw_probes(axes, table, course, "von_mises", "surface, ")
+    _draw_probes(axes, table, abscissa, "von_mises", "surface, ")
     if has_values(table, "von_mises_max"):
-        axes.plot(course.abscissa, table["von_mises_max"], **_ALL, label="largest in the section")
+        axes.plot(abscissa.values, table["von_mises_max"], **_ALL, label="largest in the section")
     name = lines[0][2] if lines else "von_mises_max"
     axes.set_ylabel(axis_label(table, name))
     axes.set_ylim(bottom=0.0)
-    dress([axes], course)
+    dress([axes], abscissa)
     place_legend(axes)
     return figure
 
 
-def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+def draw_size(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Change of the size of the section since the meniscus; where it has none, the displacement."""
     sizes = curves(table, "size")
     measured = {name[len("size_") :] for name in table.columns if str(name).startswith("size_")}
@@ -65,17 +65,17 @@ def draw_size(table: pandas.DataFrame, course: Course, steel: Steel | None) -> F
                 label = label.replace("corner", "diagonal")
                 label += f", from {start:.2f} {unit_of(table, column)}"
                 values = values - start
-            panel.plot(course.abscissa, values, color=colour, label=label)
+            panel.plot(abscissa.values, values, color=colour, label=label)
         _mark_zero(panel)
         label = axis_label(table, lines[0][2])
         panel.set_ylabel(f"change of {label}" if lines is sizes else label)
-    dress(axes, course)
+    dress(axes, abscissa)
     for panel in axes:
         place_legend(panel)
     return figure
 
 
-def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+def draw_axial(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Strain of the slice along the strand, and the force that goes with it."""
     strained, loaded = has_values(table, "axial_strain"), has_values(table, "axial_force")
     if loaded:
@@ -86,20 +86,20 @@ def draw_axial(table: pandas.DataFrame, course: Course, steel: Steel | None) -> 
     figure, axes = new_panels(count, 3.4 if count == 1 else 2.4)
     if strained:
         label = "free slice, no axial force" if has_values(table, "axial_force") else ""
-        axes[0].plot(course.abscissa, 100.0 * table["axial_strain"], color=_SINGLE, label=label)
+        axes[0].plot(abscissa.values, 100.0 * table["axial_strain"], color=_SINGLE, label=label)
         axes[0].set_ylabel("axial strain [%]")
     if loaded:
-        axes[-1].plot(course.abscissa, table["axial_force"], color=_SINGLE)
+        axes[-1].plot(abscissa.values, table["axial_force"], color=_SINGLE)
         axes[-1].set_ylabel(axis_label(table, "axial_force"))
     for panel in axes:
         _mark_zero(panel)
-    dress(axes, course)
+    dress(axes, abscissa)
     if strained and label and not loaded:
         place_legend(axes[0])
     return figure
 
 
-def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+def draw_contact(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Gap and pressure between strand and mould, how much of the surface touches, friction."""
     found: list[Callable[[Axes], None]] = []
     for prefix, largest, smallest in (
@@ -107,17 +107,17 @@ def draw_contact(table: pandas.DataFrame, course: Course, steel: Steel | None) -
         ("contact_pressure", _highest_pressure(table), 0.0),
     ):
         if curves(table, prefix) or has_values(table, largest):
-            found.append(_over_surface(table, course, prefix, largest, smallest))
+            found.append(_over_surface(table, abscissa, prefix, largest, smallest))
     friction = "mould_friction" if has_values(table, "mould_friction") else "friction_force"
     for name in ("contact_share", friction):
         if has_values(table, name) and table[name].any():
-            found.append(_single(table, course, name))
+            found.append(_single(table, abscissa, name))
     if not found:
         return None
     figure, axes = new_panels(len(found), 2.1)
     for panel, draw in zip(axes, found, strict=True):
         draw(panel)
-    dress(axes, course)
+    dress(axes, abscissa)
     for panel in axes:
         if panel.get_legend_handles_labels()[0]:
             place_legend(panel)
@@ -131,7 +131,7 @@ def _highest_pressure(table: pandas.DataFrame) -> str:
 
 def _over_surface(
     table: pandas.DataFrame,
-    course: Course,
+    abscissa: Abscissa,
     prefix: str,
     largest: str,
     smallest: float,
@@ -139,10 +139,10 @@ def _over_surface(
     """Draws a quantity at the probes and its largest value; the axis reaches `smallest`."""
 
     def draw(panel: Axes) -> None:
-        name = _draw_probes(panel, table, course, prefix) or largest
+        name = _draw_probes(panel, table, abscissa, prefix) or largest
         if has_values(table, largest):
             label = "largest anywhere" + (", over 5 mm" if largest == _MEAN_PRESSURE else "")
-            panel.plot(course.abscissa, table[largest], **_ALL, label=label)
+            panel.plot(abscissa.values, table[largest], **_ALL, label=label)
         panel.set_ylabel(axis_label(table, name))
         low, high = panel.get_ylim()
         high = max(high, smallest)
@@ -151,14 +151,14 @@ def _over_surface(
     return draw
 
 
-def _single(table: pandas.DataFrame, course: Course, name: str) -> Callable[[Axes], None]:
+def _single(table: pandas.DataFrame, abscissa: Abscissa, name: str) -> Callable[[Axes], None]:
     """Draws one column."""
 
     def draw(panel: Axes) -> None:
         percent, label = name == "contact_share", axis_label(table, name)
         fraction = percent and label.endswith("[-]")  # of older runs
         factor = 100.0 if fraction else 1.0
-        panel.plot(course.abscissa, table[name] * factor, color=_SINGLE)
+        panel.plot(abscissa.values, table[name] * factor, color=_SINGLE)
         panel.set_ylabel(label.replace("[-]", "[%]") if fraction else label)
         if percent:
             panel.set_ylim(0.0, 105.0)
@@ -169,12 +169,12 @@ def _single(table: pandas.DataFrame, course: Course, name: str) -> Callable[[Axe
 
 
 def _draw_probes(
-    panel: Axes, table: pandas.DataFrame, course: Course, prefix: str, where: str = ""
+    panel: Axes, table: pandas.DataFrame, abscissa: Abscissa, prefix: str, where: str = ""
 ) -> str:
     """Draws the columns `prefix_PROBE`; returns the first of them, "" if there is none."""
     lines = curves(table, prefix)
     for label, colour, column in lines:
-        panel.plot(course.abscissa, table[column], color=colour, label=f"{where}{label}")
+        panel.plot(abscissa.values, table[column], color=colour, label=f"{where}{label}")
     return lines[0][2] if lines else ""
 
 
@@ -191,7 +191,9 @@ def _mark_zero(panel: Axes) -> None:
     panel.axhline(0.0, color="#8a8a8a", linewidth=0.9, zorder=1)
 
 
-MECHANICS_FIGURES: dict[str, Callable[[pandas.DataFrame, Course, Steel | None], Figure | None]] = {
+MECHANICS_FIGURES: dict[
+    str, Callable[[pandas.DataFrame, Abscissa, Steel | None], Figure | None]
+] = {
     "stress": draw_stress,
     "size": draw_size,
     "axial": draw_axial,

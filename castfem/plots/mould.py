@@ -85,7 +85,7 @@ def _wall(ax: Axes, mould: Mould) -> None:
         np.concatenate(
             [
                 np.linspace(0.0, mould.length, 201),
-                [k for c in mould.tapers.courses for k in c.knots() if k <= mould.length],
+                [k for c in mould.tapers.profiles for k in c.knots() if k <= mould.length],
             ]
         )
     )

@@ -35,7 +35,7 @@ _WHITE = 250  # of 255; what is brighter is the paper
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class Abscissa:
     """The way of the slice: what the x axis of every history is drawn over.
 
     Attributes:
@@ -64,7 +64,7 @@ class Course:
         return 1.0 if self.position[-1] > _LONG else 1e3
 
     @property
-    def abscissa(self) -> NDArray[np.float64]:
+    def values(self) -> NDArray[np.float64]:
         """The values along the x axis."""
         return self.position * self.scale if self.along else self.time
 
@@ -228,38 +228,38 @@ def probe_colours(probes: list[str]) -> dict[str, str]:
     return {probe: colour or spare[probe] for probe, colour in own.items()}
 
 
-def dress(axes: list[Axes], course: Course) -> None:
+def dress(axes: list[Axes], abscissa: Abscissa) -> None:
     """Gives panels above one another their common x axis: position, time on top, the zones."""
-    low, high = float(course.abscissa[0]), float(course.abscissa[-1])
+    low, high = float(abscissa.values[0]), float(abscissa.values[-1])
     if low == high:
         low, high = low - 0.5, high + 0.5
     for panel in axes:
         panel.set_xlim(low, high)
-    axes[-1].set_xlabel(course.label)
-    if not course.along:
+    axes[-1].set_xlabel(abscissa.label)
+    if not abscissa.along:
         return
-    strip = _draw_zones(axes, course)
-    to_time, to_position = _clocks(course)
+    strip = _draw_zones(axes, abscissa)
+    to_time, to_position = _clocks(abscissa)
     top = axes[0].secondary_xaxis(1.0 + strip, functions=(to_time, to_position))
     top.set_xlabel("time since the meniscus [s]")
-    if not _is_steady(course):
-        top.set_xticks(_apart(course, to_position))
+    if not _is_steady(abscissa):
+        top.set_xticks(_apart(abscissa, to_position))
 
 
-def _is_steady(course: Course) -> bool:
+def _is_steady(abscissa: Abscissa) -> bool:
     """Whether the slice goes at one speed."""
-    way, time = course.position - course.position[0], course.time - course.time[0]
+    way, time = abscissa.position - abscissa.position[0], abscissa.time - abscissa.time[0]
     steady = time / time[-1] * way[-1] if time[-1] > 0.0 else way
     return bool(np.allclose(way, steady, rtol=0.0, atol=1e-6 * way[-1]))
 
 
-def _apart(course: Course, to_position: Callable[[Any], Any]) -> list[float]:
+def _apart(abscissa: Abscissa, to_position: Callable[[Any], Any]) -> list[float]:
     """Round times that stand apart on the axis: many lie where the strand stands."""
     from matplotlib.ticker import MaxNLocator
 
-    ends = float(course.time[0]), float(course.time[-1])
+    ends = float(abscissa.time[0]), float(abscissa.time[-1])
     times = [float(t) for t in MaxNLocator(9).tick_values(*ends) if ends[0] <= t <= ends[1]]
-    room = _TICKS_APART * float(np.ptp(course.abscissa))
+    room = _TICKS_APART * float(np.ptp(abscissa.values))
     kept: list[float] = []
     for time in times:
         if not kept or to_position(time) - to_position(kept[-1]) >= room:
@@ -267,10 +267,10 @@ def _apart(course: Course, to_position: Callable[[Any], Any]) -> list[float]:
     return kept
 
 
-def _clocks(course: Course) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+def _clocks(abscissa: Abscissa) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
     """Time as a function of the abscissa and back, straight beyond the ends."""
-    steps = np.concatenate([[True], np.diff(course.abscissa) > 0])
-    x, t = course.abscissa[steps], course.time[steps]
+    steps = np.concatenate([[True], np.diff(abscissa.values) > 0])
+    x, t = abscissa.values[steps], abscissa.time[steps]
     before, after = (t[1] - t[0]) / (x[1] - x[0]), (t[-1] - t[-2]) / (x[-1] - x[-2])
     span = x[-1] - x[0]
     x = np.concatenate([[x[0] - span], x, [x[-1] + span]])
@@ -278,7 +278,7 @@ def _clocks(course: Course) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]
     return (lambda a: np.interp(a, x, t)), (lambda a: np.interp(a, t, x))
 
 
-def _draw_zones(axes: list[Axes], course: Course) -> float:
+def _draw_zones(axes: list[Axes], abscissa: Abscissa) -> float:
     """Names the cooling zones in a strip above the first panel and parts them in all panels.
 
     Returns:
@@ -286,8 +286,8 @@ def _draw_zones(axes: list[Axes], course: Course) -> float:
     """
     low, high = axes[0].get_xlim()
     zones = [
-        (max(low, z.start * course.scale), min(high, z.end * course.scale), z.name)
-        for z in course.zones
+        (max(low, z.start * abscissa.scale), min(high, z.end * abscissa.scale), z.name)
+        for z in abscissa.zones
     ]
     zones = [zone for zone in zones if zone[0] < zone[1]]
     if len(zones) < 2:

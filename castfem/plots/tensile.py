@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.plots.section import Steel
-from castfem.plots.style import Course, new_figure
+from castfem.plots.style import Abscissa, new_figure
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
 
-def draw_tensile(table: pandas.DataFrame, course: Course, steel: Steel | None) -> Figure | None:
+def draw_tensile(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Stress over strain; over time if the bar is held for a while."""
     if not {"strain", "stress"} <= set(table.columns):
         return None

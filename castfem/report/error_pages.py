@@ -20,7 +20,7 @@ _PAGES = (
 def page(folder: Path) -> str:
     """Return which page of the documentation tabulates the errors of a run's numbers.
 
-    Mesh, intervals and all else must be as shipped; otherwise, and for cases whose errors have not
+    Mesh, windows and all else must be as shipped; otherwise, and for cases whose errors have not
     been measured, it is empty.
     """
     file = folder / CASE_NAME

@@ -70,14 +70,14 @@ def _steps(run: RunState) -> dict[str, float]:
     }
     if simulation.mechanics is not None:
         found |= {
-            "intervals": counts.windows,
-            "intervals cut back": counts.cut_back,
+            "coupling windows": counts.windows,
+            "coupling windows cut back": counts.cut_back,
             "Newton iterations, mechanics": counts.newton_mechanics,
         }
         if simulation.coupling is not None and simulation.coupling.gap is not None:
             found |= {
-                "passes through intervals": counts.coupling_iterations,
-                "intervals not settled": counts.gap_not_converged,
+                "coupling iterations": counts.coupling_iterations,
+                "coupling windows not converged": counts.gap_not_converged,
             }
     return {name: float(count) for name, count in found.items()}
 

@@ -35,7 +35,7 @@ MEGA = 1e6
 
 
 class TensileTest:
-    """A tensile test in SI: its law and its course.
+    """A tensile test in SI: its law and its strain history.
 
     Args:
         case: The case.

@@ -242,7 +242,7 @@ def _run(
     if progress is not None:
         progress.start(simulation.case.casting.length, run_state.position)
     try:
-        with interrupt, watch.section("march"):
+        with interrupt, watch.section("time loop"):
             loop.run()
     except BaseException as error:
         # Saving takes all ranks.  Failures and stops they raise together; after anything else they

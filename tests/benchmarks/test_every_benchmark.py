@@ -34,7 +34,7 @@ SLOW = {
 
 SMALL: dict[str, dict[str, Any]] = {
     "before_shell": {"FEW": ((2.0, 0.5, 0.3),)},
-    "turns": {"TURNS": (("taper_1", (), 0.5),)},
+    "coupling": {"CASES_TO_RUN": (("taper_1", (), 0.5),)},
     "wall": {"PARTS": (wall_study.frictions, wall_study.factors), "FACTORS": (10, 1000)},
 }
 """What is tried of the others, where even `--quick` is more than a test needs."""

@@ -14,8 +14,8 @@ TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
 @pytest.mark.parametrize(
     ("change", "key", "count"),
     [
-        ("coupling.interval=1e-9 s", "coupling.interval", "10 000 000 000 intervals"),
-        ("coupling.interval=1e-12 s", "coupling.interval", "1e+13 intervals"),
+        ("coupling.interval=1e-9 s", "coupling.interval", "10 000 000 000 coupling windows"),
+        ("coupling.interval=1e-12 s", "coupling.interval", "1e+13 coupling windows"),
         ("coupling.mechanical_step=1e-9 s", "coupling.mechanical_step", "mechanical steps"),
         ("thermal.time.step=1 us", "thermal.time.step", "10 000 000 thermal steps"),
         (
@@ -24,7 +24,7 @@ TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
             "10 000 000 thermal steps",
         ),
         ("output.every=1e-9 s", "output.every", "10 000 000 000 states of the fields"),
-        ("casting.speed=1 um/min", "coupling.interval", "intervals"),
+        ("casting.speed=1 um/min", "coupling.interval", "coupling windows"),
     ],
 )
 def test_a_run_without_end_is_refused_with_its_count(change: str, key: str, count: str) -> None:

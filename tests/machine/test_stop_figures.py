@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from castfem.machine import Changing, Steady, Travel
-from castfem.plots.style import Course, dress, new_panels
+from castfem.plots.style import Abscissa, dress, new_panels
 
 
 @pytest.mark.parametrize(
@@ -19,14 +19,14 @@ from castfem.plots.style import Course, dress, new_panels
 )
 def test_times_on_top_stand_apart(way: Travel, end: float) -> None:
     time = np.linspace(0.0, end, 293)
-    course = Course(time, np.array([way.position(t) for t in time]))
+    abscissa = Abscissa(time, np.array([way.position(t) for t in time]))
     figure, axes = new_panels(1, 3.0)
-    axes[0].plot(course.abscissa, course.time)
-    dress(axes, course)
+    axes[0].plot(abscissa.values, abscissa.time)
+    dress(axes, abscissa)
     figure.canvas.draw()
     (top,) = axes[0].child_axes
     low, high = axes[0].get_xlim()
     ticks = np.array([t for t in top.get_xticks() if 0.0 <= t <= end])
-    places = np.interp(ticks, course.time, course.abscissa)
+    places = np.interp(ticks, abscissa.time, abscissa.values)
     assert len(ticks) >= 3
     assert np.diff(places).min() > 0.05 * (high - low)

@@ -15,6 +15,7 @@ import pytest
 from rich.console import Console
 
 import castfem
+from castfem.output.folder import RunRecord
 from castfem.report.show import show
 
 HERE = Path(__file__).parent / "earlier_runs"
@@ -32,7 +33,11 @@ def test_it_opens(run: Path) -> None:
     text = io.StringIO()
     show(run, Console(file=text, width=120))
     assert "stopped by the user" in text.getvalue() and "shell" in text.getvalue()
+    assert "time loop" in RunRecord.load(run).wall_time
     result = castfem.Result(run)
+    if run.name == "taper_1":
+        assert result.summary.steps["coupling windows"] == 5
+        assert result.summary.steps["coupling iterations"] == 5
     assert len(result.history) == (6 if run.name == "taper_1" else 3)
 
 

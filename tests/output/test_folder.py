@@ -42,11 +42,11 @@ def test_a_new_folder_holds_the_case_and_a_running_record(tmp_path):
 
 def test_run_json_is_plain_json_without_host_or_path(tmp_path):
     folder = begun(tmp_path / "run")
-    folder.finish(wall_time={"march": np.float64(1.5), "mesh": np.nan}, memory_mb=float("inf"))
+    folder.finish(wall_time={"time loop": np.float64(1.5), "mesh": np.nan}, memory_mb=float("inf"))
     folder.close()
     text = (tmp_path / "run" / "run.json").read_text()
     content = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
-    assert content["wall_time"] == {"march": 1.5, "mesh": None}
+    assert content["wall_time"] == {"time loop": 1.5, "mesh": None}
     assert content["memory_mb"] is None
     assert content["status"] == "finished"
     assert os.uname().nodename not in text
@@ -131,15 +131,15 @@ def test_resume_keeps_everything_and_adds_up_the_wall_time(tmp_path):
         folder.begin(CASE)
         save_checkpoint(folder / "checkpoint.h5", {}, {})
         (folder / "history.csv").write_text("time [s]\n")
-        folder.update(wall_time={"march": 2.0, "mesh": 1.0})
+        folder.update(wall_time={"time loop": 2.0, "mesh": 1.0})
         started = folder.record.started
     with OutputFolder(tmp_path) as folder:
         folder.begin(CASE, resume=True)
         assert (folder / "history.csv").exists()
-        folder.update(wall_time={"march": 0.5})
-        folder.finish(wall_time={"march": 3.0, "output": 0.25})
+        folder.update(wall_time={"time loop": 0.5})
+        folder.finish(wall_time={"time loop": 3.0, "output": 0.25})
     record = RunRecord.load(tmp_path)
-    assert record.wall_time == {"march": 5.0, "mesh": 1.0, "output": 0.25}
+    assert record.wall_time == {"time loop": 5.0, "mesh": 1.0, "output": 0.25}
     assert (record.status, record.resumed, record.started) == ("finished", 1, started)
 
 
@@ -148,7 +148,7 @@ def finished(path: Path) -> dict[str, str]:
     with OutputFolder(path) as folder:
         folder.begin(CASE)
         save_checkpoint(folder / "checkpoint.h5", {}, {})
-        folder.finish(wall_time={"march": 2.0})
+        folder.finish(wall_time={"time loop": 2.0})
     return {name: (path / name).read_text() for name in ("run.json", "case.toml")}
 
 
@@ -240,7 +240,11 @@ def test_an_older_record_of_a_stopped_run_is_read_as_interrupted(tmp_path):
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("wall_time", {"march": "long"}, r"wall_time\.march: input should be a valid number"),
+        (
+            "wall_time",
+            {"time loop": "long"},
+            r"wall_time\.time loop: input should be a valid number",
+        ),
         ("reached", [1.0], r"reached: input should be a valid dictionary"),
         ("ranks", None, r"ranks: input should be a valid integer"),
         ("compiled_forms", 3, r"compiled_forms: input should be a valid tuple"),
@@ -260,8 +264,8 @@ def test_a_record_with_a_wrong_type_is_told_by_its_key(tmp_path, key, value, sai
 
 def test_what_was_not_finite_in_a_record_is_left_out(tmp_path):
     with begun(tmp_path) as folder:
-        folder.finish(wall_time={"march": 1.5, "mesh": np.nan})
-    assert RunRecord.load(tmp_path).wall_time == {"march": 1.5}
+        folder.finish(wall_time={"time loop": 1.5, "mesh": np.nan})
+    assert RunRecord.load(tmp_path).wall_time == {"time loop": 1.5}
 
 
 def test_the_reason_does_not_tell_where_the_folder_is(tmp_path):

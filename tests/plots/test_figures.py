@@ -19,7 +19,7 @@ from castfem.plots.figures import draw_figures
 from castfem.plots.history import curves, draw_heat, draw_steps, probes_with
 from castfem.plots.section import Steel, draw_states, draw_temperature, section_triangles
 from castfem.plots.section import state_shares as shares_of
-from castfem.plots.style import Course
+from castfem.plots.style import Abscissa
 
 
 def test_figures_need_no_display_and_no_pyplot(finished_run, tmp_path):
@@ -99,7 +99,7 @@ def test_long_strands_are_shown_in_metres_with_their_zones(finished_run):
     table = read_history(finished_run / "history.csv")
     time = table["time"].to_numpy()
     zones = (Zone("mould", 0.0, 0.9), Zone("spray", 0.9, 5.0), Zone("beyond", 30.0, 40.0))
-    figure = draw_heat(table, Course(time, 2.0 * time, zones), None)
+    figure = draw_heat(table, Abscissa(time, 2.0 * time, zones), None)
     assert figure is not None
     assert [a.get_xlabel() for a in figure.axes].count("position below the meniscus [m]") == 1
     texts = {t.get_text() for a in figure.axes[0].child_axes for t in a.texts}
@@ -115,8 +115,8 @@ def test_heat_rate_is_taken_from_the_heat_removed_where_it_has_no_column(finishe
     removed = table.drop(columns=["heat_rate"])
     removed["heat_removed"] = 5e5 * removed["time"]
     removed.attrs["units"] = units
-    course = Course(table["time"].to_numpy(), table["position"].to_numpy())
-    figure = draw_heat(removed, course, None)
+    abscissa = Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
+    figure = draw_heat(removed, abscissa, None)
     assert figure is not None
     (panel,) = [a for a in figure.axes if a.get_ylabel() == "heat leaving\nthe strand [kW/m]"]
     assert np.allclose(panel.lines[0].get_ydata(), 500.0)
@@ -124,7 +124,7 @@ def test_heat_rate_is_taken_from_the_heat_removed_where_it_has_no_column(finishe
 
 def test_without_a_position_time_is_the_axis(finished_run):
     table = read_history(finished_run / "history.csv")
-    nowhere = Course(table["time"].to_numpy(), np.full(len(table), np.nan))
+    nowhere = Abscissa(table["time"].to_numpy(), np.full(len(table), np.nan))
     figure = draw_steps(table, nowhere, None)
     assert figure is not None
     assert figure.axes[-1].get_xlabel() == "time since the meniscus [s]"

@@ -27,15 +27,15 @@ from castfem.plots.mould_wall import WallLine
 from castfem.plots.section import Steel
 from castfem.plots.shape import Outline, displacement, magnification, von_mises
 from castfem.plots.strand import Stack, View, draw_stack
-from castfem.plots.style import Course, look, render
+from castfem.plots.style import Abscissa, look, render
 
 STEEL = Steel(SOLIDUS, LIQUIDUS)
 
 
 @pytest.fixture
-def course(table):
+def abscissa(table):
     """Its way."""
-    return Course(table["time"].to_numpy(), table["position"].to_numpy())
+    return Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
 
 
 def test_show_draws_all_figures_and_castfem_removes_them_again(tmp_path):
@@ -174,39 +174,39 @@ def test_the_largest_stress_of_all_is_drawn_at_the_end_of_the_scale(strained_run
         assert blue < 0.3
 
 
-def test_history_figures_say_what_they_draw(table, course):
-    figure = draw_stress(table, course, None)
+def test_history_figures_say_what_they_draw(table, abscissa):
+    figure = draw_stress(table, abscissa, None)
     labels = [line.get_label() for line in figure.axes[0].lines]
     assert labels == ["surface, mid-face", "surface, corner", "largest in the section"]
-    figure = draw_size(table, course, None)
+    figure = draw_size(table, abscissa, None)
     assert len(figure.axes) == 1  # the displacement says nothing more
     lines = figure.axes[0].lines
     assert lines[0].get_label() == "mid-face, from 125.00 mm"
     assert lines[1].get_label() == "diagonal, from 172.60 mm"
     assert lines[1].get_ydata()[-1] == pytest.approx(-0.48)
-    figure = draw_axial(table, course, None)
+    figure = draw_axial(table, abscissa, None)
     assert len(figure.axes) == 1
     assert figure.axes[0].lines[0].get_ydata()[-1] == pytest.approx(-0.3)
     assert figure.axes[0].get_legend().get_texts()[0].get_text() == "free slice, no axial force"
 
 
-def test_displacements_and_forces_are_drawn_where_they_say_something(table, course):
+def test_displacements_and_forces_are_drawn_where_they_say_something(table, abscissa):
     units = table.attrs["units"]
     half = table.drop(columns=["size_mid_face"])
     half["axial_force"] = 12.0
     half.attrs["units"] = units
-    labels = [axes.get_ylabel() for axes in draw_size(half, course, None).axes]
+    labels = [axes.get_ylabel() for axes in draw_size(half, abscissa, None).axes]
     assert labels == ["change of size [mm]", "outward displacement [mm]"]
-    labels = [axes.get_ylabel() for axes in draw_axial(half, course, None).axes]
+    labels = [axes.get_ylabel() for axes in draw_axial(half, abscissa, None).axes]
     assert labels == ["axial strain [%]", "axial force,\nmodelled part [kN]"]
 
 
-def test_contact_and_steps_are_drawn_from_the_columns_that_are_there(table, course):
-    labels = [axes.get_ylabel() for axes in draw_contact(table, course, None).axes]
+def test_contact_and_steps_are_drawn_from_the_columns_that_are_there(table, abscissa):
+    labels = [axes.get_ylabel() for axes in draw_contact(table, abscissa, None).axes]
     share = "share of the surface\nin contact [%]"
     assert labels == ["gap [mm]", "contact pressure [MPa]", share]  # no friction anywhere
     assert probes_with(table, "gap") == {"mid_face": "gap_mid_face", "corner": "gap_corner"}
-    figure = draw_steps(table, course, None)
+    figure = draw_steps(table, abscissa, None)
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[1:] == [
         "Newton\niterations [-]",
@@ -220,7 +220,7 @@ def test_contact_and_steps_are_drawn_from_the_columns_that_are_there(table, cour
     thermal = table[[name for name, _ in COLUMNS]]
     thermal.attrs["units"] = table.attrs["units"]
     for draw in (draw_contact, draw_stress, draw_size, draw_axial):
-        assert draw(thermal, course, None) is None
+        assert draw(thermal, abscissa, None) is None
 
 
 @pytest.mark.parametrize(("part", "views"), [("quarter", 2), ("half", 2), ("whole", 1)])
@@ -304,13 +304,13 @@ def test_a_strip_and_a_slice_that_stands_still_are_no_strand(tmp_path):
             assert (draw_shape(fields, STEEL) is None) == (name == "strip")
 
 
-def test_long_numbers_do_not_push_their_label_off_the_figure(table, course):
+def test_long_numbers_do_not_push_their_label_off_the_figure(table, abscissa):
     units = table.attrs["units"]
     for name in ("von_mises_mid_face", "von_mises_corner", "von_mises_max"):
         table[name] *= 1e7
     table.attrs["units"] = units
     with look():
-        figure = draw_stress(table, course, None)
+        figure = draw_stress(table, abscissa, None)
         figure.axes[0].ticklabel_format(axis="y", style="plain")
         before = figure.subplotpars.left
         image = render(figure)

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from castfem.plots.history import draw_shell
 from castfem.plots.mechanics import draw_contact
-from castfem.plots.style import Course, low_legend, new_figure, new_panels, place_legend
+from castfem.plots.style import Abscissa, low_legend, new_figure, new_panels, place_legend
 
 X = np.linspace(0.0, 1.0, 51)
 LONG = "mid-face, narrow face and mid-face extrados, solidus (shell)"
@@ -66,15 +66,15 @@ def test_the_band_of_the_cells_is_that_of_the_solidus_alone() -> None:
         "liquidus_depth_corner": ("mm", 60.0 * X),
         "solidus_cell_corner": ("mm", np.full(51, 4.2)),
     }
-    course = Course(10.0 * X, X)
-    figure = draw_shell(_table(columns), course, None)
+    abscissa = Abscissa(10.0 * X, X)
+    figure = draw_shell(_table(columns), abscissa, None)
     assert figure is not None
     (band,) = figure.axes[0].collections
     corners = band.get_paths()[0].vertices
     at_end = corners[np.isclose(corners[:, 0], 1e3), 1]
     assert (at_end.min(), at_end.max()) == pytest.approx((39.3, 40.7))
     del columns["solidus_cell_corner"]  # of an older run
-    figure = draw_shell(_table(columns), course, None)
+    figure = draw_shell(_table(columns), abscissa, None)
     assert figure is not None and not figure.axes[0].collections
 
 
@@ -87,8 +87,8 @@ def test_friction_is_drawn_of_the_whole_strand_and_pressure_as_a_mean() -> None:
         "friction_force": ("kN/m", -X),
         "mould_friction": ("kN/m", 4.0 * X),
     }
-    course = Course(10.0 * X, X)
-    figure = draw_contact(_table(columns), course, None)
+    abscissa = Abscissa(10.0 * X, X)
+    figure = draw_contact(_table(columns), abscissa, None)
     assert figure is not None
     pressure, share, friction = figure.axes
     assert [line.get_label() for line in pressure.lines] == [
@@ -100,7 +100,7 @@ def test_friction_is_drawn_of_the_whole_strand_and_pressure_as_a_mean() -> None:
     assert friction.get_ylabel() == "friction force,\nwhole strand [kN/m]"
     assert np.nanmax(friction.lines[0].get_ydata()) == 4.0
     older = _table({"contact_share": ("-", 1.0 - 0.01 * X), "friction_force": ("kN/m", -X)})
-    figure = draw_contact(older, course, None)
+    figure = draw_contact(older, abscissa, None)
     assert figure is not None
     share, friction = figure.axes
     assert np.nanmin(share.lines[0].get_ydata()) == 99.0

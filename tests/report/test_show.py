@@ -44,7 +44,7 @@ def test_the_table_shows_ours_theirs_and_the_difference(finished_run):
     assert cells_of(text, "metallurgical length") == ["-", "m"]
     assert cells_of(text, "enthalpy given off") == ["2.38", "MJ/m"]
     assert "accepted 412, rejected 3" in text
-    assert "march 2.54 s" in text
+    assert "time loop 2.54 s" in text
     assert "412 MB" in text
 
 

@@ -13,7 +13,7 @@ def strained(interval: str, *sets: str) -> Kept:
     return run_in_memory(billet("taper_1", *SHORT, f"coupling.interval={interval}", *sets))
 
 
-def course(kept: Kept) -> list[float]:
+def axial_strains(kept: Kept) -> list[float]:
     """Axial strain after each interval."""
     return [s.mechanical.modes[0] for s in kept.states if s.mechanical is not None]
 
@@ -21,7 +21,7 @@ def course(kept: Kept) -> list[float]:
 @pytest.mark.parametrize("sets", [(), (RUBBING,)], ids=["smooth", "rubbing"])
 def test_axial_strain_does_not_hang_on_the_interval(sets: tuple[str, ...]) -> None:
     """It drifted by so much a step: to +0.09 % at 20 ms, with friction to +0.6 %."""
-    coarse, fine = (course(strained(interval, *sets)) for interval in ("0.1 s", "0.02 s"))
+    coarse, fine = (axial_strains(strained(interval, *sets)) for interval in ("0.1 s", "0.02 s"))
     assert max(max(coarse), max(fine)) < 2e-5
     assert coarse[-1] == pytest.approx(-0.6e-3, abs=0.1e-3)
     assert fine[-1] == pytest.approx(coarse[-1], abs=0.6e-4)
@@ -30,6 +30,6 @@ def test_axial_strain_does_not_hang_on_the_interval(sets: tuple[str, ...]) -> No
 def test_a_small_force_moves_planes_without_a_shell_by_next_to_nothing() -> None:
     """A hundredth of a newton on the strand: liquid alone gave way by 0.2 % in 40 mm."""
     kept = strained("0.1 s", "casting.length=40 mm", "mechanics.planes.force=0.01 N")
-    strains = course(kept)
+    strains = axial_strains(kept)
     assert len(strains) > 5
     assert 0.0 < max(strains) < 2e-6

@@ -113,7 +113,7 @@ def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
             assert mechanics.contact.penetration < 1e-6
     assert kept.summary is not None
     assert kept.summary.balances["heat"]["whole"].value < 1e-9
-    assert kept.summary.steps["intervals cut back"] <= (6 if name == "taper_minus_3" else 0)
+    assert kept.summary.steps["coupling windows cut back"] <= (6 if name == "taper_minus_3" else 0)
 
 
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])

@@ -141,15 +141,15 @@ def test_strong_cooling_settles() -> None:
     A gap that opens in one interval keeps the face hot in the next, which closes it.
     """
     strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="150 mm"')
-    face, unsettled = {}, {}
+    face, not_converged = {}, {}
     for name, changes in (("plain", ("coupling.passes=1",)), ("repeated", ())):
         kept = sound(run_in_memory(billet("taper_1", *strong, *changes)))
         surface = [r.profiles["mid_face"].temperature[0] for r in kept.samples[-5:]]
         face[name] = np.abs(np.diff(surface, 2)).max()
         assert kept.summary is not None
-        unsettled[name] = kept.summary.steps["intervals not settled"]
+        not_converged[name] = kept.summary.steps["coupling windows not converged"]
     assert face["repeated"] < 60.0 < 200.0 < face["plain"]
-    assert unsettled["repeated"] == 0.0 < 5.0 < unsettled["plain"]
+    assert not_converged["repeated"] == 0.0 < 5.0 < not_converged["plain"]
 
 
 def test_intervals_that_do_not_settle_are_cut_back() -> None:
@@ -157,8 +157,8 @@ def test_intervals_that_do_not_settle_are_cut_back() -> None:
     strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="75 mm"')
     kept = sound(run_in_memory(billet("taper_1", *strong, "coupling.passes=2")))
     assert kept.summary is not None
-    assert kept.summary.steps["intervals"] > kept.samples[-1].time / 0.25 + 2
-    assert kept.summary.steps["intervals cut back"] > 1
+    assert kept.summary.steps["coupling windows"] > kept.samples[-1].time / 0.25 + 2
+    assert kept.summary.steps["coupling windows cut back"] > 1
 
 
 def test_cold_mould() -> None:
@@ -192,7 +192,7 @@ def test_contact_lost_and_regained() -> None:
     kept = sound(run_in_memory(billet("taper_1", SHORT, wall(*waves))))
     change = np.diff(contact(kept, "share"))
     assert (change > 0.1).sum() >= 3 and (change < -0.1).sum() >= 3
-    assert kept.summary is not None and kept.summary.steps["intervals cut back"] < 5
+    assert kept.summary is not None and kept.summary.steps["coupling windows cut back"] < 5
 
 
 def test_moulds_that_cannot_be_are_refused() -> None:

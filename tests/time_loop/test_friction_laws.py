@@ -27,7 +27,7 @@ def test_friction_of_each_law(law: str) -> None:
         billet("taper_1", "casting.length=210 mm", *(f"mould.friction.{key}" for key in keys))
     )
     assert kept.summary is not None and kept.summary.status == "finished"
-    assert kept.summary.steps["intervals cut back"] == 0
+    assert kept.summary.steps["coupling windows cut back"] == 0
     state = kept.states[-1].mechanical.contact
     slides = state.status == SLIP
     assert slides.sum() > 0.5 * len(slides)

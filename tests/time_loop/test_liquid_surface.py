@@ -94,7 +94,7 @@ def test_liquid_follows_the_wall_and_presses_on_it(
     """All of its surface, with the pressure of its depth, and at the cost of a linear problem."""
     kept = cast(tmp_path, cell=cell, taper=taper, contact=contact)
     assert kept.summary is not None
-    assert kept.summary.steps["intervals cut back"] == 0.0
+    assert kept.summary.steps["coupling windows cut back"] == 0.0
     assert kept.summary.steps["Newton iterations, mechanics"] <= 4 * len(kept.samples)
     for sample in kept.samples[1:]:
         assert sample.shell["mid_face"] == 0.0 and sample.mechanics is not None

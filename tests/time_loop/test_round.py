@@ -35,5 +35,5 @@ def test_the_gap_of_a_round_is_that_of_its_quarter() -> None:
     )
     for kept in (quarter, whole):
         assert kept.summary is not None
-        assert kept.summary.steps["passes through intervals"] > len(kept.samples)
+        assert kept.summary.steps["coupling iterations"] > len(kept.samples)
     assert whole.value("heat_removed") == pytest.approx(quarter.value("heat_removed"), rel=1e-7)

@@ -62,7 +62,7 @@ def test_fields_history_and_balances(tmp_path: Path) -> None:
     assert history["force_error"].max() < 1e-6
     assert summary.balances["axial force"]["error"].value < 1e-6
     assert summary.balances["heat"]["whole"].value < 1e-9
-    assert summary.steps["intervals"] == 8
+    assert summary.steps["coupling windows"] == 8
 
 
 def test_dissipation_heats(tmp_path: Path) -> None:
