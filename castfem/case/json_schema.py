@@ -10,7 +10,18 @@ from castfem.case.section import Section
 from castfem.case.tensile import TABLE, TensileCase
 
 _INHERITED = (
-    *("Case", "Casting", "Steel", "Mesh", "Mould", "Machine", "Thermal", "Stepping", "Adaptive"),
+    *(
+        "Case",
+        "Casting",
+        "Steel",
+        "Mesh",
+        "Mould",
+        "Machine",
+        "Quality",
+        "Thermal",
+        "Stepping",
+        "Adaptive",
+    ),
     "Output",
 )
 

@@ -27,6 +27,7 @@ from castfem.case.document import PROPERTY_FILES, is_path
 from castfem.case.machine import Machine
 from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
+from castfem.case.quality import Quality
 from castfem.case.section import Mesh, Section
 from castfem.case.thermal import Thermal
 from castfem.case.verification import Verification
@@ -86,6 +87,9 @@ class Case(TableModel):
         None, description="the rolls below the mould; left out: a strand that goes straight down"
     )
     coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
+    quality: Quality | None = Field(
+        None, description="by what the strand is judged; left out: no crack index is computed"
+    )
     output: Output = Field(default_factory=lambda: Output.model_validate({}))
     verification: Verification | None = Field(
         None, description="the closed form it is held against; left out: none"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import types
 import typing
 from collections.abc import Iterator
@@ -24,6 +25,7 @@ from castfem.case.mechanics import (
 )
 from castfem.case.mould import ContactSettings, Copper, Friction, Mould
 from castfem.case.problems import submodels
+from castfem.case.quality import Quality, Range
 from castfem.case.section import Mesh, Section
 from castfem.case.taper import TaperMark
 from castfem.case.tensile import Segment, Tensile, TensileOutput
@@ -112,6 +114,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[mould.friction]", Friction),
     ("[machine]", Machine),
     ("[[machine.segment]]", RollSegment),
+    ("[quality]", Quality),
     ("[output]", Output),
     ("[verification]", Verification),
     ("[[reference]]", Reference),
@@ -173,7 +176,7 @@ def _takes(field: FieldInfo) -> str:
     for mark in field.metadata:
         if isinstance(mark, Kind | Curve):
             return _mark(mark, example)
-        if isinstance(mark, TaperMark | RollTable | WindowMark | AxisMark):
+        if isinstance(mark, TaperMark | RollTable | WindowMark | AxisMark | Range):
             return mark.takes
         if isinstance(mark, NameOf):
             return ", ".join(f'`"{name}"`' for name in mark.register)
@@ -223,6 +226,8 @@ def _default(field: FieldInfo) -> str:
         return "none"
     if isinstance(value, tuple):
         return "`[" + ", ".join(f'"{entry}"' for entry in value) + "]`"
+    if isinstance(value, list):
+        return f"`{json.dumps(value)}`"
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     return f'`"{value}"`' if isinstance(value, str) else f"`{value:g}`"

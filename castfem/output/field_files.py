@@ -108,11 +108,11 @@ def begin(
     def fill(file: h5py.File) -> None:
         for key, value in {**facts, "format": FORMAT, "version": VERSION}.items():
             file.attrs[key] = value
-        _store(file, "mesh/points", points)
-        _store(file, "mesh/cells", cells)
+        store(file, "mesh/points", points)
+        store(file, "mesh/cells", cells)
         file.create_group("steps").attrs["dtype"] = np.dtype(dtype).name
 
-    _write_image(folder / HDF5_NAME, fill)
+    write_image(folder / HDF5_NAME, fill)
 
 
 def add(
@@ -141,14 +141,14 @@ def add(
         group = file.create_group(step.group)
         group.attrs["time"], group.attrs["position"] = time, position
         for name, (centre, values) in fields.items():
-            facts = _store(group, name, values).attrs
+            facts = store(group, name, values).attrs
             facts["centre"] = centre
             if name in UNITS:
                 facts["unit"] = UNITS[name]
 
     with saving(path):
         path.parent.mkdir(exist_ok=True)
-    _write_image(path, fill)
+    write_image(path, fill)
     return step
 
 
@@ -282,7 +282,7 @@ class _Patient(io.FileIO):
             return size or 0
 
 
-def _write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
+def write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
     """Writes a small HDF5 file: made in memory, since HDF5 does not survive a full disk."""
     import h5py
 
@@ -294,7 +294,7 @@ def _write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
         temporary.write_bytes(image)
 
 
-def _store(group: h5py.Group, name: str, values: Values) -> h5py.Dataset:
+def store(group: h5py.Group, name: str, values: Values) -> h5py.Dataset:
     """Stores one array, lightly compressed when it is large."""
     if values.nbytes < _COMPRESS_FROM:
         return group.create_dataset(name, data=values)

@@ -5,6 +5,8 @@
     run.json       how it went: status, versions, ranks, wall time by stage (`RunRecord`)
     run.log        what was said on the way
     history.csv    one row a step (`castfem.output.history`)
+    surface_maps.h5   the surface unrolled over time (`castfem.output.surface_maps`), those of a
+    surface_maps.rows run that has not ended
     fields.xdmf    the fields over time, for ParaView (`castfem.output.xdmf`) ...
     fields.h5      ... and their numbers (`castfem.output.field_files`), those of
     fields/        a run that has not ended in a file a time
@@ -57,6 +59,7 @@ RUN_NAME = "run.json"
 LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"
+MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 STOPPED = "stopped by the user"  # or by a batch system whose time is up
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
@@ -68,7 +71,7 @@ _FORMAT = "castfem run"
 # The checkpoint is the first to go: of what is left of a run nothing is resumed.
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
-    SUMMARY_NAME,
+    *(SUMMARY_NAME, MAPS_NAME, ROWS_NAME),
     *(f"{FIGURES_NAME}/{name}.png" for name in FIGURES + MECHANICS_FIGURES + TENSILE_FIGURES),
 )
 

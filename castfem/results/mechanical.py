@@ -130,6 +130,11 @@ class MechanicalSampler:
         starts = self.probes.starts(self.problem.points.at_vertices(recovered[:, 2])[:, None])
         return {name: float(values[0]) for name, values in starts.items()}
 
+    def axial_at_vertices(self, state: MechanicalState) -> Array:
+        """Axial stress recovered at the owned vertices (owned,), Pa (collective)."""
+        points = self.problem.points
+        return points.at_vertices(points.recovered(state.stress)[:, 2])
+
     def _pressed(self, state: MechanicalState) -> dict[str, float]:
         """Contact pressure around the start of each probe, Pa; empty without a mould."""
         if self.problem.contact is None or state.contact is None:

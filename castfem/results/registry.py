@@ -11,7 +11,8 @@ docs/output.md follow. The function gives SI (K, m, s, Pa ...); it is called on 
 it may add up over them. Its docstring is what docs/output.md says of it.
 
 Quantities of the thermal problem are in `thermal_quantities`, of the strained slice in
-`mechanical_quantities`, of the mould in `mould_quantities`. These modules import no solver: tables
+`mechanical_quantities`, of the mould in `mould_quantities`, by which the strand is judged in
+`quality_quantities`. These modules import no solver: tables
 and figures of a finished run need the words alone.
 """
 
@@ -42,11 +43,15 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     ),
     "mould": lambda simulation: simulation.case.mould is not None,
     "friction": lambda simulation: _has_friction(simulation),
+    "machine": lambda simulation: simulation.case.machine is not None,
+    "quality": lambda simulation: simulation.case.quality is not None,
     "bending": lambda simulation: simulation.mechanics is not None and simulation.case.bends,
 }
 _MODULES = tuple(
-    f"castfem.results.{name}_quantities" for name in ("thermal", "mechanical", "mould")
+    f"castfem.results.{name}_quantities" for name in ("thermal", "mechanical", "mould", "quality")
 )
+_APART = {"castfem.results.quality_quantities": "quality"}
+"""Modules that a simulation without what they need does not load, and what that is."""
 
 
 def _has_friction(simulation: Simulation) -> bool:
@@ -162,27 +167,33 @@ def quantity(
     return declare
 
 
-def declared() -> list[QuantityDefinition]:
-    """All quantities in the order of the columns: castfem's own as declared, then all others."""
+def declared(simulation: Simulation | None = None) -> list[QuantityDefinition]:
+    """All quantities in the order of the columns: castfem's own as declared, then all others.
+
+    Args:
+        simulation: Leave out modules of which it can have no quantity; None for none.
+    """
     for module in _MODULES:
-        importlib.import_module(module)
+        need = _APART.get(module)
+        if simulation is None or need is None or NEEDS[need](simulation):
+            importlib.import_module(module)
     order = {module: i for i, module in enumerate(_MODULES)}
     return sorted(_declared.values(), key=lambda d: order.get(d.compute.__module__, len(order)))
 
 
 def columns_of(simulation: Simulation) -> Iterator[tuple[QuantityDefinition, str]]:
     """The columns of history.csv: each definition with its probe, "" for the whole slice."""
-    return _at_probes(simulation, (d for d in declared() if d.column))
+    return _at_probes(simulation, (d for d in declared(simulation) if d.column))
 
 
 def results_of(simulation: Simulation) -> Iterator[tuple[QuantityDefinition, str]]:
     """The results in summary.json, likewise."""
-    return _at_probes(simulation, in_summary_order())
+    return _at_probes(simulation, in_summary_order(simulation))
 
 
-def in_summary_order() -> list[QuantityDefinition]:
+def in_summary_order(simulation: Simulation | None = None) -> list[QuantityDefinition]:
     """The results in the order of summary.json: as declared, but for those put `after` another."""
-    rows = [d for d in declared() if d.row]
+    rows = [d for d in declared(simulation) if d.row]
     ordered = [d for d in rows if not d.after]
     for definition in (d for d in rows if d.after):
         before = next(i for i, d in enumerate(ordered) if d.name == definition.after)

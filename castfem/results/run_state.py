@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from castfem.mechanics.checkpoint import Archive
     from castfem.mechanics.state import MechanicalResult
     from castfem.output.summary import Quantity
+    from castfem.results.quality import QualityState
     from castfem.simulation.simulation import Simulation
 
 
@@ -75,6 +76,7 @@ class Recorded:
         step: Of `Simulation.control`, s. substep: Of the thermal steps, s.
         zone: Index of the cooling.
         memory: Of the sampler. snapshots: Results at the references' positions.
+        quality: Crack indexes; None in a case without [quality].
     """
 
     state: StrandState
@@ -85,6 +87,7 @@ class Recorded:
     zone: int
     memory: dict[str, float | None]
     snapshots: dict[float, dict[str, Quantity]]
+    quality: QualityState | None
 
 
 @dataclass(slots=True)
@@ -160,6 +163,7 @@ class RunState:
             self.zone,
             self.sampler.memory(),
             dict(self.snapshots),
+            None if self.sampler.quality is None else self.sampler.quality.state,
         )
 
     def fall_back(self) -> bool:
@@ -171,4 +175,6 @@ class RunState:
         simulation.control.step, simulation.steps.control.step = good.step, good.substep
         self.zone, self.snapshots = good.zone, good.snapshots
         self.sampler.recall(good.memory)
+        if self.sampler.quality is not None and good.quality is not None:
+            self.sampler.quality.state = good.quality
         return True

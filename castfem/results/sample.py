@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from castfem.fem.line_probes import Profile
     from castfem.mechanics.planes import Bending
     from castfem.mechanics.state import Balance
+    from castfem.results.quality import QualityState
     from castfem.simulation.simulation import Simulation
 
 
@@ -83,7 +84,8 @@ class Sample:
         mechanics: The strained slice; None in a simulation without mechanics.
         largest_stress: On the way to here. beyond_data: Likewise. metallurgical_length: Where the
             last vertex passed the solidus, m; None while liquid is left. extremes: Of the contact
-            in the mould so far; None without a mould.
+            in the mould so far; None without a mould. quality: Crack indexes and end of the pool;
+            None in a case without [quality].
     """
 
     simulation: Simulation
@@ -105,6 +107,7 @@ class Sample:
     beyond_data: BeyondData = field(default_factory=BeyondData)
     metallurgical_length: float | None = None
     extremes: MouldExtremes | None = None
+    quality: QualityState | None = None
 
     @property
     def strained(self) -> MechanicalSample:
@@ -129,6 +132,12 @@ class Sample:
         """What the slice has met in its mould."""
         assert self.extremes is not None, "of a quantity that needs a mould"
         return self.extremes
+
+    @property
+    def judged(self) -> QualityState:
+        """The crack indexes of a case with [quality]."""
+        assert self.quality is not None, "of a quantity that needs quality"
+        return self.quality
 
     @property
     def has_stepped(self) -> bool:

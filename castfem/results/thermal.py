@@ -18,6 +18,7 @@ from castfem.thermal.stepper import ThermalState
 if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult
     from castfem.results.mechanical import MechanicalSampler
+    from castfem.results.quality import QualitySampler
     from castfem.results.sample import MechanicalSample
 
 
@@ -32,6 +33,7 @@ class Sampler:
             left.
         extremes: What the slice has met in its mould; None without one.
         largest_stress: Where its stress was largest.
+        quality: Follows the crack indexes; None in a case without [quality].
     """
 
     simulation: Simulation
@@ -41,6 +43,7 @@ class Sampler:
     extremes: MouldExtremes | None = None
     largest_stress: LargestStress = field(default_factory=LargestStress)
     beyond_data: BeyondData = field(default_factory=BeyondData)
+    quality: QualitySampler | None = None
     _hottest: float = np.inf
     _time: float = 0.0
     _surface: dict[str, int] = field(default_factory=dict)
@@ -55,6 +58,10 @@ class Sampler:
             )
         if self.simulation.case.mould is not None:
             self.extremes = MouldExtremes(self.simulation.case.mould.length)
+        if self.simulation.case.quality is not None:
+            from castfem.results.quality import QualitySampler
+
+            self.quality = QualitySampler(self.simulation, self.mechanics)
         section = self.simulation.section
         space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
         on_surface = self.simulation.zones.surface_vertices()
@@ -117,6 +124,8 @@ class Sampler:
         if self.extremes is not None:
             self.extremes.note(sample)
             sample.extremes = replace(self.extremes)
+        if self.quality is not None:
+            sample.quality = self.quality.note(strand, sample.position, self._centre(sample))
         return sample
 
     def _read_mechanics(
@@ -125,6 +134,11 @@ class Sampler:
         if self.mechanics is None or strand.mechanical is None:
             return None
         return self.mechanics.read(strand.mechanical, result)
+
+    def _centre(self, sample: Sample) -> float:
+        """Temperature on the centre line, K; NaN where no probe ends there."""
+        probes = self.simulation.centred_probes
+        return float(sample.profiles[probes[0]].temperature[-1]) if probes else np.nan
 
     def memory(self) -> dict[str, float | None]:
         """What a checkpoint must hold of what is kept over the whole run."""

@@ -21,6 +21,7 @@ from castfem.values.same_place import same_instant, same_or_before
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
+    from castfem.output.surface_maps import MapWriter
     from castfem.simulation.simulation import Simulation
 
 
@@ -38,6 +39,7 @@ class Recorder:
         self._every = simulation.case.output.checkpoint_every
         self._history: History | None = None
         self._fields: FieldWriter | None = None
+        self._maps: MapWriter | None = None
         self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
         on_root(self.comm, self._open_for_resume if resume else self._open)
         if resume:
@@ -90,6 +92,8 @@ class Recorder:
             RunFailure: On every rank, when a file cannot be written.
         """
         cells, fields = row(sample), self._due_fields(run, sample)
+        judged = run.sampler.quality
+        mapped = None if judged is None else judged.row()
         taken = run.counts.taken
         due = self._every > 0 and taken % self._every == 0  # at the meniscus, too
         checkpoint = self._checkpoint(run) if due else None
@@ -99,10 +103,29 @@ class Recorder:
             self._history.append(cells)
             if self._fields is not None and fields:
                 self._fields.write(sample.time, sample.position, fields)
+            if self._maps is not None and mapped is not None:
+                self._maps.append(sample.time, sample.position, mapped)
             if checkpoint is not None:
                 self._save(run, *checkpoint)
 
         on_root(self.comm, write)
+
+    def begin_maps(self, run: RunState) -> None:
+        """Begin the maps of the surface, or go on with them; a case without [quality] has none."""
+        judged = run.sampler.quality
+        if judged is None:
+            return
+        from castfem.output.surface_maps import MapWriter
+
+        def begin() -> None:
+            heading = judged.heading()
+            if self.checkpoint is None:
+                self._maps = MapWriter(self.folder.path, heading)
+            else:
+                taken = Counts.restored(self.checkpoint[0]["counts"]).taken
+                self._maps = MapWriter.resume(self.folder.path, heading, taken + 1)
+
+        on_root(self.comm, begin)
 
     def _due_fields(self, run: RunState, sample: Sample) -> dict[str, Array] | None:
         """Fields at the nodes on rank 0 if this is an output time, else None (collective)."""
@@ -136,6 +159,8 @@ class Recorder:
         arrays = {name: values for name, values in state.items() if values is not None}
         if self._history is not None:
             self._history.sync()
+        if self._maps is not None:
+            self._maps.sync()
         case = self.simulation.case
         save_checkpoint(
             self.folder / CHECKPOINT_NAME,
@@ -153,7 +178,7 @@ class Recorder:
 
     def close(self) -> None:
         """Close the files; what was written is complete without it."""
-        for thing in (self._history, self._fields):
+        for thing in (self._history, self._fields, self._maps):
             if thing is not None:
                 thing.close()
 

@@ -30,6 +30,8 @@ def arrays(run: RunState) -> dict[str, Array | None]:
             found["heating"] = gather(state.heating)
         if run.simulation.case.coupling.order == "mechanics_first":
             found["trend"] = gather(state.trend)
+    if run.sampler.quality is not None:
+        found |= {name: gather(owned) for name, owned in run.sampler.quality.arrays().items()}
     return found
 
 
@@ -55,6 +57,8 @@ def description(run: RunState) -> dict[str, Any]:
     }
     if run.archive is not None and mechanical is not None:
         found["mechanical"] = run.archive.description(mechanical)
+    if run.sampler.quality is not None:
+        found["quality"] = run.sampler.quality.memory()
     return found
 
 
@@ -87,6 +91,8 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
     if run.zone >= 0:
         run.simulation.problem.set_cooling(run.simulation.zones.cooling(run.zone))
     run.sampler.recall(meta["measure"])
+    if run.sampler.quality is not None:
+        run.sampler.quality.recall(meta["quality"], by_node)
     run.snapshots = {position: _named(found) for position, found in meta["snapshots"]}
     run.take_sample(None, None)
     forces = {name: _named(terms) for name, terms in meta["forces"].items()}

@@ -34,8 +34,13 @@ from castfem.support import progress
 STEPS = 4
 ADVANCE = 2.5e-3  # m, of a slice in a step of the case
 # Every step is an output time, every second one is followed by a checkpoint.
-SHORT = {"thermal.time.step": "150 ms", "output.every": "150 ms", "output.checkpoint_every": 2}
-TABLES = ("history.csv", "fields.xdmf")
+SHORT = {
+    "thermal.time.step": "150 ms",
+    "output.every": "150 ms",
+    "output.checkpoint_every": 2,
+    "quality": {"band": ["1400 degC", "1510 degC"]},
+}
+TABLES = ("history.csv", "fields.xdmf", "surface_maps.h5")
 
 # Of the process that is killed: the steps that it has told of as done, and the calls it made.
 told = mmap.mmap(-1, 16)

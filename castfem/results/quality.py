@@ -1,0 +1,298 @@
+"""Follows the crack indexes and the end of the pool along the whole way of the slice."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.case.machine import thickness_of
+from castfem.fem import reductions
+from castfem.machine.stations import Stations
+from castfem.output.summary import si_unit
+from castfem.output.surface_line import SurfaceLine
+from castfem.output.surface_maps import Heading, SurfaceMap
+from castfem.results.crack_index import CrackIndex, SliceStep, declared_indexes
+from castfem.results.quality_quantities import POOL
+from castfem.results.registry import NEEDS
+from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.coupling.staggered import StrandState
+    from castfem.materials import Steel
+    from castfem.results.mechanical import MechanicalSampler
+    from castfem.simulation.simulation import Simulation
+
+Motion = tuple[float, float, float, float]
+"""Time (s), and the motions a0 - 1, a1, a2 of the planes."""
+_NEAR = 1e-9  # of the section's size: a place that is a vertex of the surface
+_HALVINGS = 60  # of the mushy zone, to find the temperature of a solid fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The largest value of an index, and where and when it was.
+
+    Attributes:
+        value: In SI. x, y: On the undeformed section, m. time: s. position: m.
+    """
+
+    value: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+    time: float = 0.0
+    position: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class QualityState:
+    """What is known of the indexes at one time; nothing ever writes into its arrays.
+
+    Attributes:
+        line: The surface. caster: The rolls.
+        time: s; -1 before the first sample. temperature: At the owned vertices, K.
+        motions: Of the planes, from one pitch ago to now.
+        values: Of each index at the owned vertices.
+        largest: Of each index here. worst: From the meniscus to here.
+        centre: Temperature on the centre line, K; NaN in a section without a probe to it.
+        solid_fraction: There; None likewise.
+        passed: Solid fraction to the position at which the centre line came to it, m.
+    """
+
+    line: SurfaceLine
+    caster: Stations
+    time: float = -1.0
+    temperature: Array = field(default_factory=lambda: np.zeros(0))
+    motions: tuple[Motion, ...] = ()
+    values: Mapping[str, Array] = field(default_factory=dict)
+    largest: Mapping[str, Worst] = field(default_factory=dict)
+    worst: Mapping[str, Worst] = field(default_factory=dict)
+    centre: float = np.nan
+    solid_fraction: float | None = None
+    passed: Mapping[float, float] = field(default_factory=dict)
+
+    def words(self, index: str) -> str:
+        """Where an index was worst: place, position, roll, phase; "" where it was always zero."""
+        worst = self.worst[index]
+        if not worst.value > 0.0:
+            return ""
+        vertex = self.line.at(worst.x, worst.y)
+        off = self.line.place[vertex] - (worst.x, worst.y)
+        on = np.abs(off).max() <= _NEAR * np.ptp(self.line.place)
+        place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm"
+        return f"{self.line.words(vertex) if on else place}, {self.caster.words(worst.position)}"
+
+
+class QualitySampler:
+    """Computes the indexes after each step (collective).
+
+    Args:
+        simulation: Of a case with the table [quality]. mechanics: Samples its strained slice; None
+            in a simulation without.
+
+    Attributes:
+        state: As it stands after the last step.
+    """
+
+    def __init__(self, simulation: Simulation, mechanics: MechanicalSampler | None) -> None:
+        case, section = simulation.case, simulation.section
+        assert case.quality is not None
+        self.simulation, self.settings, self._mechanics = simulation, case.quality, mechanics
+        source = section.source
+        line: SurfaceLine = section.comm.bcast(None if source is None else SurfaceLine.of(source))
+        rolls = None if case.machine is None else case.machine.pairs()
+        caster = Stations(rolls, thickness_of(case.section) or 0.0, case.mould_exit())
+        self.indexes = tuple(
+            index for index in declared_indexes() if all(NEEDS[n](simulation) for n in index.needs)
+        )
+        self.place = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2].copy()
+        self._on_surface = np.isin(section.node_of_owned, line.nodes)
+        fractions = {*POOL, *self.settings.brittle, *self.settings.soft_reduction}
+        self._levels = {f: temperature_at(simulation.steel, f) for f in sorted(fractions)}
+        ends = sorted(self._levels[f] for f in self.settings.brittle)
+        self._brittle = ends[0], ends[1]
+        none = np.zeros(section.owned)
+        self.state = QualityState(
+            line, caster, temperature=none,
+            values={index.name: none for index in self.indexes},
+            worst={index.name: Worst() for index in self.indexes},
+        )  # fmt: skip
+
+    def note(self, strand: StrandState, position: float, centre: float) -> QualityState:
+        """Take in one more step.
+
+        Args:
+            strand: The state after it.
+            position: m.
+            centre: Temperature on the centre line, K.
+        """
+        old, time = self.state, strand.thermal.time
+        kelvin = strand.thermal.point.temperature
+        first = not old.time < time  # at the meniscus, or a state that a checkpoint had
+        motions = self._motions(strand, position, first)
+        step = self._step(strand, kelvin, motions, position)
+        values = dict(old.values)
+        for index in self.indexes:
+            if not (first and index.accumulates):
+                values[index.name] = index.compute(replace(step, value=old.values[index.name]))
+        largest = {i.name: self._largest(i, values[i.name], time, position) for i in self.indexes}
+        worst = {
+            name: one if one.value > old.worst[name].value else old.worst[name]
+            for name, one in largest.items()
+        }
+        known = np.isfinite(centre)
+        self.state = replace(
+            old, time=time, temperature=kelvin, motions=motions, values=values, largest=largest,
+            worst=worst, centre=centre, passed=self._passed(centre, time),
+            solid_fraction=float(self.simulation.steel.solid_fraction(centre)) if known else None,
+        )  # fmt: skip
+        return self.state
+
+    def _motions(self, strand: StrandState, position: float, first: bool) -> tuple[Motion, ...]:
+        """Motions of the planes from one pitch ago, the longest there is, to now."""
+        if strand.mechanical is None:
+            return ()
+        a0, a1, a2 = (float(a) for a in strand.mechanical.modes[:3])
+        now = (strand.mechanical.time, a0, a1, a2)
+        if first:
+            return (*self.state.motions[:-1], now)
+        longest = self.state.caster.longest_pitch
+        since = self.simulation.machine.time_at(max(position - longest, 0.0))
+        before = self.state.motions
+        kept = sum(motion[0] <= since for motion in before[:-1])
+        return (*before[max(kept - 1, 0) :], now)
+
+    def _step(
+        self, strand: StrandState, kelvin: Array, motions: tuple[Motion, ...], position: float
+    ) -> SliceStep:
+        """What the indexes are computed from."""
+        old = self.state
+        none: Array = np.zeros(len(kelvin))
+        duration = strand.thermal.time - old.time if old.time >= 0.0 else 0.0
+        stress, rate, pitch_rate = none, none, none
+        if self._mechanics is not None and strand.mechanical is not None:
+            stress = self._mechanics.axial_at_vertices(strand.mechanical)
+            if duration > 0.0:
+                rate = self._rate(np.array(motions[-2]), np.array(motions[-1]))
+                pitch_rate = self._over_a_pitch(motions, position)
+        return SliceStep(
+            self.settings, self.simulation.steel, duration, self.place, kelvin,
+            old.temperature if duration > 0.0 else kelvin, stress, rate, pitch_rate, none,
+            self._brittle,
+        )  # fmt: skip
+
+    def _rate(self, start: Array, end: Array) -> Array:
+        """Axial strain rate between two motions of the planes (n,), 1/s.
+
+        Where the slice strains largely it is that of the true strain, as its stress sees it.
+        """
+        assert self.simulation.case.mechanics is not None
+        before, after = (self._strain(motion) for motion in (start, end))
+        if self.simulation.case.mechanics.strain == "large":
+            before, after = np.log1p(before), np.log1p(after)
+        return np.asarray((after - before) / (end[0] - start[0]))
+
+    def _strain(self, motion: Array) -> Array:
+        """Axial strain by motions of the planes (n,)."""
+        return np.asarray(motion[1] + self.place @ motion[2:])
+
+    def _over_a_pitch(self, motions: tuple[Motion, ...], position: float) -> Array:
+        """Axial strain rate, mean over the last pitch of rolls or what has passed of it, (n,)."""
+        if not self.state.caster.longest_pitch:
+            return np.zeros(len(self.place))
+        pitch, table = self.state.caster.pitch(position), np.array(motions)
+        since = self.simulation.machine.time_at(max(position - pitch, 0.0))
+        start = np.array([np.interp(since, table[:, 0], column) for column in table.T])
+        return self._rate(start, table[-1])
+
+    def _largest(self, index: CrackIndex, values: Array, time: float, position: float) -> Worst:
+        """The largest value here and its place (collective)."""
+        counted = self._on_surface if index.on == "surface" else np.full(len(values), True)
+        comm = self.simulation.section.comm
+        return Worst(*reductions.peak(comm, values[counted], self.place[counted]), time, position)
+
+    def _passed(self, centre: float, time: float) -> dict[float, float]:
+        """Where the centre line came to each solid fraction, linear in time between two steps."""
+        old, found = self.state, dict(self.state.passed)
+        for fraction, level in self._levels.items():
+            if not centre < level:
+                found.pop(fraction, None)
+            elif fraction not in found and 0.0 <= old.time < time:
+                share = (old.centre - level) / (old.centre - centre) if old.centre > centre else 1.0
+                then = old.time + min(max(share, 0.0), 1.0) * (time - old.time)
+                found[fraction] = self.simulation.machine.position(then)
+        return found
+
+    def heading(self) -> Heading:
+        """What holds for all rows of the maps."""
+        maps = [SurfaceMap("temperature", "K", "degC", "temperature")]
+        for index in self._mapped():
+            maps.append(SurfaceMap(index.name, si_unit(index.unit), index.unit, index.label))
+        caster, columns = self.state.caster, None
+        if caster.rolls is not None:
+            from castfem.machine.rolls import columns_of
+
+            columns = columns_of(caster.rolls)
+        thickness = thickness_of(self.simulation.case.section)
+        return Heading(
+            self.state.line, tuple(maps), self.settings.band, columns, thickness, caster.mould_exit
+        )
+
+    def _mapped(self) -> list[CrackIndex]:
+        """The indexes that have a map."""
+        return [index for index in self.indexes if index.on == "surface"]
+
+    def row(self) -> Array | None:
+        """A row of the maps (maps, vertices) on rank 0, None elsewhere (collective)."""
+        gather, state = self.simulation.section.gather, self.state
+        owned = [state.temperature, *(state.values[index.name] for index in self._mapped())]
+        whole = [values for values in map(gather, owned) if values is not None]
+        return np.array([values[state.line.nodes] for values in whole]) if whole else None
+
+    def arrays(self) -> dict[str, Array]:
+        """What a checkpoint must hold at the owned vertices."""
+        kept = (index.name for index in self.indexes if index.accumulates)
+        return {f"quality_{name}": self.state.values[name] for name in kept}
+
+    def memory(self) -> dict[str, Any]:
+        """What else a checkpoint must hold."""
+        state = self.state
+        return {
+            "time": state.time,
+            "centre": state.centre if np.isfinite(state.centre) else None,
+            "motions": [list(motion) for motion in state.motions],
+            "worst": {n: [w.value, w.x, w.y, w.time, w.position] for n, w in state.worst.items()},
+            "passed": [[fraction, position] for fraction, position in state.passed.items()],
+        }
+
+    def recall(self, memory: Mapping[str, Any], by_node: Mapping[str, Array]) -> None:
+        """Take up what `memory` and `arrays`, by node, gave."""
+        values, nodes = dict(self.state.values), self.simulation.section.node_of_owned
+        for name in values:
+            if f"quality_{name}" in by_node:
+                values[name] = np.asarray(by_node[f"quality_{name}"], float)[nodes]
+        motions = (
+            (float(t), float(a0), float(a1), float(a2)) for t, a0, a1, a2 in memory["motions"]
+        )
+        self.state = replace(
+            self.state, time=memory["time"], values=values, motions=tuple(motions),
+            centre=np.nan if memory["centre"] is None else memory["centre"],
+            worst={name: Worst(*numbers) for name, numbers in memory["worst"].items()},
+            passed={float(f): float(position) for f, position in memory["passed"]},
+        )  # fmt: skip
+
+
+def temperature_at(steel: Steel, fraction: float) -> float:
+    """Temperature at which so much is solid, K: the highest one, at 1 the solidus."""
+    if fraction >= 1.0:
+        return steel.solidus
+    low, high = steel.solidus, steel.liquidus
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if float(steel.solid_fraction(middle)) >= fraction:
+            low = middle
+        else:
+            high = middle
+    return low

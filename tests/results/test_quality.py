@@ -1,0 +1,284 @@
+"""Crack indexes along the strand: against what the history tells, resumed, on ranks, by a toy."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+from bent_case import HALF, bent
+from ranks import needs_mpirun, python_on
+from small_case import small, write_small
+
+from castfem.case import Case, load_case
+from castfem.errors import InputError, RunFailure
+from castfem.output.folder import MAPS_NAME, ROWS_NAME
+from castfem.output.history import read_history
+from castfem.output.surface_maps import SurfaceMaps
+from castfem.results import crack_index as registry
+from castfem.results import registry as quantities
+from castfem.results.crack_index import SliceStep, crack_index
+from castfem.results.quality import QualitySampler
+from castfem.time_loop import loop
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.types import Array
+
+WIDE = {"band": ["1000 degC", "1300 degC"]}  # all of the strand lies within
+CUT = {"band": ["1185 degC", "1190 degC"]}  # each place of the surface passes through
+
+
+def judged(quality: dict[str, object], **changes: object) -> Case:
+    """The bent billet, judged; its fields are not written."""
+    return bent(quality=quality, **changes)
+
+
+@pytest.fixture(scope="module")
+def wide(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run all of which lies in the band."""
+    folder = tmp_path_factory.mktemp("wide")
+    loop.run(judged(WIDE, output__checkpoint_every=4), folder, comm=MPI.COMM_SELF)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cut(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run that goes through the band, with its results."""
+    folder = tmp_path_factory.mktemp("cut")
+    loop.run(judged(CUT), folder, comm=MPI.COMM_SELF)
+    return folder
+
+
+def test_the_second_index_is_the_motion_of_the_planes(wide: Path) -> None:
+    """Over each step exactly: (e - e_old)/dt with e = (1 + a0)(1 - k y), from the history alone."""
+    table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)
+    y = maps.heading.line.place[:, 1]
+    thickness = (1.0 + table["axial_strain"].to_numpy())[:, None] * (
+        1.0 - table["curvature"].to_numpy()[:, None] * y
+    )
+    rate = np.diff(thickness, axis=0) / np.diff(table["time"])[:, None]
+    assert np.abs(rate).max() > 1e-3
+    assert maps["I2"][1:] == pytest.approx(np.maximum(rate, 0.0), rel=2e-7, abs=1e-12)
+    assert table["I2_max"].to_numpy()[1:] == pytest.approx(
+        np.maximum(rate, 0).max(axis=1), abs=1e-12
+    )
+
+
+def test_the_mean_over_a_pitch_is_that_of_the_strain(wide: Path) -> None:
+    """Rolls stand 250 mm apart, five windows: the strain five windows ago."""
+    table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)
+    y, time = maps.heading.line.place[:, 1], table["time"].to_numpy()
+    thickness = (1.0 + table["axial_strain"].to_numpy())[:, None] * (
+        1.0 - table["curvature"].to_numpy()[:, None] * y
+    )
+    mean = (thickness[5:] - thickness[:-5]) / (time[5:] - time[:-5])[:, None]
+    assert maps["I2_pitch"][5:] == pytest.approx(np.maximum(mean, 0.0), rel=1e-6, abs=1e-11)
+
+
+def test_the_mechanical_part_lacks_the_thermal_strain(wide: Path) -> None:
+    from castfem.simulation.simulation import case_steel
+
+    case, table, maps = judged(WIDE), read_history(wide / "history.csv"), SurfaceMaps(wide)
+    y, time = maps.heading.line.place[:, 1], table["time"].to_numpy()
+    thickness = (1.0 + table["axial_strain"].to_numpy())[:, None] * (
+        1.0 - table["curvature"].to_numpy()[:, None] * y
+    )
+    free = case_steel(case).thermal_strain(maps["temperature"])
+    rate = np.diff(thickness - free, axis=0) / np.diff(time)[:, None]
+    # Temperatures of the maps are rounded to 6e-5 K: 1e-9 of strain over 0.8 s.
+    assert maps["I2_mechanical"][1:] == pytest.approx(np.maximum(rate, 0.0), abs=5e-9)
+
+
+def test_the_first_index_is_the_axial_stress(wide: Path) -> None:
+    table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)
+    line = maps.heading.line
+    for probe, place in (
+        ("mid_face_intrados", (0.0, HALF)),
+        ("corner_extrados", (HALF, -HALF)),
+        ("narrow_face", (HALF, 0.0)),
+    ):
+        stress = 1e6 * table[f"axial_stress_{probe}"].to_numpy()
+        assert np.ptp(stress) > 1e6 or probe == "narrow_face"
+        mine = maps["I1"][:, line.at(*place)]
+        assert mine == pytest.approx(np.maximum(stress, 0.0), rel=1e-4, abs=20.0)
+    assert 1e6 * table["I1_max"].to_numpy() == pytest.approx(maps["I1"].max(axis=1), rel=1e-6)
+
+
+def test_indexes_are_zero_outside_of_the_band(cut: Path, wide: Path) -> None:
+    """What is in the band is as it is in a wide one, the rest is zero."""
+    narrow, whole = SurfaceMaps(cut), SurfaceMaps(wide)
+    kelvin = narrow["temperature"]
+    inside = (kelvin > 1185.0 + ZERO_CELSIUS) & (kelvin < 1190.0 + ZERO_CELSIUS)
+    assert inside.any() and not inside.all()
+    assert np.array_equal(narrow["in_band"], inside)
+    for name in ("I1", "I2", "I2_mechanical", "I2_pitch"):
+        assert np.array_equal(narrow[name], np.where(inside, whole[name], 0.0)), name
+    with h5py.File(cut / MAPS_NAME) as file:
+        assert np.array_equal(file["maps/in_band"][()], inside)
+        assert file["maps/I2"].attrs["unit"] == "1/s"
+
+
+def test_time_in_the_band_is_that_of_the_straight_line_between_steps(cut: Path) -> None:
+    maps = SurfaceMaps(cut)
+    vertex = maps.heading.line.at(HALF, HALF)
+    celsius = maps["temperature"][:, vertex] - ZERO_CELSIUS
+    assert celsius[-1] < 1185.0 and (np.diff(celsius) < 0.0).all()
+    enters, leaves = (np.interp(-level, -celsius, maps.time) for level in (1190.0, 1185.0))
+    assert maps["band_time"][-1, vertex] == pytest.approx(leaves - enters, rel=1e-5)
+    assert (np.diff(maps["band_time"], axis=0) >= 0.0).all()
+
+
+def test_the_worst_is_told_with_its_place(cut: Path) -> None:
+    """Face, distance from the corner, roll, and what the rolls do to the strand there."""
+    maps = SurfaceMaps(cut)
+    rate = maps["I2"]
+    ties = np.argwhere(rate >= rate.max() * (1.0 - 1e-6))
+    places = {f"{maps.heading.line.words(j)}, {maps.position[i]:.2f} m" for i, j in ties}
+    found = json.loads((cut / "summary.json").read_text())["quantities"]["way_I2_max"]
+    assert found["value"] == pytest.approx(rate.max(), rel=1e-6)
+    what, _, where = found["label"].partition(" on the way, ")
+    assert what == "largest I2, axial strain rate in the band"
+    assert where.partition(" (roll 3), bending")[0] in places
+
+
+def break_off(patch: pytest.MonkeyPatch) -> None:
+    """Let a run fail in its fourteenth window."""
+    note, seen = QualitySampler.note, [0]
+
+    def broken(self: QualitySampler, *given: object) -> object:
+        seen[0] += 1
+        if seen[0] == 15:
+            raise RunFailure("out of power")
+        return note(self, *given)  # type: ignore[arg-type]
+
+    patch.setattr(QualitySampler, "note", broken)
+
+
+@pytest.mark.parametrize("killed", [True, False])
+def test_a_kill_costs_nothing_of_the_maps(tmp_path: Path, wide: Path, killed: bool) -> None:
+    """Cut off within a row, rows beyond the checkpoint: the end is the same byte for byte.
+
+    So it is after a run that ended by an error, whose maps are in their last file already.
+    """
+    case, rows = judged(WIDE, output__checkpoint_every=4), tmp_path / ROWS_NAME
+    with pytest.MonkeyPatch.context() as patch:
+        break_off(patch)
+        if killed:  # no end of the run, rows that the checkpoint does not know
+            patch.setattr(loop, "_leave", lambda *given: None)
+            patch.setattr("castfem.output.surface_maps.MapWriter.close", lambda self: None)
+        with pytest.raises(RunFailure, match="power"):
+            loop.run(case, tmp_path, comm=MPI.COMM_SELF)
+    assert len(SurfaceMaps(tmp_path).time) == 14
+    assert rows.exists() == killed
+    if killed:
+        with open(rows, "ab") as file:
+            file.write(b"half a row")
+        assert len(SurfaceMaps(tmp_path).time) == 14
+    loop.run(case, tmp_path, comm=MPI.COMM_SELF, resume=True)
+    assert not rows.exists()
+    for name in (MAPS_NAME, "history.csv"):
+        assert (tmp_path / name).read_bytes() == (wide / name).read_bytes(), name
+    ours, theirs = (
+        json.loads((path / "summary.json").read_text())["quantities"] for path in (tmp_path, wide)
+    )
+    assert ours == theirs
+
+
+def test_damaged_or_missing_maps_are_not_resumed(tmp_path: Path) -> None:
+    case = small({"quality": {}})
+    loop.run(case, tmp_path, comm=MPI.COMM_SELF)
+    longer = case.with_({"casting.length": "70 mm"})
+    with h5py.File(tmp_path / MAPS_NAME, "r+") as file:
+        del file["maps/band_time"]
+    with pytest.raises(InputError, match=r"surface_maps.h5: cannot be read"):
+        loop.run(longer, tmp_path, comm=MPI.COMM_SELF, resume=True)
+    (tmp_path / MAPS_NAME).unlink()
+    with pytest.raises(InputError, match=r"surface_maps.h5: no such file"):
+        loop.run(longer, tmp_path, comm=MPI.COMM_SELF, resume=True)
+
+
+@needs_mpirun
+def test_ranks_do_not_show_in_the_maps(tmp_path: Path, cut: Path) -> None:
+    file = tmp_path / "bent.toml"
+    file.write_text(judged(CUT).resolved_toml())
+    words = ("-m", "castfem.cli", "run", str(file), "-q", "-o", str(tmp_path / "two"))
+    done = python_on(2, *words)
+    assert done.returncode == 0, done.stderr
+    one, two = SurfaceMaps(cut), SurfaceMaps(tmp_path / "two")
+    assert one.heading.text() == two.heading.text()
+    for name in one.names():
+        size = np.abs(one[name]).max()
+        assert two[name] == pytest.approx(one[name], rel=1e-6, abs=1e-7 * size), name
+    ours, theirs = (
+        json.loads((path / "summary.json").read_text())["quantities"]["way_I2_max"]["label"]
+        for path in (cut, tmp_path / "two")
+    )
+    assert ours == theirs
+
+
+def declare_range() -> None:
+    """An index that castfem does not have; the whole of it is in here."""
+
+    @crack_index("swing", unit="K", label="largest swing of temperature", accumulates=True)
+    def swing(step: SliceStep) -> Array:
+        """Largest change of temperature in a step so far."""
+        return np.maximum(step.value, np.abs(step.temperature - step.earlier))
+
+
+def test_a_new_index_is_one_function(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Declared here, and nowhere else: in history, summary and maps, going on when resumed."""
+    quantities.declared()
+    monkeypatch.setattr(quantities, "_declared", dict(quantities._declared))
+    monkeypatch.setattr(registry, "_declared", dict(registry._declared))
+    declare_range()
+    assert len(inspect.getsource(declare_range).splitlines()) < 10
+    case = small({"quality": {}})
+    loop.run(case.with_({"casting.length": "30 mm"}), tmp_path, comm=MPI.COMM_SELF)
+    summary = loop.run(case, tmp_path, comm=MPI.COMM_SELF, resume=True)
+    maps, table = SurfaceMaps(tmp_path), read_history(tmp_path / "history.csv")
+    assert maps.names() == ("temperature", "band_time", "swing")
+    change = np.maximum.accumulate(np.abs(np.diff(maps["temperature"], axis=0)), axis=0)
+    assert maps["swing"][1:] == pytest.approx(change, abs=1e-3)
+    assert table.columns[-1] == "swing_max" and table.attrs["units"]["swing_max"] == "K"
+    assert summary.quantities["way_swing_max"].value == pytest.approx(change.max(), abs=1e-3)
+    assert "corner, 0.0" in summary.quantities["way_swing_max"].label
+
+
+def test_a_case_without_it_loads_and_writes_nothing_of_it(tmp_path: Path) -> None:
+    code = (
+        "import sys; from castfem.case import load_case; from castfem.time_loop import loop; "
+        "loop.run(load_case(sys.argv[1]), sys.argv[2]); "
+        "parts = ('results.quality', 'results.crack_index', 'output.surface', 'machine.stations'); "
+        "print([m for m in sys.modules if any(f'castfem.{p}' in m for p in parts)])"
+    )
+    file = write_small(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(file), str(tmp_path / "out")],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.strip() == "[]"
+    assert not {MAPS_NAME, ROWS_NAME} & {path.name for path in (tmp_path / "out").iterdir()}
+    assert "quality" not in (tmp_path / "out" / "case.toml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("band", '["950 degC", "800 degC"]', "lower end comes first"),
+        ("band", '"900 degC"', "a list of two"),
+        ("band", '["800 degC", "950"]', "unit"),
+        ("brittle", "[0.9, 1.2]", "must not be above 1"),
+        ("critical_strain", "-0.1", "must be above 0"),
+        ("bend", "1", "band"),
+    ],
+)
+def test_what_is_wrong_is_told_by_its_key(tmp_path: Path, key: str, value: str, told: str) -> None:
+    with pytest.raises(InputError) as error:
+        load_case(write_small(tmp_path), [f"quality.{key}={value}"])
+    assert f"quality.{key}" in str(error.value) and told in str(error.value)
