@@ -27,6 +27,7 @@ ORDER = {
     "output": "the files of a run",
     "constitutive": "laws at a material point",
     "thermal": "heat balance, surface laws",
+    "bulging": "a strip between two rolls",
     "verification": "closed forms",
     "contact": "wall contact, friction, gap",
     "mechanics": "equilibrium of the slice",
