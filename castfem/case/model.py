@@ -28,6 +28,7 @@ from castfem.case.machine import Machine
 from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
 from castfem.case.quality import Quality
+from castfem.case.secondary import Secondary
 from castfem.case.section import Mesh, Section
 from castfem.case.thermal import Thermal
 from castfem.case.verification import Verification
@@ -58,6 +59,7 @@ class Span:
         end: Where it ends, m; not beyond the followed length.
         laws: Pairs of the boundary groups (or beginnings of their names) and the law on them.
         whole: Whether that end is its own.
+        roll_to_roll: Whether it is that of [secondary], whose laws are not told here.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Span:
     end: float
     laws: tuple[tuple[tuple[str, ...], HeatLaw], ...]
     whole: bool
+    roll_to_roll: bool = False
 
 
 class Case(TableModel):
@@ -86,6 +89,9 @@ class Case(TableModel):
     machine: Machine | None = Field(
         None, description="the rolls below the mould; left out: a strand that goes straight down"
     )
+    secondary: Secondary | None = Field(
+        None, description="cooling from roll to roll below [[cooling]]; left out: none"
+    )
     coupling: Coupling = Field(default_factory=lambda: Coupling.model_validate({}))
     quality: Quality | None = Field(
         None, description="by what the strand is judged; left out: no crack index is computed"
@@ -106,7 +112,10 @@ class Case(TableModel):
             spans.append(Span(zone.name, start, end, laws, whole=zone.to == end))
             start = end
             if end >= self.casting.length:
-                break
+                return tuple(spans)
+        if self.secondary is not None:
+            end = self.casting.length
+            spans.append(Span("secondary", start, end, (), whole=True, roll_to_roll=True))
         return tuple(spans)
 
     def mould_exit(self) -> float | None:
@@ -176,6 +185,8 @@ class Case(TableModel):
             (tables.get("mechanics", {}), "solver"),
             (tables.get("mechanics", {}), "held"),
             (tables.get("machine", {}), "segment"),
+            (tables.get("secondary", {}), "nozzle"),
+            (tables.get("secondary", {}), "circuit"),
         ):
             if key in table and not table[key]:
                 del table[key]

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from castfem.case import effort
+from castfem.case.check_secondary import secondary_doubts
 from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
 from castfem.case.machine import machine_doubts
 from castfem.case.model import Case
@@ -50,6 +51,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from _cold(case)
     yield from _sprays(case)
     yield from machine_doubts(case)
+    yield from secondary_doubts(case)
     if case.mould is not None:
         yield from _taper(case.mould, case.section)
         yield from _friction(case.mould)

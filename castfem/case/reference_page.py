@@ -13,6 +13,7 @@ from pydantic_core import PydanticUndefined
 
 from castfem.case.base import TableModel
 from castfem.case.casting import Casting, Output, Reference, Steel
+from castfem.case.coefficient_table import NozzleTable
 from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.machine import Machine, RollSegment, RollTable
 from castfem.case.mechanics import (
@@ -26,6 +27,7 @@ from castfem.case.mechanics import (
 from castfem.case.mould import ContactSettings, Copper, Friction, Mould
 from castfem.case.problems import submodels
 from castfem.case.quality import Quality, Range
+from castfem.case.secondary import Circuit, NozzleModel, RollContact, Secondary
 from castfem.case.section import Mesh, Section
 from castfem.case.taper import TaperMark
 from castfem.case.tensile import Segment, Tensile, TensileOutput
@@ -114,6 +116,10 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[mould.friction]", Friction),
     ("[machine]", Machine),
     ("[[machine.segment]]", RollSegment),
+    ("[secondary]", Secondary),
+    ("[secondary.contact]", RollContact),
+    ("[[secondary.nozzle]]", NozzleModel),
+    ("[[secondary.circuit]]", Circuit),
     ("[quality]", Quality),
     ("[output]", Output),
     ("[verification]", Verification),
@@ -176,11 +182,15 @@ def _takes(field: FieldInfo) -> str:
     for mark in field.metadata:
         if isinstance(mark, Kind | Curve):
             return _mark(mark, example)
-        if isinstance(mark, TaperMark | RollTable | WindowMark | AxisMark | Range):
+        if isinstance(mark, TaperMark | RollTable | NozzleTable | WindowMark | AxisMark | Range):
             return mark.takes
         if isinstance(mark, NameOf):
-            return ", ".join(f'`"{name}"`' for name in mark.register)
+            return _names_of(mark)
     return _type(field.annotation, example)
+
+
+def _names_of(mark: NameOf) -> str:
+    return ", ".join(f'`"{name}"`' for name in mark.register)
 
 
 def _mark(mark: Kind | Curve, example: object) -> str:
@@ -203,6 +213,9 @@ def _type(annotation: Any, example: object = None) -> str:
     origin, inner = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is typing.Annotated:
         marks = [mark for mark in inner[1:] if isinstance(mark, Kind | Curve)]
+        names = [_names_of(mark) for mark in inner[1:] if isinstance(mark, NameOf)]
+        if names:
+            return names[0]
         return _mark(marks[0], example) if marks else _type(inner[0])
     if origin is typing.Literal:
         return ", ".join(f"`{value!r}`".replace("'", '"') for value in inner)

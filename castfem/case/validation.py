@@ -14,6 +14,7 @@ from castfem.case import effort, result_names
 from castfem.case.bending import check_bending
 from castfem.case.build_mould import check_mould
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
+from castfem.case.check_secondary import check_secondary
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
 from castfem.case.machine import check_machine
 from castfem.case.mechanics import GeneralizedPlaneStrain
@@ -48,6 +49,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _mould_and_zones(case)
     yield from check_machine(case)
     yield from check_bending(case)
+    yield from check_secondary(case)
     yield from _output(case)
     yield from _references(case)
     yield from check_verification(case)
@@ -167,6 +169,8 @@ def _zones(case: Case) -> Iterator[Problem]:
     last = zones[-1]
     length = case.casting.length if case.casting else None
     open_end = last is None or "to" not in last.model_fields_set or last.to is None
+    if case.secondary is not None or "secondary" in case.model_fields_set:
+        return  # it holds below them
     if not open_end and length is not None and reached < length:
         yield Problem(
             ("cooling", len(zones) - 1, "to"),

@@ -157,5 +157,6 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
         lines.append(f"  {len(rolls.pairs)} pairs of rolls, {first:g} to {last:g} m")
     for span in case.zones():
         laws = ", ".join(law.tag for _, law in span.laws) or "insulated"
+        laws = "from roll to roll" if span.roll_to_roll else laws
         lines.append(f"  {span.start:7.3f} - {span.end:7.3f} m  {span.name}: {laws}")
     return "\n".join(lines)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from castfem.case import Case
     from castfem.machine import Machine
     from castfem.materials import Steel
+    from castfem.simulation.secondary import SecondaryCooling
 
 Row = tuple[list[int], flux_laws.SurfaceLaw]
 
@@ -49,7 +50,26 @@ class Zones:
         self._around = Surroundings(steel, wall_over_time(case, machine))
         self._coolings = [self._make(i) for i in range(len(self.spans))]
         tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
+        self._secondary = self._below(case, machine, steel)
+        if self._secondary is not None:
+            tags += surface.section.matching(surface.section.outer_groups)
         self._cooled = surface.patch(tags) if tags else None
+
+    def _below(self, case: Case, machine: Machine, steel: Steel) -> SecondaryCooling | None:
+        """Put what holds from roll to roll in the place of its span, the last; None without."""
+        if not self.spans[-1].roll_to_roll:
+            return None
+        from castfem.simulation.secondary import SecondaryCooling
+
+        start = self.spans[-1].start
+        found = SecondaryCooling(case, machine, steel, self._surface, start)
+        self.starts[-1:] = [machine.time_at(position) for position in found.positions]
+        self._coolings[-1:] = found.coolings
+        return found
+
+    def name(self, index: int) -> str:
+        """Name of what cools in a zone."""
+        return self.spans[min(max(index, 0), len(self.spans) - 1)].name
 
     @property
     def changes(self) -> list[float]:
@@ -58,6 +78,8 @@ class Zones:
         for span in self.spans:
             for _, law in span.laws:
                 times += law.milestones()
+        if self._secondary is not None:
+            times += self._secondary.changes
         wall = self._around.wall
         return times + (list(wall.kinks) if isinstance(wall, OverTime) else [])
 
@@ -99,7 +121,10 @@ class Zones:
     def ambient_range(self) -> tuple[float, float]:
         """Lowest and highest temperature the machine can drive the strand to, K."""
         times = [*self.starts, *self.changes, self._end]
-        ranges = [c.ambient_range(t) for c in self._coolings for t in times]
+        # From roll to roll the surroundings do not change in time.
+        count = len(self.spans) - (self._secondary is not None)
+        ranges = [c.ambient_range(t) for c in self._coolings[:count] for t in times]
+        ranges += [c.ambient_range(self._end) for c in self._coolings[count:]]
         return min(low for low, _ in ranges), max(high for _, high in ranges)
 
     def perimeter_share(self) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 from castfem.fem import reductions
 from castfem.materials.curve import CurvePoint
 from castfem.thermal.boundary import Cooling
+from castfem.thermal.flux_laws import least_rise
 from castfem.thermal.problem import ThermalProblem
 from castfem.values.types import Array
 
@@ -65,10 +66,9 @@ class Branch:
         grid = np.arange(knots[0], knots[-1], SPACING)
         steepest, falls = np.zeros_like(self._problem.area), False
         for patch, law in cooling.laws:
-            if any(callable(getattr(law, name, None)) for name in ("coefficient", "emissivity")):
-                least = float(law.flux(grid, time)[1].min())
-                steepest[patch.dofs] += patch.weights * min(least, 0.0)
-                falls = falls or least < 0.0
+            least = np.minimum(least_rise(law, grid, time), 0.0)
+            steepest[patch.dofs] += patch.weights * least
+            falls = falls or bool(np.any(least < 0.0))
         self._cooling, self._steepest = cooling, steepest if falls else None
 
     def _on_the_way(self, old: Array, new: Array, time: float) -> Array:

@@ -32,6 +32,21 @@ class SurfaceLaw(Protocol):
         ...
 
 
+def least_rise(law: SurfaceLaw, temperatures: Array, time: float) -> float | Array:
+    """Least dq/dT that a law has at any of some temperatures (g,), K; 0 of one that never falls.
+
+    It is one number, or one a vertex (n,) of a law that differs between them, which then has a
+    method of this name.
+    """
+    own = getattr(law, "least_rise", None)
+    if own is not None:
+        found: Array = own(temperatures, time)
+        return found
+    if any(callable(getattr(law, name, None)) for name in ("coefficient", "emissivity")):
+        return float(law.flux(temperatures, time)[1].min())
+    return 0.0
+
+
 @dataclass(frozen=True)
 class Convection:
     """h(T) (T - Ta): convection (35), (30); `coefficient` is a number or a function of T (K)."""

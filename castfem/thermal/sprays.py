@@ -1,6 +1,6 @@
 """Heat transfer coefficients of water sprays by published correlations.
 
-Each gives h (W/m2K) for a water flow per area W (L/m2s, the same number as kg/m2s), the water's
+Each gives h (W/m2K) for water per area W (L/m2s, the same number as kg/m2s), the water's
 temperature and the surface's.  Sources as gathered in `docs/materials.md`; outside the stated range
 a correlation extrapolates.  A factor of two between them is what is honestly known.
 """
@@ -16,8 +16,10 @@ import numpy as np
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.types import Array
 
-Formula = Callable[[float, float, Array], Array]
-"""h, W/m2K (n,), of a water flow, L/(m2 s), the water's temperature, K, and surfaces (n,), K."""
+Flow = float | Array
+"""Water on a surface, L/(m2 s): one flow, or one a vertex (n,)."""
+Formula = Callable[[Flow, float, Array], Array]
+"""h, W/m2K (n,), of the water, L/(m2 s), the water's temperature, K, and surfaces (n,), K."""
 
 WENDELSTORF_MOST = 30.0  # L/(m2 s)
 WENDELSTORF_EXCESS = (180.0, 1100.0)  # K
@@ -43,7 +45,7 @@ class Correlation:
     held: str = ""
 
     def coefficient(
-        self, water: float, water_temperature: float, machine_factor: float, surface: Array
+        self, water: Flow, water_temperature: float, machine_factor: float, surface: Array
     ) -> Array:
         """Coefficient at surface temperatures (n,), K, divided by the factor of the machine."""
         return np.asarray(self.formula(water, water_temperature, surface) / machine_factor)
@@ -70,33 +72,33 @@ def correlation(
 
 
 @correlation()
-def nozaki(water: float, water_temperature: float, surface: Array) -> Array:
+def nozaki(water: Flow, water_temperature: float, surface: Array) -> Array:
     """Nozaki and Shimada: 1570 W^0.55 (1 - 0.0075 Tw); divide by a machine factor of about 4."""
     cold = 1.0 - 0.0075 * (water_temperature - ZERO_CELSIUS)
     return np.full_like(surface, 1570.0 * water**0.55 * cold)
 
 
 @correlation()
-def ishiguro(water: float, water_temperature: float, surface: Array) -> Array:
+def ishiguro(water: Flow, water_temperature: float, surface: Array) -> Array:
     """Ishiguro: 581 W^0.451 (1 - 0.0075 Tw)."""
     cold = 1.0 - 0.0075 * (water_temperature - ZERO_CELSIUS)
     return np.full_like(surface, 581.0 * water**0.451 * cold)
 
 
 @correlation((1.0, 7.0), (627.0 + ZERO_CELSIUS, 927.0 + ZERO_CELSIUS))
-def bolle(water: float, water_temperature: float, surface: Array) -> Array:
+def bolle(water: Flow, water_temperature: float, surface: Array) -> Array:
     """Bolle and Moureau: 423 W^0.556, for 1 < W < 7 and 627-927 degC."""
     return np.full_like(surface, 423.0 * water**0.556)
 
 
 @correlation((0.0, 20.3))
-def mizikar(water: float, water_temperature: float, surface: Array) -> Array:
+def mizikar(water: Flow, water_temperature: float, surface: Array) -> Array:
     """Mizikar at 0.276 MPa: 77.6 W, for W < 20.3."""
     return np.full_like(surface, 77.6 * water)
 
 
 @correlation((1.67, 41.7), (700.0 + ZERO_CELSIUS, 1200.0 + ZERO_CELSIUS))
-def sasaki(water: float, water_temperature: float, surface: Array) -> Array:
+def sasaki(water: Flow, water_temperature: float, surface: Array) -> Array:
     """Sasaki: 708 W^0.75 Ts^-1.2 + 0.116 kW/m2K, Ts in degC, 1.67 < W < 41.7 and 700-1200 degC.
 
     Below 100 degC the formula's growth has no meaning; it is held there.
@@ -111,14 +113,14 @@ def sasaki(water: float, water_temperature: float, surface: Array) -> Array:
     excess=True,
     held=f"the coefficient is that of {WENDELSTORF_MOST:g}",
 )
-def wendelstorf(water: float, water_temperature: float, surface: Array) -> Array:
+def wendelstorf(water: Flow, water_temperature: float, surface: Array) -> Array:
     """Wendelstorf, Spitzer and Wendelstorf (2008), with the rise below the Leidenfrost point.
 
     h = 190 + tanh(W/8) [140 W (1 - W dT/72000) + 3.26 dT^2 (1 - tanh(dT/128))], dT = Ts - Tw from
     180 to 1100 K, W from 3 to 30.  dT is held at the ends of its range, W at the upper end of its:
     beyond it the bracket falls with more water, and below zero with much more.
     """
-    water = min(water, WENDELSTORF_MOST)
+    water = np.minimum(water, WENDELSTORF_MOST)
     dt = np.clip(surface - water_temperature, *WENDELSTORF_EXCESS)
     film = 140.0 * water * (1.0 - water * dt / 72000.0)
     boiling = 3.26 * dt**2 * (1.0 - np.tanh(dt / 128.0))

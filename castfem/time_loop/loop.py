@@ -159,7 +159,7 @@ class TimeLoop:
                 self.run_state.snapshots[position] = quantities(sample)
 
     def _note(self) -> str:
-        return self.simulation.zones.spans[max(self.run_state.zone, 0)].name
+        return self.simulation.zones.name(self.run_state.zone)
 
 
 def run(

@@ -41,6 +41,7 @@ _ARGUMENTS = {
     "temperature": Kind("K", "degC"),
     "time": Kind("s", "s", least=0.0),
     "position": Kind("m", "mm", least=0.0),
+    "speed": Kind("m/s", "m/min", least=0.0),
 }
 
 

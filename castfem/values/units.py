@@ -49,6 +49,7 @@ NAMES: dict[str, tuple[str, str]] = {
     "kg/(m^2 s)": ("mass flow per area", "5 kg/(m^2 s)"),
     "J/m^3": ("heat per volume", "2 GJ/m^3"),
     "m^2/s": ("diffusivity", "6 mm^2/s"),
+    "m^3/s": ("volume flow", "240 L/min"),
 }
 
 # Units and combinations that the field writes; the nearest of them is proposed for a misspelt one.

@@ -1,0 +1,210 @@
+"""The table [secondary]: cooling below the mould, from roll to roll.
+
+What reads it into geometry and laws (`castfem.machine.sprays`, `castfem.thermal.spray_water`) is
+imported by a case that has some alone.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from pydantic import Field
+
+from castfem.case.base import TableModel, written
+from castfem.case.coefficient_table import NozzleTable
+from castfem.case.cooling import CoefficientOfTemperature, EmissivityOfTemperature
+from castfem.thermal.sprays import CORRELATIONS
+from castfem.values.quantities import (
+    HeatTransferCoefficient,
+    Kind,
+    Length,
+    NameOf,
+    PositiveNumber,
+    Temperature,
+    WaterTemperature,
+)
+from castfem.values.tables import CurveOverEither, Table
+
+if TYPE_CHECKING:
+    from castfem.machine.rolls import Rolls
+    from castfem.machine.sprays import Row
+    from castfem.thermal.spray_water import Coefficient
+
+Angle = Annotated[float, Kind("rad", "deg", above=0.0, most=3.0)]
+Place = Annotated[float, Kind("m", "mm")]
+Share = Annotated[float, Kind("1", above=0.0, most=0.9, label="share", sample="0.08")]
+Flow = Annotated[
+    float | Table,
+    CurveOverEither(
+        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"), "speed", "time"
+    ),
+]
+Edge = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.5")]
+FACES = ("wide_face_intrados", "wide_face_extrados", "narrow_face_right", "narrow_face_left")
+"""Faces of a whole strand."""
+_WIDE = "wide_face"
+
+
+class RollContact(TableModel):
+    """Contact with the rolls; one of `share` and `coefficient`."""
+
+    angle: Angle = Field(
+        description="part of a roll's circumference that touches the strand; the length of contact "
+        "is that of the arc",
+        examples=["10 deg"],
+    )
+    share: Share | None = Field(
+        None, description="share of a roll in the heat of its pitch, 0.01 to 0.22 [Meng2003]"
+    )
+    coefficient: HeatTransferCoefficient | None = Field(
+        None, description="heat transfer coefficient of contact"
+    )
+    temperature: Temperature | None = Field(
+        None, description="temperature of the rolls, with coefficient", examples=["150 degC"]
+    )
+
+
+class NozzleModel(TableModel):
+    """A model of nozzle; one of `table` and `correlation`."""
+
+    name: str = Field(min_length=1, description="name of the model")
+    angle: Angle = Field(description="of its spray across the strand", examples=["110 deg"])
+    angle_along: Angle = Field(description="of its spray along the strand", examples=["14 deg"])
+    edge: Edge = Field(
+        0.0,
+        description="share of the half width over which its water falls to zero at the ends; 0 is "
+        "even all over, 1 a triangle",
+    )
+    table: Annotated[Any, NozzleTable()] = Field(
+        None,
+        description="measured coefficients of the water alone over surface temperature and water, "
+        "beginning at no water",
+    )
+    correlation: Annotated[str, NameOf(CORRELATIONS)] | None = Field(
+        None, description="formula of the coefficient; below its least water it falls to zero"
+    )
+    machine_factor: PositiveNumber = Field(
+        1.0, description="divides the coefficient: fit to the machine", examples=[4]
+    )
+
+    def coefficient(self, water_temperature: float) -> Coefficient:
+        """Return h of water and surface temperature."""
+        from castfem.thermal.spray_water import OfCorrelation
+
+        if self.correlation is None:
+            found: Coefficient = self.table
+            return found
+        return OfCorrelation(CORRELATIONS[self.correlation], water_temperature, self.machine_factor)
+
+    def most_water(self) -> float:
+        """Return the largest flow per area that h is known for, kg/(m2 s)."""
+        if self.correlation is None:
+            return float(self.table.most)
+        return CORRELATIONS[self.correlation].water[1]
+
+
+class Circuit(TableModel):
+    """Nozzles of one model that one valve feeds: a row of them in each gap between some rolls."""
+
+    name: str = Field(min_length=1, description="name of the circuit")
+    on: tuple[str, ...] = Field(
+        min_length=1,
+        description="faces it sprays; a name also stands for all groups that begin with it",
+    )
+    rolls: tuple[int, int] = Field(
+        description="number of the roll above the first row and of that below the last",
+        examples=[[8, 15]],
+    )
+    nozzle: str = Field(description="their model, the name of a [[secondary.nozzle]]")
+    across: tuple[Place, ...] = Field(
+        min_length=1,
+        description="where the nozzles of a row stand, from the middle of the face",
+        examples=[["-300 mm", "300 mm"]],
+    )
+    stand_off: Length = Field(
+        description="distance of the nozzles from the surface", examples=["210 mm"]
+    )
+    flow: Flow = Field(
+        description="water of all its nozzles together, on the whole strand; over the casting "
+        "speed or the time since the slice left the meniscus"
+    )
+
+    def nozzles(self) -> int:
+        """Return how many nozzles share its flow, on the whole strand."""
+        faces = sum(any(face.startswith(name) for name in self.on) for face in FACES)
+        return faces * len(self.across) * (self.rolls[1] - self.rolls[0])
+
+    @property
+    def largest_flow(self) -> float:
+        """Largest flow that its table has, m3/s."""
+        return max(self.flow.values) if isinstance(self.flow, Table) else self.flow
+
+    @property
+    def wide(self) -> bool:
+        """Whether it sprays a wide face."""
+        return any(name.startswith(_WIDE) for name in self.on)
+
+
+class Secondary(TableModel):
+    """Cooling from roll to roll, below [[cooling]]: contact, shade, spray, run-off water.
+
+    All but contact radiates to the surroundings.
+    """
+
+    ambient: Temperature = Field(
+        description="temperature of rolls and surroundings that the strand radiates to",
+        examples=["60 degC"],
+    )
+    emissivity: EmissivityOfTemperature | None = Field(
+        None, description="emissivity of the strand; by default the steel's"
+    )
+    water_temperature: WaterTemperature = Field(
+        written("25 degC"), description="temperature of the water"
+    )
+    contact: RollContact | None = Field(
+        None, description="contact with the rolls, on the wide faces; left out: none"
+    )
+    run_off: CoefficientOfTemperature | None = Field(
+        None,
+        description="coefficient of the water between a spray and the next roll, on the wide "
+        "faces; left out: none",
+        examples=["150 W/(m^2 K)"],
+    )
+    falls_off: Angle | None = Field(
+        None,
+        description="inclination to the vertical from which on water falls off the extrados rather "
+        "than run on to the next roll; left out: it never does",
+        examples=["60 deg"],
+    )
+    nozzle: tuple[NozzleModel, ...] = Field((), description="models of nozzles")
+    circuit: tuple[Circuit, ...] = Field((), description="circuits of water")
+
+    def model_of(self, circuit: Circuit) -> NozzleModel:
+        """Return the model of a circuit's nozzles, in a sound case."""
+        return next(model for model in self.nozzle if model.name == circuit.nozzle)
+
+    def rows(self, rolls: Rolls, thickness: float) -> tuple[Row, ...]:
+        """Return the rows of nozzles of a sound case, circuit by circuit.
+
+        Args:
+            rolls: Of the machine.
+            thickness: Of the section, m.
+        """
+        from castfem.machine.sprays import Row, footprint, gap_below
+
+        found = []
+        for circuit in self.circuit:
+            half = 0.5 * footprint(circuit.stand_off, self.model_of(circuit).angle_along)
+            for number in range(*circuit.rolls):
+                middle = gap_below(rolls, number, thickness).middle
+                found.append(Row(circuit.name, number, middle - half, middle + half))
+        return tuple(found)
+
+    def contacts(self, rolls: Rolls) -> tuple[tuple[float, float], ...]:
+        """Return where a wide face touches each roll, m from the meniscus."""
+        angle = 0.0 if self.contact is None else self.contact.angle
+        return tuple(
+            (pair.position - 0.25 * angle * pair.diameter,
+             pair.position + 0.25 * angle * pair.diameter)
+            for pair in rolls.pairs
+        )  # fmt: skip

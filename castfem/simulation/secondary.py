@@ -1,0 +1,261 @@
+"""From [secondary] to what cools each face at each place, and what changes it in time."""
+
+from __future__ import annotations
+
+import itertools
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.errors import InputError
+from castfem.machine.sprays import Kind, Row, Stretch, footprint, stretches
+from castfem.thermal.boundary import Cooling, Surface
+from castfem.thermal.flux_laws import Convection, Radiation, SurfaceLaw
+from castfem.thermal.spray_water import LITRES, RollShare, Share, SprayWater, water_across
+from castfem.values.tables import Table
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.case.secondary import Circuit
+    from castfem.machine import Machine
+    from castfem.machine.rolls import Rolls
+    from castfem.materials import Steel
+
+_SAME = 1e-9  # m, at which two faces meet something else
+
+
+def rows_of(case: Case) -> tuple[Row, ...]:
+    """Return the rows of nozzles of a sound case with [secondary], as it has them."""
+    rolls = None if case.machine is None else case.machine.pairs()
+    assert case.secondary is not None and rolls is not None
+    return case.secondary.rows(rolls, case.section.height)  # type: ignore[attr-defined]
+
+
+class SecondaryCooling:
+    """Cooling from roll to roll.
+
+    Args:
+        case: With [secondary], sound.
+        machine: What the slice passes, and when.
+        steel: Gives the emissivity where the case does not.
+        surface: Perimeter shares of the section's boundary groups.
+        start: Where it begins, from the meniscus, m.
+        rows: Of nozzles; by default those of the case (`castfem.machine.sprays.scale_water` changes
+            the water of some).
+
+    Attributes:
+        positions: Where something changes, from `start` on, m.
+        coolings: What holds from there on, as many.
+
+    Raises:
+        InputError: The steel has no emissivity, and the case gives none.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        machine: Machine,
+        steel: Steel,
+        surface: Surface,
+        start: float,
+        rows: tuple[Row, ...] | None = None,
+    ) -> None:
+        table, rolls = case.secondary, None if case.machine is None else case.machine.pairs()
+        assert table is not None and rolls is not None
+        self._table, self._machine = table, machine
+        self.positions: list[float]
+        self.coolings: list[Cooling]
+        self._radiation, self._run_off = self._radiates(steel), None
+        if table.run_off is not None:
+            self._run_off = Convection(table.run_off, table.water_temperature)
+        rows = rows_of(case) if rows is None else rows
+        circuits = {circuit.name: circuit for circuit in table.circuit}
+        self._flows = {name: self._flow(circuit) for name, circuit in circuits.items()}
+        contacts = table.contacts(rolls)
+        end = max(case.casting.length, contacts[-1][1] + 1.0)
+        faces = []
+        for name in surface.section.outer_groups:
+            wide = name.startswith("wide_face")
+            mine = tuple(
+                row for row in rows if any(name.startswith(n) for n in circuits[row.circuit].on)
+            )
+            touched = contacts if wide else tuple((p.position, p.position) for p in rolls.pairs)
+            runs = self._runs_on(wide, name.endswith("extrados"), rolls)
+            met = stretches(touched, mine, 0.0, end, gathers=runs)
+            tag = surface.section.groups.index(name)
+            faces.append(_Face(self, surface, tag, wide, met, mine, circuits))
+        places = [s.start for face in faces for s in face.stretches]
+        self.positions, self.coolings = [], []
+        for position in _apart([start, *(p for p in places if start < p < case.casting.length)]):
+            cooling = _cooling(surface, faces, position)
+            if not self.coolings or not _same(cooling, self.coolings[-1]):
+                self.positions.append(position)
+                self.coolings.append(cooling)
+
+    def _runs_on(self, wide: bool, below: bool, rolls: Rolls) -> Callable[[int], bool]:
+        """Whether water runs on from a spray to the next roll, by the roll above."""
+        table, inclination = self._table, self._machine.inclination
+        if not wide or table.run_off is None:
+            return lambda above: False
+        angle = table.falls_off
+        if not below or angle is None:
+            return lambda above: True
+        return lambda above: inclination(rolls.pairs[max(above - 1, 0)].position) < angle
+
+    def _radiates(self, steel: Steel) -> Radiation:
+        table = self._table
+        if table.emissivity is None and not steel.has("emissivity"):
+            raise InputError(
+                f"secondary: steel {steel.name} has no emissivity; give one, emissivity = 0.8"
+            )
+        emissivity = steel.emissivity if table.emissivity is None else table.emissivity
+        return Radiation(emissivity, table.ambient)
+
+    def _flow(self, circuit: Circuit) -> Callable[[float], float]:
+        """Water of a circuit over time, m3/s."""
+        flow, speed = circuit.flow, self._machine.speed
+        if not isinstance(flow, Table):
+            return lambda time: flow
+        if flow.over == "time":
+            return lambda time: flow(time)
+        return lambda time: flow(speed(time))
+
+    @property
+    def changes(self) -> list[float]:
+        """Instants at which water changes its slope in time, s."""
+        found: list[float] = []
+        for circuit in self._table.circuit:
+            flow = circuit.flow
+            if isinstance(flow, Table) and flow.over == "time":
+                found += flow.kinks
+            elif isinstance(flow, Table):
+                found += self._speeds_met(flow.arguments)
+        return found
+
+    def _speeds_met(self, speeds: tuple[float, ...]) -> list[float]:
+        """Instants at which the casting speed comes to given ones, m/s, between its kinks."""
+        times, found = self._machine.kinks, []
+        for before, after in itertools.pairwise(times):
+            begun, ended = self._machine.speed(before), self._machine.speed(after)
+            if begun == ended:
+                continue
+            shares = ((speed - begun) / (ended - begun) for speed in speeds)
+            found += [before + s * (after - before) for s in shares if 0.0 < s < 1.0]
+        return found
+
+    def roll_contact(
+        self, length: float, pitch: Sequence[tuple[float, tuple[SurfaceLaw, ...]]]
+    ) -> SurfaceLaw | None:
+        """Heat to a roll along a length of contact, m; None without contact.
+
+        Args:
+            length: Of contact, m.
+            pitch: Length, m, and laws of each other stretch of its pitch.
+        """
+        contact = self._table.contact
+        if contact is None:
+            return None
+        if contact.share is None:
+            assert contact.coefficient is not None and contact.temperature is not None
+            return Convection(contact.coefficient, contact.temperature)
+        along: dict[int, tuple[float, SurfaceLaw]] = {}
+        for part, laws in pitch:
+            for law in laws:
+                along[id(law)] = (along.get(id(law), (0.0, law))[0] + part, law)
+        return RollShare(contact.share, length, tuple(along.values()))
+
+    def open_laws(self, kind: Kind, water: SurfaceLaw | None) -> tuple[SurfaceLaw, ...]:
+        """The laws where the strand touches no roll."""
+        found: list[SurfaceLaw] = [self._radiation]
+        if kind == "run_off":
+            assert self._run_off is not None
+            found.append(self._run_off)
+        return tuple(found) if water is None else (*found, water)
+
+    def share(self, row: Row, circuit: Circuit, places: np.ndarray) -> Share:
+        """What a row adds to the water at places across its face (n,), m."""
+        model = self._table.model_of(circuit)
+        width = footprint(circuit.stand_off, model.angle)
+        each = LITRES * row.share / circuit.nozzles() / (row.end - row.start)
+        water = each * water_across(places, circuit.across, width, model.edge)
+        h = model.coefficient(self._table.water_temperature)
+        return Share(water, self._flows[row.circuit], circuit.largest_flow, h)
+
+    @property
+    def water_temperature(self) -> float:
+        """Of all water, K."""
+        return self._table.water_temperature
+
+
+class _Face:
+    """One boundary group on its way down the machine."""
+
+    def __init__(
+        self,
+        cooling: SecondaryCooling,
+        surface: Surface,
+        tag: int,
+        wide: bool,
+        met: tuple[Stretch, ...],
+        rows: tuple[Row, ...],
+        circuits: dict[str, Circuit],
+    ) -> None:
+        space, dofs = surface.section.vertex_space, surface.patch([tag]).dofs
+        places = space.tabulate_dof_coordinates()[dofs, 0 if wide else 1]
+        self.stretches, self.tag = met, tag
+        self._starts = [stretch.start for stretch in met]
+        shares = {
+            i: cooling.share(rows[i], circuits[rows[i].circuit], places)
+            for i in {i for stretch in met for i in stretch.rows}
+        }
+        self._laws: list[tuple[SurfaceLaw, ...]] = []
+        pitches: dict[int, list[tuple[float, tuple[SurfaceLaw, ...]]]] = {}
+        for stretch in met:
+            water = None
+            if stretch.rows:
+                water = SprayWater(
+                    tuple(shares[i] for i in stretch.rows), cooling.water_temperature
+                )
+            laws = () if stretch.kind == "contact" else cooling.open_laws(stretch.kind, water)
+            self._laws.append(laws)
+            if stretch.kind != "contact":
+                pitches.setdefault(stretch.gap, []).append((stretch.end - stretch.start, laws))
+        last = max(stretch.gap for stretch in met)
+        for i, stretch in enumerate(met):
+            if stretch.kind == "contact":
+                # The last roll has no pitch below it: it takes the share of the one above.
+                pitch = pitches[stretch.gap if stretch.gap < last else max(last - 1, 0)]
+                law = cooling.roll_contact(stretch.end - stretch.start, pitch)
+                self._laws[i] = () if law is None else (law,)
+
+    def laws_at(self, position: float) -> tuple[SurfaceLaw, ...]:
+        """The laws that hold from a position (m) on."""
+        return self._laws[max(bisect_right(self._starts, position + _SAME) - 1, 0)]
+
+
+def _cooling(surface: Surface, faces: Sequence[_Face], position: float) -> Cooling:
+    """What cools all faces from a position (m) on; a law that several have is asked once."""
+    tags: dict[int, tuple[SurfaceLaw, list[int]]] = {}
+    for face in faces:
+        for law in face.laws_at(position):
+            tags.setdefault(id(law), (law, []))[1].append(face.tag)
+    return Cooling([(surface.patch(those), law) for law, those in tags.values()], [])
+
+
+def _same(one: Cooling, other: Cooling) -> bool:
+    """Whether the same laws hold on the same faces."""
+    if len(one.laws) != len(other.laws):
+        return False
+    pairs = zip(one.laws, other.laws, strict=True)
+    return all(a is c and b is d for (a, b), (c, d) in pairs)
+
+
+def _apart(places: list[float]) -> list[float]:
+    """Places in order, those that are one but for rounding once."""
+    found: list[float] = []
+    for place in sorted(places):
+        if not found or place - found[-1] > _SAME:
+            found.append(place)
+    return found
