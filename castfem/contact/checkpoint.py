@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from castfem.contact.facets import Facets
 from castfem.contact.state import ContactState
-from castfem.contact.wall_contact import WallContact
 from castfem.values.types import Array
 
 BY_POINT = ("friction", "stress", "internal", "place", "normal", "gap", "pressure", "status",
@@ -18,12 +18,11 @@ class ContactArchive:
     Arrays are kept facet by facet, ordered by cell of the input mesh and place in the cell.
 
     Args:
-        contact: Whose states these are.
+        facets: Whose states these are (collective).
     """
 
-    def __init__(self, contact: WallContact) -> None:
-        self._comm, self._facets = contact.section.comm, contact.facets
-        mesh, facets = contact.section.mesh, contact.facets
+    def __init__(self, facets: Facets) -> None:
+        self._comm, self._facets, mesh = facets.section.comm, facets, facets.section.mesh
         original = np.asarray(mesh.topology.original_cell_index)
         own = original[facets.cells] * 4 + facets.local  # no cell has more than four sides
         every = np.sort(np.concatenate(self._comm.allgather(own)))

@@ -7,11 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from castfem.contact.friction import Friction
+from castfem.contact.interaction import ALWAYS
 from castfem.errors import InputError
 from castfem.mould.wall import Wall
+
+if TYPE_CHECKING:
+    from castfem.contact.interfaces import Motion, Solid
+    from castfem.contact.wall_contact import WallContact
+    from castfem.fem.section import Section
 
 METHODS = ("penalty", "nitsche")
 FACTOR = 10.0  # K_p over bulk modulus / height of the surface cells, see docs/contact.md
@@ -71,3 +77,29 @@ class Contact:
     def symmetric(self) -> bool:
         """Whether the tangent is, at small strain."""
         return self.method == "penalty" and self.friction is None
+
+    @property
+    def between(self) -> tuple[float, float]:
+        """See `SurfaceInteraction`: where there is a wall, the wall itself knows."""
+        return ALWAYS
+
+    @property
+    def holds(self) -> bool:
+        """See `SurfaceInteraction`."""
+        return True
+
+    @property
+    def holds_liquid(self) -> bool:
+        """See `SurfaceInteraction`."""
+        return True
+
+    @property
+    def rubs(self) -> bool:
+        """See `SurfaceInteraction`."""
+        return self.friction is not None
+
+    def build(self, section: Section, solid: Solid, motion: Motion) -> WallContact:
+        """See `SurfaceInteraction`."""
+        from castfem.contact.wall_contact import WallContact
+
+        return WallContact(section, self, solid, motion)

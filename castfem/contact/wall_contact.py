@@ -13,8 +13,10 @@ import ufl
 from dolfinx import fem
 
 from castfem.contact.average import SurfaceMean
+from castfem.contact.checkpoint import ContactArchive
 from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
+from castfem.contact.interaction import Interaction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
@@ -24,7 +26,7 @@ from castfem.fem import reductions
 from castfem.fem.section import Section
 from castfem.forms import contact as forms
 from castfem.forms import finite_strain
-from castfem.forms.mechanics import Direction, of_modes
+from castfem.forms.mechanics import Direction
 from castfem.values.types import Array, Flags
 
 # Columns of what the forms see.
@@ -34,7 +36,7 @@ RASTER = 2.0**-32  # of the section's size
 HOLDING_GAP = 1e-2  # of the height of surface cells: a wall farther away holds nothing
 
 
-class WallContact:
+class WallContact(Interaction):
     """Contact of a slice, one step at a time.
 
     Args:
@@ -54,12 +56,13 @@ class WallContact:
         InputError: If a group does not exist.
     """
 
+    name = "contact"
+
     def __init__(self, section: Section, contact: Contact, solid: Solid, motion: Motion) -> None:
-        tags = section.required(contact.on)
-        self.section, self.contact = section, contact
-        self._solid, self._motion = solid, motion
+        super().__init__(section, motion, contact.on)
+        self.contact, self._solid = contact, solid
         self.symmetric = contact.symmetric
-        self.facets = facets = Facets(section, tags, contact.points)
+        self.facets = facets = Facets(section, self.tags, contact.points)
         space, mesh = motion.u.function_space, section.mesh
         trial = ufl.TrialFunction(space)
         self._moves = facets.operator(trial, space)
@@ -78,7 +81,6 @@ class WallContact:
         )
         # One for all points: uniform pressure is then a uniform penetration (patch test).
         self._height = area / length
-        self._mode_work: fem.Form | None = None
         self.now: ContactEvaluation | None = None
 
     def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
@@ -98,13 +100,13 @@ class WallContact:
     # What the mechanical problem compiles.
 
     def virtual_work(self, virtual: Direction) -> ufl.Form:
-        """Work of the wall on a virtual motion."""
+        """See `Interaction`."""
         return forms.virtual_work(
             self._action, self._surface, virtual, self._travel, self.facets.measure
         )
 
     def tangent(self, by: Direction, virtual: Direction) -> ufl.Form:
-        """Its derivative along a motion."""
+        """See `Interaction`."""
         return forms.stiffness(
             self._action, self._surface, by, virtual, self._travel, self.facets.measure
         )
@@ -121,23 +123,6 @@ class WallContact:
             by_strain=_part(f, BY_STRAIN) if nitsche else None,
             by_turn=f[BY_TURN] if nitsche and self._large else None,
         )
-
-    def work_on(self, directions: Array) -> Array:
-        """Work of the wall on directions (4, k) of the generalized strains.
-
-        That of the friction on the strand so far is taken off.
-        """
-        if not directions.shape[1]:
-            return np.zeros(0)
-        if self._mode_work is None:
-            form = self.virtual_work(of_modes(self._motion.one, self.section.mesh))
-            self._mode_work = self.section.compile("contact.mode_work", form)
-        work = np.zeros(directions.shape[1])
-        for i, direction in enumerate(directions.T):
-            self._motion.one.value[:] = direction
-            work[i] = fem.assemble_scalar(self._mode_work)
-        resistance = directions[:3].T @ self._old.withdrawal_resistance
-        return reductions.totals(self.section.comm, work) - resistance
 
     # A step.
 
@@ -161,15 +146,7 @@ class WallContact:
     def begin(
         self, old: ContactState, start: float, end: float, before: Array, after: Array
     ) -> None:
-        """Prepare a step.
-
-        Args:
-            old: Committed state.
-            start: Of the step, s.
-            end: Of the step, s.
-            before: Temperatures of the owned vertices at its start, K.
-            after: At its end, K.
-        """
+        """See `Interaction`."""
         contact, solid = self.contact, self._solid
         self._old, self._dt = old, end - start
         self._kept_closed: Flags = np.zeros(self.facets.count, dtype=bool)
@@ -188,6 +165,10 @@ class WallContact:
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
         if self._stress is not None:
             self._stress.begin(old, *self.liquid.of_stress(), self._dt, solid)
+
+    def refusal(self) -> str:
+        """See `Interaction`: a breakout."""
+        return self.liquid.breakout()
 
     def evaluate(self) -> float:
         """Meet the wall with the displacement and the generalized strains the fields hold.
@@ -326,7 +307,11 @@ class WallContact:
             self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 
-    def kink(self, base: ContactEvaluation) -> float:
+    def evaluated(self) -> ContactEvaluation | None:
+        """See `Interaction`."""
+        return self.now
+
+    def kink(self, base: ContactEvaluation | None) -> float:
         """How far the pressure is from what its tangent at `base` foresaw for the motion since (N).
 
         Friction is left out: a surface that turns round against it has gone too far.
@@ -336,6 +321,8 @@ class WallContact:
             times m (collective).
         """
         now = self.now
+        if base is None:
+            return 0.0
         assert now is not None
         moved = np.einsum("ni,ni->n", base.coefficients[:, NORMAL], now.place - base.place)
         foreseen = base.pressure + base.coefficients[:, STIFFNESS] * moved
@@ -346,6 +333,26 @@ class WallContact:
         return reductions.total(
             self.section.comm, float(weights @ (moved * (now.pressure - foreseen)))
         )
+
+    def strain_by_pressure(
+        self, state: ContactState, temperature: Array
+    ) -> tuple[Array, Array] | None:
+        """See `Interaction`."""
+        elasticity = self._solid.law.elasticity
+        at = np.minimum(self.at_vertices @ temperature, elasticity.solidity.solidus)
+        return np.asarray(state.pressure / (3.0 * elasticity.moduli(at)[1])), state.place
+
+    @cached_property
+    def _archive(self) -> ContactArchive:
+        return ContactArchive(self.facets)
+
+    def arrays(self, state: ContactState) -> dict[str, Array | None]:
+        """See `Interaction`."""
+        return self._archive.arrays(state)
+
+    def restored(self, arrays: dict[str, Array]) -> ContactState:
+        """See `Interaction`."""
+        return self._archive.state(arrays, self.initial())
 
     @cached_property
     def mean(self) -> SurfaceMean:

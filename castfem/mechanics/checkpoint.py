@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from dolfinx import fem
 
-from castfem.contact.checkpoint import ContactArchive
-from castfem.contact.state import ContactState
 from castfem.fem import dof_values, reductions
 from castfem.mechanics.planes import STRAIGHT, Bending
 from castfem.mechanics.problem import MechanicalProblem
@@ -33,8 +31,6 @@ class Archive:
         self._cellwise = Cellwise(problem.section)
         cells = len(self._cellwise.cells)
         self._nodes = np.asarray(problem.space.dofmap.list)[:cells]
-        touching = problem.contact
-        self._contact = None if touching is None else ContactArchive(touching)
 
     def arrays(self, state: MechanicalState) -> dict[str, Array | None]:
         """The arrays of `state`, whole on rank 0, None elsewhere (collective)."""
@@ -55,9 +51,7 @@ class Archive:
             parts["pressure"] = state.pressure.reshape(cells, self._points_in_cell("mean"))
         found = {name: self._cellwise.gather(values) for name, values in parts.items()}
         found["mechanical_temperature"] = self.problem.section.gather(state.temperature)
-        if self._contact is not None and state.contact is not None:
-            found |= self._contact.arrays(state.contact)
-        return found
+        return found | self.problem.interactions.arrays(state.interactions)
 
     def _points_in_cell(self, rule: str) -> int:
         return len(getattr(self.problem.points, rule).points)
@@ -97,14 +91,9 @@ class Archive:
             stress=self._by_point("stress", arrays),
             internal=self._by_point("internal", arrays),
             pressure=arrays["pressure"][cells].ravel() if "pressure" in arrays else np.zeros(0),
-            contact=self._touching(arrays),
+            interactions=self.problem.interactions.restored(arrays),
             bending=Bending(**description.get("bending", {})),
         )
-
-    def _touching(self, arrays: dict[str, Array]) -> ContactState | None:
-        if self._contact is None or self.problem.contact is None:
-            return None
-        return self._contact.state(arrays, self.problem.contact.initial())
 
     def _by_node(self, of_cells: Array) -> Array:
         """Values of this rank's nodes, ghosts included, from those of its cells' nodes."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from castfem.constitutive.base import Law
-from castfem.contact.settings import Contact
+from castfem.contact.interaction import SurfaceInteraction
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, Planes
 from castfem.mechanics.quadrature import Integration
@@ -29,7 +29,7 @@ class Slice:
         large_strain: Objective update on the deformed slice.
         pin: Hold by points, or springs, the rigid motions that symmetry and held leave.
         integration: Quadrature rules; the usual ones if None.
-        contact: With a rigid wall; None for none.
+        interactions: What acts on its surface: a mould's wall, rolls.
         liquid: "fed" from above, so that it carries its pressure alone; or "elastic", a body of its
             own stiffness.
     """
@@ -43,5 +43,5 @@ class Slice:
     large_strain: bool = False
     pin: bool = True
     integration: Integration | None = None
-    contact: Contact | None = None
+    interactions: tuple[SurfaceInteraction, ...] = ()
     liquid: Literal["fed", "elastic"] = "elastic"

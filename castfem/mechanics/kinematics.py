@@ -14,10 +14,10 @@ import ufl
 from dolfinx import fem
 
 from castfem.constitutive.base import Response
-from castfem.contact.wall_contact import WallContact
 from castfem.fem.dolfinx_compat import Tabulation
 from castfem.fem.section import Section
 from castfem.forms import finite_strain, mechanics
+from castfem.mechanics.interactions import Interactions
 from castfem.mechanics.quadrature import Points
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.mechanics.volume import VolumeStiffness
@@ -168,19 +168,18 @@ class Terms:
     row: ufl.Form | None
     corner: ufl.Form | None
 
-    def touching(self, contact: WallContact | None, directions: Directions) -> Terms:
-        """Add what a wall does; its work along the generalized strains is the wall's own affair."""
-        if contact is None:
-            return self
+    def touching(self, interactions: Interactions, directions: Directions) -> Terms:
+        """Add what acts on the surface; its work on the generalized strains is its own affair."""
         nodal, moved, one, other = directions.all
-        self.work += contact.virtual_work(nodal)
-        self.matrix += contact.tangent(moved, nodal)
-        if self.column is not None:
-            self.column += contact.tangent(one, nodal)
-        if self.row is not None:
-            self.row += contact.tangent(nodal, one)
-        if self.corner is not None:
-            self.corner += contact.tangent(other, one)
+        for acting in interactions:
+            self.work += acting.virtual_work(nodal)
+            self.matrix += acting.tangent(moved, nodal)
+            if self.column is not None:
+                self.column += acting.tangent(one, nodal)
+            if self.row is not None:
+                self.row += acting.tangent(nodal, one)
+            if self.corner is not None:
+                self.corner += acting.tangent(other, one)
         return self
 
     def compiled(self, section: Section) -> Forms:
@@ -261,7 +260,7 @@ class Kinematics(ABC):
         fields: What the forms see.
         loads: On its surface.
         modes: Whether any generalized strain is free.
-        contact: With a wall; None without one.
+        interactions: What acts on its surface.
 
     Attributes:
         forms: Compiled. symmetric: Whether the tangent is, if that of the law is.
@@ -280,22 +279,22 @@ class Kinematics(ABC):
         fields: Fields,
         loads: SurfaceLoads,
         modes: bool,
-        contact: WallContact | None = None,
+        interactions: Interactions,
         symmetric: bool = True,
     ) -> None:
         self._points, self._fields = points, fields
         self._symmetric = symmetric
-        self._prepare(section, contact)
+        self._prepare(section, interactions)
         weights = points.mean.volume.reshape(points.linear.values.shape[:2])
         self.volume = VolumeStiffness(
             fields.u.function_space, points.linear, weights, self._rates, self.constant
         )
         directions = Directions.of(fields, section.mesh)
         terms = self._terms(section, loads, modes, directions)
-        self.forms = terms.touching(contact, directions).compiled(section)
+        self.forms = terms.touching(interactions, directions).compiled(section)
 
     @abstractmethod
-    def _prepare(self, section: Section, contact: WallContact | None) -> None:
+    def _prepare(self, section: Section, interactions: Interactions) -> None:
         """Set up what forms and increments need."""
 
     @abstractmethod
@@ -322,8 +321,8 @@ class SmallStrain(Kinematics):
 
     constant = True
 
-    def _prepare(self, section: Section, contact: WallContact | None) -> None:
-        self.symmetric = self._symmetric and (contact is None or contact.symmetric)
+    def _prepare(self, section: Section, interactions: Interactions) -> None:
+        self.symmetric = self._symmetric and interactions.symmetric
         x, y = self._points.position.T
         # Strain of each generalized strain at the points, rows [xx, yy, zz, xy] that are not 0.
         self._thickness = np.column_stack([np.ones_like(x), x, y])
@@ -375,7 +374,7 @@ class LargeStrain(Kinematics):
 
     constant = False
 
-    def _prepare(self, section: Section, contact: WallContact | None) -> None:
+    def _prepare(self, section: Section, interactions: Interactions) -> None:
         self.symmetric = False
         points, fields, mesh = self._points, self._fields, section.mesh
         self._now = finite_strain.deformation(fields.u, fields.modes, section.mesh)

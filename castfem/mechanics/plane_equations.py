@@ -10,9 +10,9 @@ from collections.abc import Callable
 import numpy as np
 from dolfinx import fem
 
-from castfem.contact.wall_contact import WallContact
 from castfem.fem import reductions
 from castfem.fem.bordered_system import BorderedSystem
+from castfem.mechanics.interactions import Interactions
 from castfem.mechanics.kinematics import Fields, Kinematics
 from castfem.mechanics.planes import Planes, ScaledPlanes
 from castfem.mechanics.scaling import Scales
@@ -35,7 +35,7 @@ class PlaneEquations:
         planes: What constrains and loads the planes.
         fields: Displacement and generalized strains as the forms see them.
         kinematics: Has the compiled forms.
-        contact: With a wall, or None.
+        interactions: What acts on the surface.
         scales: Sizes of the slice.
     """
 
@@ -44,11 +44,11 @@ class PlaneEquations:
         planes: Planes,
         fields: Fields,
         kinematics: Kinematics,
-        contact: WallContact | None,
+        interactions: Interactions,
         scales: Scales,
     ) -> None:
         self._planes, self._fields, self._kinematics = planes, fields, kinematics
-        self._contact, self._scales = contact, scales
+        self._interactions, self._scales = interactions, scales
         self._comm, self._drag = scales.comm, 0.0
 
     def begin(self, old: MechanicalState, time: float) -> None:
@@ -71,8 +71,7 @@ class PlaneEquations:
     def balance(self, scalars: Array) -> Array:
         """Residual along the test directions at these scaled scalars (free,), N/m."""
         found = self.work_on(self.motions.test_directions) - self.motions.load
-        if self._contact is not None:
-            found += self._contact.work_on(self.motions.test_directions)
+        found += self._interactions.work_on(self.motions.test_directions)
         return np.asarray(found + self._drag * (scalars - self._from))
 
     def fill(

@@ -21,6 +21,7 @@ from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult
 from castfem.mechanics.convergence import Criteria
 from castfem.mechanics.definition import Slice
+from castfem.mechanics.interactions import Interactions
 from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
 from castfem.mechanics.line_search import step_share
 from castfem.mechanics.liquid import FedLiquid
@@ -58,7 +59,7 @@ class MechanicalProblem:
 
     Attributes:
         space: Space of the displacement. points: Quadrature points. scales: Sizes.
-        contact: Contact with the wall, or None.
+        interactions: What acts on the surface.
         owned: This rank's own displacement unknowns. free: Free motions of the planes.
         liquid: Where the liquid is fed; None where it is an elastic body.
         planes: Equations of the planes' free motions.
@@ -104,18 +105,16 @@ class MechanicalProblem:
         self.fields = Fields.on(section, self.space, self.points, pressed)
         held_outside = slice_.ferrostatic is not None and slice_.ferrostatic.outside == "held"
         self._loads = SurfaceLoads.on(section, list(slice_.loads), held_outside)
-        self.contact: WallContact | None = None
-        if slice_.contact is not None:
-            self.contact = WallContact(section, slice_.contact, slice_, self.fields)
+        self.interactions = Interactions(section, slice_.interactions, slice_, self.fields)
         kind = LargeStrain if slice_.large_strain else SmallStrain
         self.kinematics = kind(
-            section, self.points, self.fields, self._loads, self.free > 0, self.contact,
+            section, self.points, self.fields, self._loads, self.free > 0, self.interactions,
             slice_.law.symmetric,
         )  # fmt: skip
         held = [*symmetry_supports(section.groups), *slice_.held]
         self.constraints = Constraints(section, self.space, held, slice_.pin, springs)
         self.planes = PlaneEquations(
-            slice_.planes, self.fields, self.kinematics, self.contact, self.scales
+            slice_.planes, self.fields, self.kinematics, self.interactions, self.scales
         )
         self.liquid: FedLiquid | None = None
         if slice_.liquid == "fed":
@@ -138,6 +137,11 @@ class MechanicalProblem:
         )
         self.bordered.use_with(self.solver.snes.getKSP())
         vector.destroy()
+
+    @property
+    def contact(self) -> WallContact | None:
+        """Contact with the wall of a mould; None without one."""
+        return self.interactions.wall
 
     def at_points(self, temperature: Array) -> Array:
         """Temperatures at the points from those of the owned vertices."""
@@ -167,9 +171,7 @@ class MechanicalProblem:
                 pressure = slice_.ferrostatic.pressure(temperature, time)
                 liquid.x.array[: self.section.owned] = pressure
                 liquid.x.scatter_forward()
-        if self.contact is not None:
-            assert old.contact is not None
-            self.contact.begin(old.contact, old.time, time, old.temperature, temperature)
+        self.interactions.begin(old, time, temperature)
         self._loads.set(time)
         self.constraints.set(time, self._target)
         if self.liquid is not None:
@@ -211,13 +213,11 @@ class MechanicalProblem:
         While the material is far from where it will be, contacts that are free to open and close
         chatter.  Returns the iterations this took; if it leads nowhere, the start stays.
         """
-        if self.contact is None or self.old.contact is None:
-            return 0
-        if not self.contact.hold(True):
+        if not self.interactions.hold(True):
             return 0
         self.residual_state, self._slack = None, NEAR
         result = self.solver.solve()
-        self.contact.hold(False)
+        self.interactions.hold(False)
         self.residual_state, self._slack = None, 1.0
         if not result.converged:
             self.solver.x.setArray(start)
@@ -278,9 +278,9 @@ class MechanicalProblem:
                 internal = self.slice.law.turned(internal, angle)
             self._material.integrate(strain, stress_old, internal)
         noise = 0.0
-        if self.contact is not None:
+        if self.interactions:
             with self.watch.section("contact"):
-                noise = self.contact.evaluate()
+                noise = self.interactions.evaluate()
         parts = *fields.take_stress(points, response), self.pressure
         with self.watch.section("assembly"):
             forces = self._assemble(self.kinematics.forms.work).copy()
@@ -330,18 +330,16 @@ class MechanicalProblem:
             return False  # supports must get to where they belong first
 
         first, before = self._along(local, step)
-        base = None if self.contact is None else self.contact.now
+        base = self.interactions.evaluated()
 
         def work(share: float) -> float:
             found, left = self._along(local - share * step, step)
             if share == 1.0 and left < NEARLY * before:
                 return 0.0
-            if self.contact is None or base is None or share < 1.0:
-                return found
-            if self.solver.snes.getIterationNumber() >= PATIENCE:
+            if share < 1.0 or self.solver.snes.getIterationNumber() >= PATIENCE:
                 return found
             # Points that come into contact make a kink, no overshoot: full steps find them.
-            return found + self.contact.kink(base)
+            return found + self.interactions.kink(base)
 
         share = step_share(first, work)
         if share < 1.0:

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from castfem.contact.interaction import InteractionState
 from castfem.contact.state import ContactState
 from castfem.mechanics.planes import STRAIGHT, Bending
 from castfem.values.types import Array
@@ -29,7 +32,7 @@ class MechanicalState:
             own rule alone, the deviator at those of the other.
         internal: What the law remembers (points, states).
         pressure: Ferrostatic pressure at the points of the mean stress, Pa; empty without one.
-        contact: Contact with a wall; None without one.
+        interactions: State of each of the slice's interactions.
         bending: By the machine's curvature; all zero in a strand that goes straight down.
     """
 
@@ -44,8 +47,18 @@ class MechanicalState:
     stress: Array
     internal: Array
     pressure: Array
-    contact: ContactState | None = None
+    interactions: tuple[InteractionState, ...] = ()
     bending: Bending = STRAIGHT
+
+    @property
+    def contact(self) -> ContactState | None:
+        """Contact with a wall; None without one."""
+        return next((one for one in self.interactions if isinstance(one, ContactState)), None)
+
+    @property
+    def withdrawal_resistance(self) -> Array:
+        """Axial force of all friction on the strand so far, N, and its moments, N m, (3,)."""
+        return sum((one.withdrawal_resistance for one in self.interactions), np.zeros(3))
 
 
 @dataclass(frozen=True, slots=True)

@@ -34,7 +34,9 @@ class MechanicalStepper:
         self._validity: Validity | None = None
         if judge:
             law, large = problem.slice.law, problem.slice.large_strain
-            self._validity = Validity(problem.points, problem.fields, law, large, problem.contact)
+            self._validity = Validity(
+                problem.points, problem.fields, law, large, problem.interactions
+            )
 
     def initial(self, time: float, temperature: Array) -> MechanicalState:
         """Undeformed and free of stress at temperatures of the owned vertices (owned,), K."""
@@ -54,7 +56,7 @@ class MechanicalStepper:
             stress=np.zeros((points, 4)),
             internal=law.initial_state(points),
             pressure=np.zeros(0),
-            contact=None if problem.contact is None else problem.contact.initial(),
+            interactions=problem.interactions.initial(),
             bending=problem.slice.planes.initial_bending(time),
         )
 
@@ -62,7 +64,7 @@ class MechanicalStepper:
         """Advance `old` to `time` (s) and to `temperature` (owned,), K; `old` is left untouched."""
         problem = self.problem
         problem.begin(old, time, temperature)
-        if problem.contact is not None and (reason := problem.contact.liquid.breakout()):
+        if reason := problem.interactions.refusal():
             return replace(self._failed(old, 0, reason, time, temperature), refused=True)
         result = problem.solve(self._guesses(old))
         newton = result.iterations
@@ -123,7 +125,7 @@ class MechanicalStepper:
             stress=problem.response.stress.copy(),
             internal=problem.response.state.copy(),
             pressure=problem.pressure,
-            contact=None if problem.contact is None else problem.contact.state(),
+            interactions=problem.interactions.states(),
             bending=problem.slice.planes.bending_after(
                 old.bending, time, self._moment, residual_state.modes - old.modes
             ),

@@ -27,7 +27,7 @@ from castfem.mechanics.state import MechanicalState
 from castfem.values.types import Array, Flags
 
 if TYPE_CHECKING:
-    from castfem.contact.wall_contact import WallContact
+    from castfem.mechanics.interactions import Interactions
     from castfem.mechanics.kinematics import Fields
     from castfem.mechanics.quadrature import Points
 
@@ -90,7 +90,7 @@ class Validity:
         fields: Displacement and generalized strains as the forms see them.
         law: Of the material.
         large: Whether strain is large.
-        contact: With a wall, or None.
+        interactions: What acts on the surface.
     """
 
     def __init__(
@@ -99,9 +99,10 @@ class Validity:
         fields: Fields,
         law: Law,
         large: bool,
-        contact: WallContact | None = None,
+        interactions: Interactions,
     ) -> None:
-        self._points, self._law, self._large, self._contact = points, law, large, contact
+        self._points, self._law, self._large = points, law, large
+        self._interactions = interactions
         self._limits = LARGE if large else SMALL
         if not (large or law.elasticity.solidity.memory):
             self._limits = replace(SMALL, rotation=TURNED)
@@ -190,19 +191,17 @@ class Validity:
         told = f"its mean stress alone strains the shell by {{0:.3g}} (at most {COMPRESSED:g})"
         squeezed = self._squeezed(state, temperature, mean)
         found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, told))
-        if self._contact is not None and state.contact is not None:
-            told = f"the wall's pressure alone strains it by {{0:.3g}} (at most {COMPRESSED:g})"
-            pressed = self._pressed(self._contact, state)
-            found.append(Judged(pressed, state.contact.place, COMPRESSED, told))
-        return found
+        return found + self._pressed(state)
 
-    def _pressed(self, contact: WallContact, state: MechanicalState) -> Array:
-        """Elastic strain along each axis that contact pressure would make of a mean stress."""
-        assert state.contact is not None
+    def _pressed(self, state: MechanicalState) -> list[Judged]:
+        """Elastic strain along each axis that pressure on the surface would make."""
+        if not self._interactions:
+            return []
         local = dof_values.with_ghosts(self._points.section.vertex_space, state.temperature)
-        elasticity = self._law.elasticity
-        at = np.minimum(contact.at_vertices @ local, elasticity.solidity.solidus)
-        return np.asarray(state.contact.pressure / (3.0 * elasticity.moduli(at)[1]))
+        told = f"the wall's pressure alone strains it by {{0:.3g}} (at most {COMPRESSED:g})"
+        pairs = self._interactions.with_states(state.interactions)
+        found = [one.strain_by_pressure(its, local) for one, its in pairs]
+        return [Judged(*one, COMPRESSED, told) for one in found if one is not None]
 
     def _bulges(self, place: Array, moved: Array) -> list[Judged]:
         """How far points of the shell, or of all that is, move apart, over the section's size.

@@ -50,8 +50,8 @@ class MechanicalSampler:
             name: -np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
             for name, (start, end) in probes.lines.items()
         }
-        touching = self.problem.contact
-        self._gap = None if touching is None else SurfaceGap(touching, self.problem.points)
+        wall = self._wall = self.problem.contact
+        self._gap = None if wall is None else SurfaceGap(wall, self.problem.points)
         self._starts: sparse.csr_matrix | None = None
 
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalSample:
@@ -67,10 +67,10 @@ class MechanicalSampler:
         )
         starts = self.probes.starts(np.column_stack(fields))
         moved = {n: float(outward @ starts[n][:2]) for n, outward in self._outward.items()}
-        touching, contact = self.problem.contact, None
+        contact = None
         gap = {n: float(values[3]) for n, values in starts.items() if len(values) > 3}
-        if touching is not None and state.contact is not None:
-            contact = summary(touching, state.contact, state.modes)
+        if self._wall is not None and state.contact is not None:
+            contact = summary(self._wall, state.contact, state.modes)
         return MechanicalSample(
             newton=0 if result is None else result.newton,
             flowing=0.0 if result is None else result.flowing,
@@ -82,9 +82,7 @@ class MechanicalSampler:
             strain=float(state.modes[0]),
             balance=None if result is None else result.balance,
             load=float(self.problem.slice.planes.load(state.time)[0]),
-            withdrawal_resistance=0.0
-            if state.contact is None
-            else float(state.contact.withdrawal_resistance[0]),
+            withdrawal_resistance=float(state.withdrawal_resistance[0]),
             contact=contact,
             gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
             pressure=self._pressed(state),
@@ -137,9 +135,9 @@ class MechanicalSampler:
 
     def _pressed(self, state: MechanicalState) -> dict[str, float]:
         """Contact pressure around the start of each probe, Pa; empty without a mould."""
-        if self.problem.contact is None or state.contact is None:
+        if self._wall is None or state.contact is None:
             return {}
-        mean = self.problem.contact.mean
+        mean = self._wall.mean
         if self._starts is None:
             starts = np.array([start for start, _ in self.probes.lines.values()]).reshape(-1, 2)
             self._starts = mean.around(starts)

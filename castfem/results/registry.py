@@ -42,7 +42,10 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
         simulation.mechanics is not None and simulation.mechanics.problem.slice.law.data is not None
     ),
     "mould": lambda simulation: simulation.case.mould is not None,
-    "friction": lambda simulation: _has_friction(simulation),
+    "friction": lambda simulation: (
+        simulation.mechanics is not None
+        and any(one.rubs for one in simulation.mechanics.problem.slice.interactions)
+    ),
     "machine": lambda simulation: simulation.case.machine is not None,
     "quality": lambda simulation: simulation.case.quality is not None,
     "bending": lambda simulation: simulation.mechanics is not None and simulation.case.bends,
@@ -52,12 +55,6 @@ _MODULES = tuple(
 )
 _APART = {"castfem.results.quality_quantities": "quality"}
 """Modules that a simulation without what they need does not load, and what that is."""
-
-
-def _has_friction(simulation: Simulation) -> bool:
-    mechanics = simulation.mechanics
-    contact = None if mechanics is None else mechanics.problem.slice.contact
-    return contact is not None and contact.friction is not None
 
 
 @dataclass(frozen=True, slots=True)

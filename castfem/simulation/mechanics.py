@@ -11,6 +11,7 @@ from castfem.case import mechanics as given
 from castfem.case.bending import axis_position
 from castfem.case.build_mould import build_mould
 from castfem.case.machine import thickness_of
+from castfem.contact.interaction import SurfaceInteraction
 from castfem.contact.settings import Contact
 from castfem.errors import InputError
 from castfem.fem.section import Section
@@ -53,13 +54,14 @@ def build_mechanics(
     table = case.mechanics
     if table is None:
         return None
+    slice_ = make_slice(case, table, machine, steel, section)
     problem = MechanicalProblem(
         section,
-        make_slice(case, table, machine, steel, section),
+        slice_,
         table.solver,
         tolerance=table.tolerance,
         watch=watch,
-        springs=None if case.mould is None else SPRING,
+        springs=SPRING if any(one.holds for one in slice_.interactions) else None,
     )
     _check_across(problem)
     return MechanicalStepper(problem)
@@ -81,24 +83,26 @@ def make_slice(
     case: Case, table: given.Mechanics, machine: Machine, steel: Steel, section: Section
 ) -> Slice:
     """What the slice of `case` is made of and how it is held."""
+    interactions = _interactions(case, machine, section)
+    held = any(one.holds_liquid for one in interactions)
     return Slice(
         law=build_law(table, steel),
         thermal_strain=steel.thermal_strain,
         planes=_planes(case, table.planes, machine, section),
         held=tuple(_held(one) for one in table.held),
-        ferrostatic=_ferrostatic(case, table, machine, steel),
-        contact=_contact(case, machine, section),
+        ferrostatic=_ferrostatic(table, machine, steel, "free" if held else "held"),
+        interactions=interactions,
         large_strain=table.strain == "large",
         liquid=table.liquid,
     )
 
 
-def _contact(case: Case, machine: Machine, section: Section) -> Contact | None:
-    """Contact of the whole surface with the mould; None where the mould is idealised."""
+def _interactions(case: Case, machine: Machine, section: Section) -> tuple[SurfaceInteraction, ...]:
+    """What acts on the surface: the mould, unless it is idealised."""
     if case.mould is None:
-        return None
+        return ()
     table = case.mould
-    return Contact(
+    mould = Contact(
         wall=build_mould(table, case.section),
         on=section.outer_groups,
         position=machine.position,
@@ -106,6 +110,7 @@ def _contact(case: Case, machine: Machine, section: Section) -> Contact | None:
         factor=table.contact.factor,
         friction=table.friction.build(),
     )
+    return (mould,)
 
 
 def _shared(value: float | Table, machine: Machine, parts: int) -> TimeHistory:
@@ -167,12 +172,13 @@ def _everywhere(history: TimeHistory) -> Callable[[Array, float], Array]:
 
 
 def _ferrostatic(
-    case: Case, table: given.Mechanics, machine: Machine, steel: Steel
+    table: given.Mechanics, machine: Machine, steel: Steel, outside: Literal["held", "free"]
 ) -> Ferrostatic | None:
-    """Pressure of the liquid; None if it is left out."""
+    """Pressure of the liquid; None if it is left out.
+
+    Where no wall holds the liquid at the surface by contact it is held from `outside`.
+    """
     if table.ferrostatic == "off":
         return None
     density = float(steel.density(steel.liquidus + HOTTER))
-    # A real mould holds the liquid by contact; the idealised one touches nothing.
-    outside: Literal["held", "free"] = "held" if case.mould is None else "free"
     return Ferrostatic(machine.head(density), steel.solid_fraction, table.ferrostatic, outside)

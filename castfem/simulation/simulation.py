@@ -127,6 +127,9 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
     stepping = case.thermal.time
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
     milestones = _milestones(case, machine, zones)
+    if mechanics is not None:
+        ends = (end for one in mechanics.problem.slice.interactions for end in one.between)
+        milestones += [machine.time_at(end) for end in ends if 0.0 < end < np.inf]
     if mechanics is None:
         control = thermal = step_control(case, milestones)
     else:
@@ -178,10 +181,10 @@ def _coupling(
     gap, given = None, case.coupling
     window = given.interval
     duration = machine.window_time(window.length) if isinstance(window, Way) else window
-    if mechanics.problem.contact is not None:
+    if (wall := mechanics.problem.contact) is not None:
         from castfem.mechanics.surface_gap import SurfaceGap
 
-        gap = SurfaceGap(mechanics.problem.contact, mechanics.problem.points)
+        gap = SurfaceGap(wall, mechanics.problem.points)
     return StaggeredCoupling(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
         duration, given.passes, given.settled, given.order,

@@ -72,7 +72,7 @@ def tapered_block(
     return setups.SliceSetup(
         mesh,
         law=setups.elastic(40e9 / stress, 0.3),
-        given={"planes": PLANE_STRAIN, "contact": contact},
+        given={"planes": PLANE_STRAIN, "interactions": (contact,)},
         options=options or {},
     )
 
@@ -130,7 +130,7 @@ def dragged_block(
                 Traction(("left",), lambda t: (0.0, -shear(t))),
             ),
             "pin": False,
-            "contact": contact,
+            "interactions": (contact,),
         },
         tolerance=1e-10,
     )

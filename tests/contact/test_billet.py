@@ -30,7 +30,7 @@ def cast(comm: MPI.Comm, taper: float, cell: str = "quadrilateral", **given: Any
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(taper, 0.6)))
     slice_ = given.pop("slice", {})
     contact = Contact(mould, ("wide", "narrow", "corner"), lambda t: SPEED * t, **given)
-    return CastSetup(mesh, comm, contact=contact, **slice_)
+    return CastSetup(mesh, comm, interactions=(contact,), **slice_)
 
 
 @pytest.mark.mpi
@@ -51,9 +51,7 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
     for setup in (alone, together):
         contact, state = setup.problem.contact, setup.state.contact
         assert contact is not None and state is not None
-        states.append(
-            (ContactArchive(contact).arrays(state), summary(contact, state, setup.state.modes))
-        )
+        states.append((contact.arrays(state), summary(contact, state, setup.state.modes)))
     (one, first), (many, second) = states
     for name in ("force", "axial", "length", "pressure"):
         assert getattr(second, name) == pytest.approx(getattr(first, name), rel=1e-6)
@@ -72,7 +70,7 @@ def test_archive_gives_the_state_back() -> None:
     setup = cast(MPI.COMM_WORLD, 0.01, method="nitsche", friction=Coulomb(0.2)).advance(0.5, 0.25)
     contact, state = setup.problem.contact, setup.state.contact
     assert contact is not None and state is not None
-    archive = ContactArchive(contact)
+    archive = ContactArchive(contact.facets)
     arrays = {k: MPI.COMM_WORLD.bcast(v) for k, v in archive.arrays(state).items()}
     back = archive.state(arrays, contact.initial())
     for name in (

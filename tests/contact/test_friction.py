@@ -107,7 +107,7 @@ def pulled_block(
             "held": (PrescribedDisplacement(("left",), 0),),
             "loads": (SurfacePressure(("top",), lambda t: PRESSURE),),
             "pin": False,
-            "contact": contact,
+            "interactions": (contact,),
             "large_strain": large,
         },
         tolerance=1e-10,

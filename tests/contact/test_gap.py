@@ -59,7 +59,7 @@ def shrinking_block(method: str, cell: str, large: bool) -> SliceSetup:
         start=1000.0,
         given={
             "planes": PlainPlanes(("a0",)),
-            "contact": contact,
+            "interactions": (contact,),
             "large_strain": large,
         },
     )
@@ -106,7 +106,7 @@ def test_wall_is_as_stiff_when_the_surface_freezes(method: str, below: float) ->
         start=1010.0,
         given={
             "planes": PlainPlanes(("a0",)),
-            "contact": Contact(wall, ("foot",), method=method),  # type: ignore[arg-type]
+            "interactions": (Contact(wall, ("foot",), method=method),),  # type: ignore[arg-type]
             "loads": (SurfacePressure(("top",), lambda t: 1e4),),
             "pin": False,
         },
@@ -129,7 +129,11 @@ def test_vertices_of_a_billet() -> None:
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(0.0, 0.6)))
     outer = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
     setup = SliceSetup(
-        mesh, elastic(), expansion(ALPHA), start=1500.0, given={"contact": Contact(mould, outer)}
+        mesh,
+        elastic(),
+        expansion(ALPHA),
+        start=1500.0,
+        given={"interactions": (Contact(mould, outer),)},
     )
     gaps = SurfaceGap(setup.problem.contact, setup.problem.points)
     places = setup.vertices[gaps.dofs]
@@ -155,7 +159,9 @@ def test_no_wall_below_the_mould() -> None:
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(0.01, 0.6)))
     contact: dict[str, Any] = {"wall": mould, "on": ("wide", "narrow", "corner")}
     setup = SliceSetup(
-        mesh, elastic(40e9), given={"contact": Contact(**contact, position=lambda t: 0.1 * t)}
+        mesh,
+        elastic(40e9),
+        given={"interactions": (Contact(**contact, position=lambda t: 0.1 * t),)},
     )
     setup.step(5.0)
     inside = summary(setup.problem.contact, setup.state.contact, setup.state.modes)

@@ -42,7 +42,7 @@ def cylinder(cells: int, method: str, cell: str, depth: Callable[[float], float]
             "planes": PLANE_STRAIN,
             "held": (PrescribedDisplacement(("top",), 1, lambda x, t: np.full(len(x), -depth(t))),),
             "pin": False,
-            "contact": Contact(wall, ("foot",), method=method),  # type: ignore[arg-type]
+            "interactions": (Contact(wall, ("foot",), method=method),),  # type: ignore[arg-type]
         },
     )
 

@@ -62,7 +62,7 @@ def test_block_that_only_friction_holds(method: str, large: bool, angle: float) 
         mapped(5, 4, shape, groups=("left", "lower", "right", "upper")),
         LAW,
         expansion(0.0),
-        given={"planes": PLANE_STRAIN, "large_strain": large, "contact": contact},
+        given={"planes": PLANE_STRAIN, "large_strain": large, "interactions": (contact,)},
         springs=1e-7,
     )
     for time in (0.1, 0.3, 0.6, 1.0):

@@ -35,7 +35,7 @@ def block(shape: str, cell: str, poisson: float) -> SliceSetup:
         given={
             "planes": PlainPlanes(()),
             "pin": False,
-            "contact": Contact(wall, ("foot",), method="nitsche"),
+            "interactions": (Contact(wall, ("foot",), method="nitsche"),),
         },
     )
 

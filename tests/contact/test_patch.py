@@ -40,7 +40,7 @@ def pressed(method: str, cell: str, kind: str, large: bool = False, **given: Any
         given={
             "planes": PlainPlanes(("a0",) if kind == "free" else ()),
             "held": tuple(PrescribedDisplacement((name,), 0) for name in right),
-            "contact": contact,
+            "interactions": (contact,),
             "large_strain": large,
         },
         tolerance=1e-11,
@@ -100,7 +100,7 @@ def test_pressure_passes_into_the_wall(method: str, cell: str, large: bool, piec
             "loads": (SurfacePressure(("top",), lambda t: 1e6 * t),),
             "held": (PrescribedDisplacement(("left",), 0),),
             "pin": False,
-            "contact": Contact(wall, ("foot",), method=method),  # type: ignore[arg-type]
+            "interactions": (Contact(wall, ("foot",), method=method),),  # type: ignore[arg-type]
             "large_strain": large,
         },
         tolerance=1e-11,
@@ -127,7 +127,7 @@ def test_free_block_on_an_oblique_wall(method: str) -> None:
             "planes": PlainPlanes(("a0",)),
             "loads": (SurfacePressure(("top",), lambda t: 1e5 * t),),
             "pin": False,
-            "contact": Contact(wall, ("foot",), method=method),  # type: ignore[arg-type]
+            "interactions": (Contact(wall, ("foot",), method=method),),  # type: ignore[arg-type]
         },
     )
     setup.step(1.0)

@@ -120,7 +120,7 @@ def moving(stroke: Callable[[float], float], method: str) -> SliceSetup:
             "held": (PrescribedDisplacement(("left",), 0),),
             "loads": (SurfacePressure(("top",), lambda t: PRESSURE),),
             "pin": False,
-            "contact": contact,
+            "interactions": (contact,),
         },
         tolerance=1e-10,
     )
@@ -187,7 +187,7 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
                 PrescribedDisplacement(("top",), 1, down),
             ),
             "pin": False,
-            "contact": Contact(tilted, ("foot",), method=method, friction=law),  # type: ignore
+            "interactions": (Contact(tilted, ("foot",), method=method, friction=law),),  # type: ignore
         },
     )
     touching = set()

@@ -67,7 +67,7 @@ def touching(
         mapped(2, 2, skewed(0.1, 0.06), cell, groups=GROUPS),
         LAW,
         expansion(1e-5),
-        given={"planes": planes, "large_strain": large, "contact": contact},
+        given={"planes": planes, "large_strain": large, "interactions": (contact,)},
     )
 
 
@@ -98,7 +98,7 @@ def test_jacobian_at_a_round_wall(large: bool) -> None:
         mapped(1, 5, ring(0.03, outer), order=2, groups=GROUPS),
         LAW,
         expansion(1e-5),
-        given={"planes": PlainPlanes(("a0",)), "large_strain": large, "contact": contact},
+        given={"planes": PlainPlanes(("a0",)), "large_strain": large, "interactions": (contact,)},
     )
     exact, found, _ = jacobians(setup, size)
     seen = setup.problem.contact.state().status

@@ -36,7 +36,10 @@ def cooled(comm: MPI.Comm, symmetry: str, cell: str, large: bool, mould: bool) -
         cavity = RectangleCavity(0.125, 0.125, 0.0)
         wall = Mould(cavity, 0.6, same(Taper.single(0.01, 0.6)), None, None)
         sides = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
-        given |= {"contact": Contact(wall, sides, lambda time: 0.06 * time), "springs": SPRING}
+        given |= {
+            "interactions": (Contact(wall, sides, lambda time: 0.06 * time),),
+            "springs": SPRING,
+        }
     return CastSetup(mesh, comm, **given).advance(2.0, 0.5)
 
 

@@ -305,7 +305,11 @@ def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.Monke
     [
         {"held": (PrescribedDisplacement(("lid",), 0),)},
         {"loads": (SurfacePressure(("right", "lid"), lambda t: 1.0),)},
-        {"contact": Contact(PlaneWall((0.0, 0.0), (1.0, 0.0)), ("right", "lid"), lambda t: t)},
+        {
+            "interactions": (
+                Contact(PlaneWall((0.0, 0.0), (1.0, 0.0)), ("right", "lid"), lambda t: t),
+            )
+        },
     ],
 )
 def test_wrong_groups_are_named(given: dict[str, Any]) -> None:

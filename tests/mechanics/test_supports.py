@@ -144,7 +144,7 @@ def test_a_whole_round_does_not_turn_in_its_mould(cell: str) -> None:
     contact = Contact(wall, mesh.groups, lambda time: 0.06 * (time - begin))
 
     def cast(springs: float | None) -> CastSetup:
-        setup = CastSetup(mesh, springs=springs, contact=contact).frozen(begin, 0.5)
+        setup = CastSetup(mesh, springs=springs, interactions=(contact,)).frozen(begin, 0.5)
         assert setup.thermal.low < STEEL.solidus - 200.0
         return setup.advance(begin + 1.0, 0.25)
 

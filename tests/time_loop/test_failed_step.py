@@ -37,6 +37,8 @@ def bits(part: Any, name: str = "state") -> Bits:
     if is_dataclass(part):
         below = (bits(getattr(part, f.name), f"{name}.{f.name}") for f in fields(part))
         return {key: found for one in below for key, found in one.items()}
+    if isinstance(part, tuple) and any(is_dataclass(one) for one in part):
+        return {k: b for i, one in enumerate(part) for k, b in bits(one, f"{name}[{i}]").items()}
     return {name: np.asarray(part).tobytes()}
 
 

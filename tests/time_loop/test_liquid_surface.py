@@ -151,7 +151,7 @@ def test_a_shell_that_melts_open_off_its_wall_is_a_breakout() -> None:
             contact.begin(state, 1.0, 1.1, before, liquid)
             assert contact.liquid.breakout() == ""
         hot = made.stepper.initial(steel.solidus + 5.0).point.temperature
-        old = replace(made.mechanics.initial(1.0, solid), contact=off)  # type: ignore[union-attr]
+        old = replace(made.mechanics.initial(1.0, solid), interactions=(off,))  # type: ignore[union-attr]
         result = made.mechanics.step(old, 1.1, hot)  # type: ignore[union-attr]
         assert result.refused and "breakout" in result.reason
     finally:

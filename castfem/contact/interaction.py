@@ -1,0 +1,211 @@
+"""What acts on the strand's surface, a wall or rolls: one interface for all.
+
+A slice is told of each by an object of settings (`SurfaceInteraction`), which builds what computes
+it (`Interaction`). A kind of support that is new is a subclass of `Interaction` with its forms, and
+its settings; docs/architecture.md counts the lines.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from castfem.contact.interfaces import Motion, Solid
+from castfem.fem import reductions
+from castfem.fem.section import Section
+from castfem.forms.mechanics import Direction, of_modes
+from castfem.values.types import Array
+
+ALWAYS = (-np.inf, np.inf)
+"""Range of positions of what acts on the whole way, m."""
+
+
+class SurfaceInteraction(Protocol):
+    """Settings of something that acts on boundary groups."""
+
+    @property
+    def on(self) -> tuple[str, ...]:
+        """The groups; a name covers all that begin with it."""
+
+    @property
+    def between(self) -> tuple[float, float]:
+        """Positions between which it may act, m; a coupling window ends at each."""
+
+    @property
+    def holds(self) -> bool:
+        """Whether it bears loads that are not in equilibrium, as a wall does.
+
+        Motions as a rigid body that nothing else holds then are left to it, and to weak springs for
+        the time that it does not act: points held rigidly would bear its share.
+        """
+
+    @property
+    def holds_liquid(self) -> bool:
+        """Whether it holds liquid that comes to the surface."""
+
+    @property
+    def rubs(self) -> bool:
+        """Whether it has friction along the strand."""
+
+    def build(self, section: Section, solid: Solid, motion: Motion) -> Interaction:
+        """What computes it on a section (collective).
+
+        Raises:
+            InputError: If a group does not exist.
+        """
+
+
+class InteractionState(Protocol):
+    """What of an interaction belongs to the committed state; nothing ever writes into it."""
+
+    @property
+    def withdrawal_resistance(self) -> Array:
+        """Axial force of its friction on the strand so far, N, and moments, N m, (3,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoHistory:
+    """State of an interaction that remembers nothing."""
+
+    withdrawal_resistance: Array = field(default_factory=lambda: np.zeros(3))
+
+
+class Interaction(ABC):
+    """Something that acts on the surface of a slice, one step at a time.
+
+    A step is: `begin`; then, as often as Newton's method asks, `evaluate` after which the forms are
+    assembled; then `state`. Subclasses say what the forms are; what they leave out has no effect.
+
+    Args:
+        section: The distributed section.
+        motion: Displacement and generalized strains of the mechanical problem.
+        on: Groups it acts on.
+
+    Attributes:
+        name: Stands before the names of its compiled forms and of its arrays in a checkpoint.
+        symmetric: Whether its tangent is, at small strain.
+        tags: Of the groups.
+
+    Raises:
+        InputError: If a group does not exist.
+    """
+
+    name: ClassVar[str]
+    symmetric: bool = True
+
+    def __init__(self, section: Section, motion: Motion, on: tuple[str, ...]) -> None:
+        self.tags = section.required(on)
+        self.section, self._motion = section, motion
+        self._old: Any = NoHistory()
+        self._mode_work: fem.Form | None = None
+
+    # What the mechanical problem compiles.
+
+    @abstractmethod
+    def virtual_work(self, virtual: Direction) -> ufl.Form:
+        """-Int t . v ds of its traction t, Pa, on a virtual motion, to be added to the stress'."""
+
+    @abstractmethod
+    def tangent(self, by: Direction, virtual: Direction) -> ufl.Form:
+        """Derivative of `virtual_work` along a motion."""
+
+    def always_held(self) -> tuple[Array, Array]:
+        """Places of the surface (n, 2), m, whose displacement along directions (n, 2) it holds.
+
+        That is in every step: what acts in some alone has none.
+        """
+        return np.zeros((0, 2)), np.zeros((0, 2))
+
+    # A step.
+
+    def initial(self) -> Any:
+        """State of a strand on which it has never acted."""
+        return NoHistory()
+
+    def begin(self, old: Any, start: float, end: float, before: Array, after: Array) -> None:
+        """Prepare a step (collective).
+
+        Args:
+            old: Committed state, as `initial` or `state` gave it.
+            start: Of the step, s.
+            end: Of the step, s.
+            before: Temperatures of the owned vertices at its start, K.
+            after: At its end, K.
+        """
+        self._old = old
+
+    def refusal(self) -> str:
+        """Why the step that was begun cannot be taken; empty if it can (collective)."""
+        return ""
+
+    def evaluate(self) -> float:
+        """Act on the displacement and the generalized strains that the motion holds (collective).
+
+        Returns:
+            Stress that rounding makes of it, Pa.
+        """
+        return 0.0
+
+    def work_on(self, directions: Array) -> Array:
+        """Work on directions (4, k) of the generalized strains, N/m each (collective).
+
+        That of the friction on the strand so far is taken off.
+        """
+        if not directions.shape[1]:
+            return np.zeros(0)
+        if self._mode_work is None:
+            form = self.virtual_work(of_modes(self._motion.one, self.section.mesh))
+            self._mode_work = self.section.compile(f"{self.name}.mode_work", form)
+        work = np.zeros(directions.shape[1])
+        for i, direction in enumerate(directions.T):
+            self._motion.one.value[:] = direction
+            work[i] = fem.assemble_scalar(self._mode_work)
+        resistance = directions[:3].T @ self._old.withdrawal_resistance
+        return reductions.totals(self.section.comm, work) - resistance
+
+    def hold(self, on: bool) -> bool:
+        """Keep closed what was so at the start of the step, or let it open again (collective).
+
+        Returns:
+            Whether there is anything to keep.
+        """
+        return False
+
+    def evaluated(self) -> Any:
+        """What was evaluated last, for `kink`."""
+        return None
+
+    def kink(self, base: Any) -> float:
+        """Work of its traction since `base`, less what its tangent there foresaw (collective)."""
+        return 0.0
+
+    def state(self) -> Any:
+        """The state that was evaluated last (collective)."""
+        return self._old
+
+    # What others ask of a state.
+
+    def strain_by_pressure(self, state: Any, temperature: Array) -> tuple[Array, Array] | None:
+        """Elastic strain that its pressure makes as a mean stress (n,), and the places (n, 2), m.
+
+        Args:
+            state: Which is to be judged.
+            temperature: Of the local vertices, ghosts included, K.
+
+        Returns:
+            None where it is not to be judged by that.
+        """
+        return None
+
+    def arrays(self, state: Any) -> dict[str, Array | None]:
+        """A state as arrays that do not depend on the ranks, whole on rank 0 (collective)."""
+        return {}
+
+    def restored(self, arrays: dict[str, Array]) -> Any:
+        """The inverse of `arrays`, which every rank has (collective)."""
+        return self.initial()

@@ -1,0 +1,116 @@
+"""All that acts on the surface of a slice, together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from castfem.contact.interaction import Interaction, InteractionState, SurfaceInteraction
+from castfem.contact.interfaces import Motion, Solid
+from castfem.contact.wall_contact import WallContact
+from castfem.fem.section import Section
+from castfem.mechanics.state import MechanicalState
+from castfem.values.types import Array
+
+Found = tuple[object, ...]
+
+
+class Interactions:
+    """The interactions of one slice, in the order in which it was told of them.
+
+    Args:
+        section: The distributed section.
+        given: Settings of each.
+        solid: What the slice is made of.
+        motion: Displacement and generalized strains of the mechanical problem.
+
+    Attributes:
+        symmetric: Whether they leave a symmetric tangent symmetric, at small strain.
+
+    Raises:
+        InputError: If a group does not exist.
+    """
+
+    def __init__(
+        self, section: Section, given: Sequence[SurfaceInteraction], solid: Solid, motion: Motion
+    ) -> None:
+        self._each: tuple[Interaction, ...] = tuple(g.build(section, solid, motion) for g in given)
+        self.symmetric = all(one.symmetric for one in self._each)
+
+    def __iter__(self) -> Iterator[Interaction]:
+        return iter(self._each)
+
+    def __len__(self) -> int:
+        return len(self._each)
+
+    @property
+    def wall(self) -> WallContact | None:
+        """Contact with the mould, the gap of which heat crosses; None without one."""
+        return next((one for one in self._each if isinstance(one, WallContact)), None)
+
+    def with_states(
+        self, states: Sequence[InteractionState]
+    ) -> Iterator[tuple[Interaction, InteractionState]]:
+        """Each with its state."""
+        return zip(self._each, states, strict=True)
+
+    def initial(self) -> tuple[InteractionState, ...]:
+        """States of a strand on which nothing has acted."""
+        return tuple(one.initial() for one in self._each)
+
+    def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
+        """Prepare a step from `old` to `time` (s) and `temperature` (owned,), K (collective)."""
+        for one, state in self.with_states(old.interactions):
+            one.begin(state, old.time, time, old.temperature, temperature)
+
+    def refusal(self) -> str:
+        """Why the step that was begun cannot be taken; empty if it can (collective)."""
+        return next((reason for one in self._each if (reason := one.refusal())), "")
+
+    def evaluate(self) -> float:
+        """Act on the displacement there is; stress that rounding makes of it, Pa (collective)."""
+        return sum((one.evaluate() for one in self._each), start=0.0)
+
+    def work_on(self, directions: Array) -> Array:
+        """Work on directions (4, k) of the generalized strains, N/m each (collective)."""
+        return sum((one.work_on(directions) for one in self._each), np.zeros(directions.shape[1]))
+
+    def hold(self, on: bool) -> bool:
+        """Keep closed what was so, or let it open again; whether there is any (collective)."""
+        return any([one.hold(on) for one in self._each])  # all of them are told
+
+    def evaluated(self) -> Found:
+        """What was evaluated last, for `kink`."""
+        return tuple(one.evaluated() for one in self._each)
+
+    def kink(self, base: Found) -> float:
+        """Work of tractions since `base`, less what their tangents there foresaw (collective)."""
+        parts = zip(self._each, base, strict=True)
+        return sum((one.kink(before) for one, before in parts), start=0.0)
+
+    def states(self) -> tuple[InteractionState, ...]:
+        """The states that were evaluated last (collective)."""
+        return tuple(one.state() for one in self._each)
+
+    def arrays(self, states: Sequence[InteractionState]) -> dict[str, Array | None]:
+        """The states for a checkpoint, whole on rank 0, None elsewhere (collective)."""
+        found: dict[str, Array | None] = {}
+        for prefix, (one, state) in zip(self._prefixes(), self.with_states(states), strict=True):
+            found |= {prefix + name: values for name, values in one.arrays(state).items()}
+        return found
+
+    def restored(self, arrays: dict[str, Array]) -> tuple[InteractionState, ...]:
+        """The inverse of `arrays`, which every rank has (collective)."""
+        found = []
+        for prefix, one in zip(self._prefixes(), self._each, strict=True):
+            mine = {n.removeprefix(prefix): v for n, v in arrays.items() if n.startswith(prefix)}
+            found.append(one.restored(mine))
+        return tuple(found)
+
+    def _prefixes(self) -> Iterator[str]:
+        """What tells the arrays of the second of a kind, and of those after it, from the first."""
+        names: list[str] = []
+        for one in self._each:
+            yield f"{names.count(one.name) + 1}_" if one.name in names else ""
+            names.append(one.name)
