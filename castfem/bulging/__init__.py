@@ -14,14 +14,17 @@ from castfem.bulging.elastic import ElasticStrip
 from castfem.bulging.plate import ThesisPlate
 from castfem.bulging.result import Bulge, BulgingModel, Span
 from castfem.bulging.shell import Shell, stiffness
+from castfem.bulging.spans import Rolls, over_rolls
 
 __all__ = [
     "Bulge",
     "BulgingModel",
     "CreepingStrip",
     "ElasticStrip",
+    "Rolls",
     "Shell",
     "Span",
     "ThesisPlate",
+    "over_rolls",
     "stiffness",
 ]

@@ -114,7 +114,12 @@ class CreepingStrip:
         )
 
     def periodic(
-        self, layers: Layers, span: Span, steps: int, guess: Pitch | None = None
+        self,
+        layers: Layers,
+        span: Span,
+        steps: int,
+        guess: Pitch | None = None,
+        share: float = 1.0,
     ) -> tuple[Pitch, bool]:
         """Return the pitch that repeats itself, with some number of steps, and whether it does.
 
@@ -123,6 +128,7 @@ class CreepingStrip:
             span: The pitch.
             steps: Number of steps.
             guess: A pitch to begin with; None for virgin steel and the moment of a clamped strip.
+            share: Of the usual tolerances.
 
         Raises:
             RunFailure: If the shell cannot carry the pressure.
@@ -131,7 +137,7 @@ class CreepingStrip:
         search = _Search(layers, span, nodes(span.length, steps), guess)
         for k in range(self.pitches if grows else PASSES):
             search.march()
-            if not grows and search.change <= TOLERANCE and abs(search.gap) <= GAP:
+            if not grows and search.change <= share * TOLERANCE and abs(search.gap) <= share * GAP:
                 return search.pitch, True
             search.move(accelerated=k > 0 and not grows)
         return search.pitch, False

@@ -1,0 +1,182 @@
+"""The creeping strip over several rolls that are not alike: one lost, one misaligned.
+
+The moments over the rolls are unknown, their deflections given.  Far upstream and far downstream
+all pitches are alike: there the strip enters with the stress, the state and the curvature of the
+periodic pitch, and leaves with its moment.  All moments and the slope at the first roll are found
+together, since from one roll to the next an error of one of them would grow 3.7 times.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.bulging.creep import CreepingStrip, Pitch, nodes
+from castfem.bulging.layers import Layers, March
+from castfem.bulging.result import Bulge, Span
+from castfem.bulging.shell import Shell
+from castfem.errors import RunFailure
+from castfem.values.types import Array
+
+ITERATIONS = 60
+TOLERANCE = 1e-4  # of the largest deflection
+CLOSER = 0.2  # of the tolerances of a pitch: what is missing to its repetition adds up
+LEAST_SIZE = 1e-9  # m: a strip that does not bulge
+FURTHER = 2.0  # growth of what is missing at which a step is halved
+
+
+@dataclass(frozen=True, slots=True)
+class Rolls:
+    """Rolls that a strip goes over.
+
+    Attributes:
+        positions: Increasing, m, (j + 1,).
+        offsets: Outwards from where they should be, m, (j + 1,).
+        pressure: Of the liquid, Pa.
+        speed: Of the strand, m/s.
+
+    Raises:
+        ValueError: If there are less than four, they do not increase, or are not as many.
+    """
+
+    positions: tuple[float, ...]
+    offsets: tuple[float, ...]
+    pressure: float
+    speed: float
+
+    def __post_init__(self) -> None:
+        if len(self.positions) < 4:
+            raise ValueError("a strip over several rolls needs four of them at least")
+        if any(not b > a for a, b in itertools.pairwise(self.positions)):
+            raise ValueError("positions of rolls must increase")
+        if len(self.offsets) != len(self.positions):
+            raise ValueError(f"{len(self.positions)} rolls, but {len(self.offsets)} offsets")
+
+    @property
+    def pitches(self) -> list[float]:
+        """Lengths of the spans, m, (j,)."""
+        return [b - a for a, b in itertools.pairwise(self.positions)]
+
+    def span(self, index: int) -> Span:
+        """One of the spans."""
+        return Span(self.pitches[index], self.pressure, self.speed)
+
+
+def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
+    """Return how a strip bulges over rolls that are not alike.
+
+    A roll that would have to pull, whose force is negative, does not touch the strand: leave it
+    out.  The first and the last span, which should be like those beyond them, close the problem.
+
+    Raises:
+        RunFailure: If the shell cannot carry the pressure, or the moments cannot be found.
+    """
+    layers = Layers(strip.law, shell.points(strip.layers, shell.breaks(strip.law)))
+    coarse = _Spans(strip, rolls, layers, strip.steps // 2).solved()
+    fine = _Spans(strip, rolls, layers, strip.steps).solved()
+    w, slope = 2.0 * fine.deflection[:, ::2] - coarse.deflection
+    return Bulge(
+        z=coarse.z,
+        deflection=w,
+        slope=slope,
+        moment=fine.moment[::2],
+        curvature=2.0 * fine.curvature[::2] - coarse.curvature,
+        axial_strain=2.0 * fine.march.axial_strain[::2] - coarse.march.axial_strain,
+        neutral=layers.stiffness.neutral,
+        thickness=shell.thickness,
+        roll_force=_forces(rolls, fine.moment[:: strip.steps]),
+        error=float(np.abs(w - fine.deflection[0, ::2]).max()),
+    )
+
+
+def _forces(rolls: Rolls, moments: Sequence[float] | Array) -> Array:
+    """Force on each roll between two spans, N per metre of width, from the moments over them."""
+    pitch, moment = np.array(rolls.pitches), np.asarray(moments)
+    rise, half = np.diff(moment) / pitch, 0.5 * rolls.pressure * pitch
+    return np.asarray(rise[1:] + half[1:] - rise[:-1] + half[:-1])
+
+
+class _Spans:
+    """The strip with some number of steps a span, and the search for its moments."""
+
+    def __init__(self, strip: CreepingStrip, rolls: Rolls, layers: Layers, steps: int) -> None:
+        self._layers, self._rolls = layers, rolls
+        self._in, _ = strip.periodic(layers, rolls.span(0), steps, share=CLOSER)
+        self._out = self._in
+        if not np.isclose(rolls.pitches[-1], rolls.pitches[0]):
+            self._out, _ = strip.periodic(layers, rolls.span(-1), steps, share=CLOSER)
+        parts = [
+            a + nodes(length, steps)[: steps + (k == len(rolls.pitches) - 1)]
+            for k, (a, length) in enumerate(zip(rolls.positions, rolls.pitches, strict=False))
+        ]
+        self._z = z = np.concatenate(parts)
+        self._dt = np.diff(z) / rolls.speed
+        self._at = steps * np.arange(1, len(rolls.positions))
+        places = np.asarray(rolls.positions)
+        self._hats = np.array([np.interp(z, places, row) for row in np.eye(len(places))])
+        j = np.clip(np.searchsorted(places, z, side="right") - 1, 0, len(places) - 2)
+        self._parabola = 0.5 * rolls.pressure * (z - places[j]) * (places[j + 1] - z)
+
+    def _sunk(self, curvature: Array) -> tuple[Array, Array]:
+        """Slope and deflection that curvatures (..., n) take from a straight line."""
+        dz = np.diff(self._z)
+        zero = np.zeros((*curvature.shape[:-1], 1))
+        now, then = curvature[..., 1:], curvature[..., :-1]
+        turned = np.concatenate([zero, np.cumsum(0.5 * (now + then) * dz, axis=-1)], axis=-1)
+        area = 0.5 * (turned[..., 1:] + turned[..., :-1]) * dz - dz**2 / 12.0 * (now - then)
+        return turned, np.concatenate([zero, np.cumsum(area, axis=-1)], axis=-1)
+
+    def _marched(self, unknown: Array) -> tuple[Pitch, Array]:
+        """The strip with inner moments and a slope at the first roll; by what it misses rolls."""
+        rolls, z = self._rolls, self._z
+        ends = float(self._in.moment[0]), float(self._out.moment[-1])
+        moments = np.concatenate([[ends[0]], unknown[:-1], [ends[1]]])
+        moment = moments @ self._hats + self._parabola
+        march = self._layers.march(self._in.start, moment[1:], self._dt)
+        curvature = self._in.curvature[0] + march.curvature
+        turned, sunk = self._sunk(curvature)
+        w = rolls.offsets[0] + unknown[-1] * (z - z[0]) - sunk
+        found = Pitch(
+            z, moment, march, self._in.start, np.stack([w, unknown[-1] - turned]), curvature
+        )
+        return found, w[self._at] - np.asarray(rolls.offsets[1:])
+
+    def _slopes(self, march: March) -> Array:
+        """Derivative of what is missed by the unknowns, from the compliance of each step."""
+        elastic = 1.0 / self._layers.stiffness.bending
+        hats = self._hats[1:-1]
+        creep = np.cumsum((march.compliance - elastic) * hats[:, 1:], axis=1)
+        by_moment = elastic * hats
+        by_moment[:, 1:] += creep
+        rows = -self._sunk(by_moment)[1][:, self._at]
+        return np.vstack([rows, self._z[self._at] - self._z[0]]).T
+
+    def solved(self) -> Pitch:
+        """Find moments and slope by Newton's method, its matrix improved by Broyden's."""
+        count = len(self._at)
+        unknown = np.append(np.full(count - 1, self._in.moment[0]), self._in.deflection[1, 0])
+        found, missed = self._marched(unknown)
+        matrix = self._slopes(found.march)
+        for _ in range(ITERATIONS):
+            size = max(found.size, LEAST_SIZE)
+            if float(np.abs(missed).max()) <= TOLERANCE * size:
+                return found
+            step = -np.linalg.solve(matrix, missed)
+            before = missed
+            found, missed = self._marched(unknown + step)
+            while float(np.abs(missed).max()) > FURTHER * float(np.abs(before).max()):
+                step *= 0.5
+                found, missed = self._marched(unknown + step)
+                if float(np.abs(step[:-1]).max()) < 1e-6 * float(np.abs(unknown[:-1]).max()):
+                    break
+            unknown = unknown + step
+            scale = np.append(np.full(count - 1, np.abs(unknown[:-1]).max()), size)
+            scaled = step / scale**2
+            matrix = matrix + np.outer(missed - before - matrix @ step, scaled) / (step @ scaled)
+        raise RunFailure(
+            f"the moments of the shell over {count + 1} rolls cannot be found (it misses them by "
+            f"{1e3 * float(np.abs(missed).max()):.2g} mm)"
+        )
