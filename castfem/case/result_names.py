@@ -39,6 +39,7 @@ WHOLE = {
     "colder_than_data": "percent",
     "hotter_than_data": "percent",
     "faster_than_data": "percent",
+    **{f"slice_thickness_{place}": "1" for place in ("intrados", "centre", "extrados")},
     "curvature": "1/m",
     "neutral_axis": "mm",
     "bending_moment": "kN m",

@@ -30,16 +30,16 @@ class Stations:
     @classmethod
     def of_columns(
         cls,
-        columns: Mapping[str, Any] | None,
+        rolls: Mapping[str, Any] | None,
         thickness: float | None = None,
         mould_exit: float | None = None,
     ) -> Stations:
         """Those of rolls as `castfem.machine.rolls.columns_of` gives them."""
-        if columns is None:
+        if rolls is None:
             return cls(None, thickness or 0.0, mould_exit)
         from castfem.machine.rolls import read_rolls
 
-        return cls(read_rolls(columns), thickness or 0.0, mould_exit)
+        return cls(read_rolls(rolls), thickness or 0.0, mould_exit)
 
     def nearest(self, position: float) -> int | None:
         """Index of the pair nearest to a position (m); None without rolls."""
@@ -84,9 +84,9 @@ class Stations:
 
     def words(self, position: float) -> str:
         """Position, nearest roll and what it does: "16.73 m (roll 57), straightening"."""
-        near = self.nearest(position)
-        roll = "" if near is None else f" (roll {near + 1})"
-        return f"{position:.2f} m{roll}, {self.phase(position)}"
+        near, phase = self.nearest(position), self.phase(position)
+        roll = "" if near is None or phase == MOULD else f" (roll {near + 1})"
+        return f"{position:.2f} m{roll}, {phase}"
 
     def between(self, start: float, end: float) -> str:
         """From where to where, with the rolls."""

@@ -63,7 +63,9 @@ MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 STOPPED = "stopped by the user"  # or by a batch system whose time is up
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
+BENDING_FIGURES = ("slice", "maps")
 TENSILE_FIGURES = ("tensile",)
+ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
 _LOCK_NAME = ".castfem.lock"
 # Of a property file; whatever run.json says, nothing else is removed on its word.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
@@ -72,7 +74,7 @@ _FORMAT = "castfem run"
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
     *(SUMMARY_NAME, MAPS_NAME, ROWS_NAME),
-    *(f"{FIGURES_NAME}/{name}.png" for name in FIGURES + MECHANICS_FIGURES + TENSILE_FIGURES),
+    *(f"{FIGURES_NAME}/{name}.png" for name in ALL_FIGURES),
 )
 
 

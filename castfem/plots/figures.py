@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from castfem.output.fields import Fields
-from castfem.output.folder import FIGURES_NAME
+from castfem.output.folder import FIGURES_NAME, MAPS_NAME, ROWS_NAME
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
 from castfem.output.xdmf import HDF5_NAME
+from castfem.plots.bending import BENDING_FIGURES
 from castfem.plots.deformation import SHAPE_FIGURES, STRESS_MAP
 from castfem.plots.history import HISTORY_FIGURES
 from castfem.plots.mechanics import MECHANICS_FIGURES
@@ -47,7 +48,20 @@ def draw_figures(folder: Path | str) -> list[Path]:
             drawn += _draw_section(path, summary)
         if (path / HISTORY_NAME).is_file():
             drawn += _draw_history(path, summary)
+        if any((path / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
+            drawn += _draw_maps(path, summary)
     return drawn
+
+
+def _draw_maps(path: Path, summary: Summary | None) -> list[Path]:
+    """The figures over the surface of the strand."""
+    from castfem.output.surface_maps import SurfaceMaps
+    from castfem.plots.maps import draw_maps
+
+    maps = SurfaceMaps(path)
+    abscissa = Abscissa(maps.time, maps.position, summary.zones if summary else ())
+    figure = draw_maps(maps, abscissa)
+    return [] if figure is None else [save(figure, _target(path, "maps"))]
 
 
 def _target(path: Path, name: str) -> Path:
@@ -85,7 +99,7 @@ def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
         with Fields(path) as fields:
             steel = _steel(fields, summary)
     drawn = []
-    for name, draw in (HISTORY_FIGURES | MECHANICS_FIGURES).items():
+    for name, draw in (HISTORY_FIGURES | MECHANICS_FIGURES | BENDING_FIGURES).items():
         figure = draw(table, abscissa, steel)
         if figure is not None:
             drawn.append(save(figure, _target(path, name)))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError, InputError
 from castfem.output.fields import Fields
-from castfem.output.folder import LOG_NAME, OutputFolder, RunRecord
+from castfem.output.folder import LOG_NAME, MAPS_NAME, ROWS_NAME, OutputFolder, RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.output.xdmf import HDF5_NAME
@@ -62,6 +62,7 @@ def show(folder: Path | str, console: Console | None = None, *, figures: bool = 
         text = f"{path / HISTORY_NAME} is missing: no figures over time, and nothing to look at"
         _print(out, text, style="yellow")
     _print_remarks(out, path, summary)
+    _print_cracks(out, path, summary)
     _print_effort(out, record, summary)
     if record.status == "failed":
         _print(out, f"what happened: {path / LOG_NAME}")
@@ -211,6 +212,31 @@ def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
         for line in _wrapped(out, remark.where, start):
             _print(out, line)
     out.print()
+
+
+def _print_cracks(out: Console, path: Path, summary: Summary | None) -> None:
+    """Where the strand may crack, what reheats, and where its pool ends; of a run with maps."""
+    if not any((path / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
+        return
+    from castfem.output.surface_maps import SurfaceMaps
+    from castfem.report.cracks import CrackReport, pool_end
+
+    report = CrackReport.of(SurfaceMaps(path))
+    ranking = list(report.ranking())
+    if ranking:
+        _print(out, "Where it may crack", "bold")
+        wide = [max(len(row[i]) for row in ranking) for i in range(3)]
+        for name, value, less, where in ranking:
+            start = f"{name:<{wide[0]}}  {value:>{wide[1]}}  {less:>{wide[2]}}  "
+            _print_list(out, start, [where])
+        out.print()
+    lines = [*report.reheats(), *([] if summary is None else pool_end(summary, report.stations))]
+    if lines:
+        _print(out, "Reheat and end of the pool", "bold")
+        widest = max(len(what) for what, _ in lines)
+        for what, where in lines:
+            _print_list(out, f"{what:<{widest}}  ", [where])
+        out.print()
 
 
 def _wrapped(out: Console, text: str, start: str) -> list[str]:

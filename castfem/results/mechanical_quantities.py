@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
+from castfem.case.machine import thickness_of
 from castfem.results.registry import quantity
 
 if TYPE_CHECKING:
@@ -194,6 +195,26 @@ def faster_than_data(sample: Sample) -> float:
 def axial_stress(sample: Sample, probe: str) -> float:
     """Stress along the strand at the surface, where a machine bends it."""
     return sample.strained.axial_stress[probe]
+
+
+def _declare_thickness(place: str, share: float) -> None:
+    @quantity(
+        f"slice_thickness_{place}",
+        unit="-",
+        label=f"thickness of the slice, {place}",
+        axis="thickness of the slice",
+        needs=("bending",),
+    )
+    def thickness(sample: Sample) -> float:
+        """Distance of the planes that bound the slice, of what it was at the meniscus."""
+        mechanical, height = sample.state.mechanical, thickness_of(sample.simulation.case.section)
+        assert mechanical is not None and height is not None
+        a0, _, a2, _ = mechanical.modes
+        return float(1.0 + a0 + a2 * share * height)
+
+
+for _place, _share in (("intrados", 0.5), ("centre", 0.0), ("extrados", -0.5)):
+    _declare_thickness(_place, _share)
 
 
 @quantity("curvature", unit="1/m", label="curvature of the strand's middle", needs=("bending",))

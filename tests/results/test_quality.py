@@ -70,6 +70,14 @@ def test_the_second_index_is_the_motion_of_the_planes(wide: Path) -> None:
     )
 
 
+def test_the_thickness_of_the_slice_is_that_of_its_planes(wide: Path) -> None:
+    table = read_history(wide / "history.csv")
+    for place, y in (("intrados", HALF), ("centre", 0.0), ("extrados", -HALF)):
+        thickness = (1.0 + table["axial_strain"]) * (1.0 - table["curvature"] * y)
+        assert np.ptp(thickness) > (1e-3 if y else 1e-4)
+        assert table[f"slice_thickness_{place}"].to_numpy() == pytest.approx(thickness, rel=1e-11)
+
+
 def test_the_mean_over_a_pitch_is_that_of_the_strain(wide: Path) -> None:
     """Rolls stand 250 mm apart, five windows: the strain five windows ago."""
     table, maps = read_history(wide / "history.csv"), SurfaceMaps(wide)

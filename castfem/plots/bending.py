@@ -1,0 +1,71 @@
+"""Figures of a strand that is bent: thickness of the slice, neutral axis, axial stress."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.plots.history import axis_label, curves, has_values
+from castfem.plots.section import Steel
+from castfem.plots.style import Abscissa, dress, new_panels, place_legend
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_PLACES = {"intrados": "#0072b2", "centre": "#7f7f7f", "extrados": "#d55e00"}
+_APART = 0.15  # of the axis beyond the faces, which the neutral axis is drawn within
+
+
+def draw_slice(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+    """Thickness of the slice at three places ([Pascon2003] Fig. 158), and its neutral axis."""
+    if not has_values(table, "slice_thickness_centre"):
+        return None
+    panels: list[Callable[[Axes], None]] = [lambda panel: _thickness(panel, table, abscissa)]
+    if has_values(table, "neutral_axis"):
+        panels.append(lambda panel: _neutral_axis(panel, table, abscissa))
+    if curves(table, "axial_stress"):
+        panels.append(lambda panel: _stress(panel, table, abscissa))
+    figure, axes = new_panels(len(panels), 2.3)
+    for panel, fill in zip(axes, panels, strict=True):
+        fill(panel)
+    dress(axes, abscissa)
+    for panel in axes:
+        if panel.get_legend_handles_labels()[1]:
+            place_legend(panel)
+    return figure
+
+
+def _thickness(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> None:
+    for place, colour in _PLACES.items():
+        panel.plot(abscissa.values, table[f"slice_thickness_{place}"], color=colour, label=place)
+    panel.set_ylabel("thickness of\nthe slice [-]")
+
+
+def _neutral_axis(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> None:
+    """Where it lies within the strand; beyond its faces contraction outweighs bending."""
+    axis = table["neutral_axis"].to_numpy()
+    known = has_values(table, "size_mid_face_intrados")
+    across = float(table["size_mid_face_intrados"].iloc[0]) if known else np.nan
+    half = 0.5 * across if known else float(np.nanmax(np.abs(axis)))
+    panel.plot(abscissa.values, axis, ".", color="#333333", markersize=3.5)
+    for end, name in ((half, "intrados"), (-half, "extrados")):
+        panel.axhline(end, color=_PLACES[name], linewidth=1.0, linestyle="--")
+        inside = "top" if end > 0.0 else "bottom"
+        panel.text(0.01, end, name, transform=panel.get_yaxis_transform(), va=inside, fontsize=8.5)
+    panel.set_ylim(-(1.0 + _APART) * half, (1.0 + _APART) * half)
+    panel.set_ylabel(axis_label(table, "neutral_axis"))
+
+
+def _stress(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> None:
+    for label, colour, column in curves(table, "axial_stress"):
+        style = "--" if "extrados" in column else "-"
+        panel.plot(abscissa.values, table[column], style, color=colour, linewidth=1.2, label=label)
+    panel.axhline(0.0, color="#555555", linewidth=0.7)
+    panel.set_ylabel(axis_label(table, curves(table, "axial_stress")[0][2]))
+
+
+BENDING_FIGURES = {"slice": draw_slice}

@@ -1,0 +1,99 @@
+"""What `castfem show` says of the surface: worst places and the next, reheat, end of the pool."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+from synthetic_maps import THICK, WIDE, rolls, write_maps
+
+from castfem.machine.stations import Stations
+from castfem.output.folder import OutputFolder
+from castfem.output.summary import Quantity, Summary
+from castfem.output.surface_maps import SurfaceMaps
+from castfem.report.cracks import CrackReport
+from castfem.report.show import show
+
+
+@pytest.fixture
+def report(tmp_path: Path) -> CrackReport:
+    write_maps(tmp_path)
+    return CrackReport.of(SurfaceMaps(tmp_path))
+
+
+def test_the_worst_place_and_how_far_the_next_is(report: CrackReport) -> None:
+    first, second = report.maxima("I1")
+    assert first.value == pytest.approx(30e6) and second.value == pytest.approx(24e6)
+    assert (first.phase, first.face) == ("straightening", "intrados")
+    assert (second.phase, second.face) == ("bending", "extrados")
+    assert report.words(first) == "intrados, corner, 2.12 m (roll 8), straightening"
+    assert report.words(second) == "extrados, corner, 1.10 m (roll 4), bending"
+    rows = list(report.ranking())
+    assert [row[0] for row in rows] == ["I1", "", "I2"]
+    assert [row[1] for row in rows] == ["30 MPa", "24 MPa", "20e-5 1/s"]
+    assert [row[2] for row in rows] == ["worst", "-20 %", "worst"]
+    assert (
+        rows[2][3]
+        == f"intrados, {500 * WIDE:.0f} mm from the corner, 2.00 m (roll 7), straightening"
+    )
+
+
+def test_a_place_beside_a_worse_one_is_the_same(report: CrackReport) -> None:
+    """28 MPa on the narrow face 10 mm beside it, 29 MPa on the straight strand 75 mm below it."""
+    places = [report.words(one) for one in report.maxima("I1")]
+    assert not any("narrow" in place or "2.20 m" in place for place in places)
+
+
+def test_what_reheats(report: CrackReport) -> None:
+    found = report.reheat()
+    assert found is not None
+    assert found.rise == pytest.approx(80.0, abs=0.01)
+    ((what, where),) = report.reheats()
+    assert what == "largest reheat, 80 K"
+    assert where == f"intrados, {500 * WIDE:.0f} mm from the corner, from 2.00 to 2.50 m"
+    assert report.reheat(2.45) is not None and report.reheat(2.55) is None
+
+
+@pytest.mark.parametrize(
+    ("position", "told"),
+    [
+        (0.2, "0.20 m, mould"),
+        (0.35, "0.35 m (roll 1), below the mould"),
+        (0.5, "0.50 m (roll 1), vertical"),
+        (0.9, "0.90 m (roll 3), bending"),
+        (1.15, "1.15 m (roll 4), bending"),
+        (1.3, "1.30 m (roll 5), arc"),
+        (2.0, "2.00 m (roll 7), straightening"),
+        (2.5, "2.50 m (roll 9), straight"),
+        (9.0, "9.00 m (roll 10), straight"),
+    ],
+)
+def test_roll_and_phase_at_a_position(position: float, told: str) -> None:
+    assert Stations(rolls(), THICK, 0.3).words(position) == told
+
+
+def test_without_rolls_the_position_alone_is_told() -> None:
+    assert Stations(None, THICK, 0.3).words(0.31) == "0.31 m, below the mould"
+    assert Stations().between(1.0, 2.0) == "1.00 to 2.00 m"
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_show_prints_it_of_a_run_that_ended_and_of_one_at_work(tmp_path: Path, ended: bool) -> None:
+    with OutputFolder(tmp_path) as folder:
+        folder.begin("title = 'x'\n")
+        write_maps(tmp_path, ended=ended)
+        pool = {
+            "pool_end_fs100": Quantity(2.1, "m", "solid fraction 1 on the centre line"),
+            "soft_reduction_length": Quantity(0.6, "m", "window, 1.30 to 1.90 m, rolls 5 to 7"),
+            "soft_reduction": Quantity(5e-4, "mm", "reduction by the rolls in that window"),
+        }
+        folder.write_summary(Summary("slab", "finished", pool))
+        folder.finish()
+    stream = io.StringIO()
+    show(tmp_path, Console(file=stream, width=120), figures=False)
+    text = stream.getvalue()
+    assert "-20 %  extrados, corner, 1.10 m (roll 4), bending" in text
+    assert "solid fraction 1 on the centre line  2.10 m (roll 8), straightening" in text
+    assert "0.60 m, 1.30 to 1.90 m, rolls 5 to 7; the rolls take 0.50 mm off there" in text
