@@ -1,4 +1,7 @@
-"""One billet of thesis V.2 run in memory, and what its tables and figures take from it."""
+"""One billet of thesis V.2 run in memory, and what its tables and figures take from it.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

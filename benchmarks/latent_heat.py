@@ -13,6 +13,8 @@ its textbook has it:
 
 The heat that left through the surface is compared with the decrease of the enthalpy (24): what is
 missing or too much was lost by the form.  The front is compared with that of very short steps.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

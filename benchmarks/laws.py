@@ -7,6 +7,8 @@ the compiled kernel, of the same implicit scheme in vectorised numpy (written fo
 so that it is an independent check of the kernel, too; tests/constitutive use it so), and of the
 coefficients, which are computed once a step.  Then the time to the first answer of a new process,
 without and with compiled code on disk.  With `--figures` the pictures of docs/laws.md are drawn.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -42,7 +42,8 @@ _HEAD = """\
 
 A case is one TOML file. This page is written by `castfem schema --markdown`; `castfem schema`
 prints the JSON schema, by which editors complete case files, and `castfem init NAME` writes a
-commented case to start from. `castfem check CASE` tells all problems of a file at once.
+commented case to start from. `castfem check CASE` tells all problems of a file at once. Equation
+numbers are those of [Pascon2003](references.md).
 
 ## Quantities
 

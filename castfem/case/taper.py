@@ -128,7 +128,10 @@ class TaperMark(Notation):
             *_CLOSING.__get_pydantic_json_schema__(schema, handler)["anyOf"][1:],
         ]
         parts = _object({key: {"anyOf": one} for key in PARTS})
-        return {"anyOf": [*one, parts], "description": "taper of the mould, as (300) defines it"}
+        return {
+            "anyOf": [*one, parts],
+            "description": "taper of the mould, as [Pascon2003] (300) defines it",
+        }
 
 
 def _object(properties: dict[str, Any], required: Sequence[str] = ()) -> dict[str, Any]:

@@ -334,7 +334,9 @@ class Workshop:
             raise self.fail(key, "origin", text=f"{error} ({shown(entry.origin)})") from None
 
     def _origins(self) -> dict[str, Origin]:
-        origins = {"solid_fraction": Origin("formula linear", "(12), unless stated", "F")}
+        origins = {
+            "solid_fraction": Origin("formula linear", "[Pascon2003] (12), unless stated", "F")
+        }
         for key in KINDS:
             entry = self.given.entry(key)
             if entry is None:

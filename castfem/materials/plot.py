@@ -167,7 +167,7 @@ def _effective_heat(axis: Axes, steel: Steel) -> None:
         last = (right + latent) / steel.density(t[1:], "below")
         along += list(np.repeat(t - ZERO_CELSIUS, 2)[1:-1])
         effective += list(np.ravel(np.column_stack([heat, last])) / 1e3)
-    axis.plot(along, effective, color=LIQUID, label="with latent heat, c̃ (27)")
+    axis.plot(along, effective, color=LIQUID, label="with latent heat, c̃")
     sensible = _curve(steel.specific_heat, lower, upper, breaks)
     axis.plot(sensible[0], sensible[1] / 1e3, color=SOLID, lw=1.2, ls="--", label="without, c")
     t, *_, jump = steel.enthalpy_knots(lower, upper)

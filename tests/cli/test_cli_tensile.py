@@ -1,4 +1,7 @@
-"""Tensile tests from the command line: check, run, show, and what goes wrong."""
+"""Tensile tests from the command line: check, run, show, and what goes wrong.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

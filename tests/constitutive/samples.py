@@ -1,4 +1,7 @@
-"""Laws, random states and small helpers shared by the tests of the laws."""
+"""Laws, random states and small helpers shared by the tests of the laws.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

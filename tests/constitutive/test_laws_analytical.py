@@ -1,4 +1,7 @@
-"""The analytical answer of a bar: by hand where it is simple, and against the laws where not."""
+"""The analytical answer of a bar: by hand where it is simple, and against the laws where not.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

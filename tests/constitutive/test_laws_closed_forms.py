@@ -1,4 +1,7 @@
-"""Each law against its closed form."""
+"""Each law against its closed form.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Hooke's law over temperature, and what freezing and melting do to it."""
+"""Hooke's law over temperature, and what freezing and melting do to it.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Hardening by the signed strain, and recovery: against differential equations solved apart."""
+"""Hardening by the signed strain, and recovery: against differential equations solved apart.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -4,6 +4,8 @@ A strip of points across the shell shares its two in-plane strains; each point i
 The temperature is the exact one, so that only the laws and their time integration are tested:
 freezing, thermal strain from the solidus on, yield that falls with temperature, unloading, yield
 again.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Friction: laws and return mapping, a block that sticks, slides and turns, axial friction."""
+"""Friction: laws and return mapping, a block that sticks, slides and turns, axial friction.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The demonstration caster has every fact that the thesis tells of its own (VI.1 to VI.4)."""
+"""The demonstration caster has every fact that the thesis tells of its own (VI.1 to VI.4).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

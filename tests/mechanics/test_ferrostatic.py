@@ -1,4 +1,7 @@
-"""Ferrostatic pressure: its resultant on the shell whatever the mesh, and where it acts."""
+"""Ferrostatic pressure: its resultant on the shell whatever the mesh, and where it acts.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Degrees of freedom of generalized plane strain: curvature, neutral axis, symmetry, loads."""
+"""Degrees of freedom of generalized plane strain: curvature, neutral axis, symmetry, loads.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

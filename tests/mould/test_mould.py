@@ -1,4 +1,7 @@
-"""Taper by (300), the mould along its length, and a block that shrinks inside it."""
+"""Taper by (300), the mould along its length, and a block that shrinks inside it.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The table [mould]: what it says, that it survives being written, and how mistakes are told."""
+"""The table [mould]: what it says, that it survives being written, and how mistakes are told.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

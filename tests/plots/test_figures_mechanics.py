@@ -1,4 +1,7 @@
-"""Figures of a strained strand, over its section, along it, and in three dimensions."""
+"""Figures of a strained strand, over its section, along it, and in three dimensions.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

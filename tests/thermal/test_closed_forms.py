@@ -1,4 +1,7 @@
-"""Solidification, contact and radiation against closed forms, with the observed order."""
+"""Solidification, contact and radiation against closed forms, with the observed order.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Heat in a slice that has moved: through its form, out of its surface, with none lost."""
+"""Heat in a slice that has moved: through its form, out of its surface, with none lost.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

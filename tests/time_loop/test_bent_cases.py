@@ -1,4 +1,7 @@
-"""Cases whose rolls bend the strand: planes, halves, history, and what is refused."""
+"""Cases whose rolls bend the strand: planes, halves, history, and what is refused.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 """The billet of thesis V.2 in its moulds: what must hold whatever the steel's data.
 
 The mesh is coarse and the intervals long; docs/billet.md has the numbers.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
 from __future__ import annotations

@@ -169,7 +169,8 @@ class IdentifiedLaw:
         strains, rates = self.used.strain, self.used.rate
         lines = [
             'law = "norton_hoff"',
-            f'description = "Modified Norton-Hoff law (163) fitted to {_text(self.used.name)}"',
+            'description = "Modified Norton-Hoff law, [Pascon2003] (163), fitted to '
+            f'{_text(self.used.name)}"',
             f'source = "castfem identify, {how}; strains {strains.min():.3g} to '
             f'{strains.max():.3g}, rates {rates.min():.3g} to {rates.max():.3g} 1/s"',
             'status = "C"',
