@@ -1,4 +1,7 @@
-"""What pairs of rolls resist with: friction (45)-(47), pressure (319), bending (320)-(321)."""
+"""What pairs of rolls resist with: friction (45)-(47), pressure (319), bending (320)-(321).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 
