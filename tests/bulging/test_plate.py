@@ -1,4 +1,7 @@
-"""The thesis' plates and springs (VI.2.2.2), with the numbers it gives and those it has wrong."""
+"""The thesis' plates and springs (VI.2.2.2), with the numbers it gives and those it has wrong.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 
