@@ -23,7 +23,7 @@ from castfem.support.stopwatch import LIBRARIES, Stopwatch
 from castfem.time_loop.loop import TimeLoop
 
 RUBBED = 'mould.friction={law="coulomb", coefficient=0.3}'
-SCENES: dict[str, tuple[str, tuple[str, ...]]] = {
+MOULDS: dict[str, tuple[str, tuple[str, ...]]] = {
     **{NAMES[m]: (m, ()) for m in MOULDS},
     "+1 %/m, Coulomb 0.3": ("taper_1", (RUBBED,)),
     "+1 %/m, Nitsche": ("taper_1", (touch("nitsche", 10),)),
@@ -53,7 +53,7 @@ class Divided(Stopwatch):
 
 
 def run_case(mould: str, changes: Sequence[str]) -> dict[str, Any]:
-    """March one billet; seconds of all, of the mechanics by section, and counts."""
+    """Run one billet; seconds of all, of the mechanics by section, and counts."""
     watch = Divided()
     simulation = build(load_case(CASES / f"{mould}.toml", (*QUIET, *changes)), MPI.COMM_SELF, watch)
     assert simulation.mechanics is not None
@@ -70,12 +70,12 @@ def run_case(mould: str, changes: Sequence[str]) -> dict[str, Any]:
     simulation.mechanics.step = watched  # type: ignore[method-assign]
     one = TimeLoop(simulation)
     before, start = sum(watch.seconds.values()), process_time()
-    with watch.section("march"):
+    with watch.section("time loop"):
         one.run()
     found: dict[str, Any] = {
         "cells": simulation.section.mesh.topology.index_map(2).size_global,
-        "intervals": one.run_state.counts.windows,
-        "passes": one.run_state.counts.coupling_iterations or one.run_state.counts.windows,
+        "windows": one.run_state.counts.windows,
+        "iterations": one.run_state.counts.coupling_iterations or one.run_state.counts.windows,
         "cut": one.run_state.counts.cut_back,
         "newton": one.run_state.counts.newton_mechanics,
         "seconds": process_time() - start,
@@ -90,17 +90,17 @@ def run_case(mould: str, changes: Sequence[str]) -> dict[str, Any]:
 
 
 def numbers(found: Mapping[str, Any]) -> dict[str, float]:
-    """What the tables show of a march: ms, and shares in %."""
+    """What the tables show of a run: ms, and shares in %."""
     parts: Mapping[str, float] = found["parts"]
     mechanics, newton = sum(parts.values()), found["newton"]
     inside = sum(parts.get(name, 0.0) for name in LIBRARIES)
     return {
         "cells": found["cells"],
-        "newton": newton / found["intervals"],
-        "passes": found["passes"],
+        "newton": newton / found["windows"],
+        "iterations": found["iterations"],
         "cut": found["cut"],
         "seconds": found["seconds"],
-        "interval_ms": 1e3 * found["seconds"] / found["intervals"],
+        "window_ms": 1e3 * found["seconds"] / found["windows"],
         "iteration_ms": 1e3 * mechanics / newton,
         "mechanics": 100.0 * mechanics / found["watched"],
         "libraries_mechanics": 100.0 * inside / mechanics,
@@ -111,11 +111,11 @@ def numbers(found: Mapping[str, Any]) -> dict[str, float]:
 
 
 def moulds(output: Output, quick: bool) -> None:
-    """All moulds with one mesh, in turns, the quickest march of each."""
-    chosen = dict(list(SCENES.items())[:: 6 if quick else 1])
+    """All moulds with one mesh, by turns, the quickest run of each."""
+    chosen = dict(list(MOULDS.items())[:: 6 if quick else 1])
     keys = (*mesh(2.0), every(0.5)) if quick else NINE_HUNDRED
     best: dict[str, dict[str, Any]] = {}
-    for _ in range(1 if quick else REPEATS):  # in turns: a slow minute hits all alike
+    for _ in range(1 if quick else REPEATS):  # by turns: a slow minute hits all alike
         for label, (mould, changes) in chosen.items():
             found = run_case(mould, (*keys, *changes))
             if label not in best or found["seconds"] < best[label]["seconds"]:
@@ -123,7 +123,7 @@ def moulds(output: Output, quick: bool) -> None:
     rows: list[dict[str, Any]] = []
     for label, found in best.items():
         row: dict[str, Any] = {"mould": label, **numbers(found)}
-        for name in ("interval_ms", "iteration_ms"):
+        for name in ("window_ms", "iteration_ms"):
             first = rows[0] if rows else row
             row[f"{name}_more"] = 100.0 * (row[name] / first[name] - 1.0)
         rows.append(row)
@@ -134,19 +134,19 @@ def show_moulds(output: Output) -> None:
     """What a mould costs, from the data."""
     rows = output.rows("billet_cost")
     head = {
-        "mould": "mould", "newton": "Newton an interval", "passes": "passes",
-        "seconds": "march [s]", "interval_ms": "an interval [ms]",
-        "interval_ms_more": "more than idealised [%]",
+        "mould": "mould", "newton": "Newton a window", "iterations": "coupling iterations",
+        "seconds": "time loop [s]", "window_ms": "a window [ms]",
+        "window_ms_more": "more than idealised [%]",
         "iteration_ms": "an iteration of the mechanics [ms]",
         "iteration_ms_more": "more than idealised [%]",
     }  # fmt: skip
-    forms = {"newton": ".2f", "seconds": ".1f", "interval_ms": ".0f", "iteration_ms": ".1f"}
-    forms |= dict.fromkeys(("interval_ms_more", "iteration_ms_more"), "+.0f")
+    forms = {"newton": ".2f", "seconds": ".1f", "window_ms": ".0f", "iteration_ms": ".1f"}
+    forms |= dict.fromkeys(("window_ms_more", "iteration_ms_more"), "+.0f")
     output.insert("billet cost", table(rows, head, forms))
     head = {
-        "mould": "mould", "mechanics": "mechanics, of the march [%]",
+        "mould": "mould", "mechanics": "mechanics, of the time loop [%]",
         "libraries_mechanics": "LU and assembly, of the mechanics [%]",
-        "libraries": "LU and assembly, of the march [%]",
+        "libraries": "LU and assembly, of the time loop [%]",
         "law": "law, of the mechanics [%]", "contact": "contact, of the mechanics [%]",
     }  # fmt: skip
     output.insert("billet shares", table(rows, head, dict.fromkeys(head, ".0f")))
@@ -175,8 +175,8 @@ def show_growth(output: Output) -> None:
     """Time against cells, from the data."""
     rows = output.rows("billet_cells")
     head = {
-        "mould": "mould", "cells": "cells", "newton": "Newton an interval", "cut": "cut back",
-        "seconds": "march [s]", "iteration_ms": "an iteration of the mechanics [ms]",
+        "mould": "mould", "cells": "cells", "newton": "Newton a window", "cut": "cut back",
+        "seconds": "time loop [s]", "iteration_ms": "an iteration of the mechanics [ms]",
         "libraries_mechanics": "LU and assembly, of the mechanics [%]",
     }  # fmt: skip
     forms = {"newton": ".2f", "seconds": ".1f", "iteration_ms": ".1f", "libraries_mechanics": ".0f"}
@@ -184,7 +184,9 @@ def show_growth(output: Output) -> None:
     for name in dict.fromkeys(r["mould"] for r in rows):
         own = [r for r in rows if r["mould"] == name]
         whole, one = exponent(own, "seconds"), exponent(own, "iteration_ms")
-        lines.append(f"* {name}: the march as cells^{whole:.2f}, an iteration as cells^{one:.2f}.")
+        lines.append(
+            f"* {name}: the time loop as cells^{whole:.2f}, an iteration as cells^{one:.2f}."
+        )
     output.insert("billet cells", table(rows, head, forms) + "\n\n" + "\n".join(lines))
 
 

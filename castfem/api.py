@@ -74,8 +74,7 @@ def run(
         The result. On ranks other than 0 it has the summary alone.
 
     Raises:
-        InputError: The case, the folder or the checkpoint cannot be used; the keys in which a case
-            differs from that of the run it shall go on with are named.
+        InputError: Case, folder or checkpoint cannot be used; it names keys in which they differ.
         RunFailure: The run cannot go on; its last good state is in `folder`.
     """
     from mpi4py import MPI
@@ -108,8 +107,7 @@ def run(
         if bar is not None:
             bar.stop()
         log.end_file()
-        # Meshes and their communicators stand in cycles: what waits for the collector is not small,
-        # and freeing it is collective.
+        # Meshes and communicators stand in cycles: large, and to be freed by all ranks at once.
         gc.collect()
     return Result(target, summary, temporary=made is not None)
 

@@ -98,7 +98,7 @@ class BeyondData:
     worst: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     def note(self, sample: Sample) -> None:
-        """Take in one more interval."""
+        """Take in one more window."""
         beyond = {} if sample.mechanics is None else sample.mechanics.beyond
         for kind, share in beyond.items():
             if kind not in self.worst or share > self.worst[kind][0]:

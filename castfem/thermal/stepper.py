@@ -56,7 +56,7 @@ class ThermalState:
             part, J/m.
         extremes: Coldest and hottest vertex of the section, K.
         generated: Heat generated inside the modelled part since the meniscus, J/m.
-        course: dH/dt with which the next step is expected to begin (owned,), W/m3.
+        next_rate: dH/dt with which the next step is expected to begin (owned,), W/m3.
         allowed: Coldest and hottest that the data have allowed since the meniscus, K; None if that
             is not known yet.
         filled: Volume that the vertices' steel fills, over the undeformed one (owned,); empty
@@ -71,7 +71,7 @@ class ThermalState:
     removed: float
     extremes: tuple[float, float]
     generated: float
-    course: Array
+    next_rate: Array
     allowed: tuple[float, float] | None = None
     filled: Array = field(default_factory=lambda: np.zeros(0))
     fed: float = 0.0
@@ -128,14 +128,14 @@ class ThermalStepper:
         rate: Array,
         removed: float,
         generated: float = 0.0,
-        course: Array | None = None,
+        next_rate: Array | None = None,
         filled: Array | None = None,
         fed: float = 0.0,
     ) -> ThermalState:
-        """A state from its stored arrays (checkpoint); its course is its rate if it has none."""
+        """A state from its stored arrays (checkpoint); `next_rate` is its rate if it has none."""
         point = self.problem.curve.at(enthalpy)
         extremes = self._extremes(point)
-        course = rate if course is None else course
+        next_rate = rate if next_rate is None else next_rate
         if filled is None:
             filled = np.zeros(0) if self.problem.shape is None else np.ones_like(enthalpy)
         return ThermalState(
@@ -146,7 +146,7 @@ class ThermalStepper:
             removed,
             extremes,
             generated,
-            course,
+            next_rate,
             filled=filled,
             fed=fed,
         )
@@ -179,22 +179,22 @@ class ThermalStepper:
         bounds = self._bounds(old, time)
         second_order = self.scheme == "sdirk2"
         tried = stages = (self._sdirk2 if second_order else self._euler)(old, dt, bounds)
-        limited, course, error = False, None, 0.0
+        limited, next_rate, error = False, None, 0.0
         if self.estimate and tried[-1].result.converged:
             error = self._error(old, tried, dt)
         if second_order and tried[-1].result.converged:
             coldest, hottest = self._extremes(tried[-1].point)
             limited = coldest < bounds[0] - BOUND_SLACK or hottest > bounds[1] + BOUND_SLACK
             if not limited and (error > CONTROLLED or not self.estimate):
-                limited, course = self._look_ahead(old, tried, dt, bounds)
+                limited, next_rate = self._look_ahead(old, tried, dt, bounds)
             if limited:
-                stages, course = self._euler(old, dt, bounds, DAMPED), None
+                stages, next_rate = self._euler(old, dt, bounds, DAMPED), None
         newton = self.problem.iterations - newton
         reason = stages[-1].result.reason
         if not stages[-1].result.converged:
             reason = stages[-1].result.describe()
             return StepResult(False, old, np.inf, newton, limited, reason, 0.0)
-        state, balance = self._commit(old, stages, time, course)
+        state, balance = self._commit(old, stages, time, next_rate)
         if limited and self.estimate:
             apart = np.abs(tried[-1].point.temperature - state.point.temperature)
             error = reductions.largest(self.comm, apart)
@@ -291,7 +291,7 @@ class ThermalStepper:
         return np.clip(old + tau * rate, curve.enthalpy(low, "left"), curve.enthalpy(high))
 
     def _commit(
-        self, old: ThermalState, stages: list[Stage], time: float, course: Array | None
+        self, old: ThermalState, stages: list[Stage], time: float, next_rate: Array | None
     ) -> tuple[ThermalState, float]:
         """The new state and the error of its heat balance, from solved stages."""
         last, dt = stages[-1], time - old.time
@@ -310,7 +310,7 @@ class ThermalStepper:
         balance = (out + gained - generated) / size
         generated += old.generated
         state = self.state_from(
-            time, last.enthalpy, last.rate, removed, generated, course, old.filled, old.fed
+            time, last.enthalpy, last.rate, removed, generated, next_rate, old.filled, old.fed
         )
         return state, balance
 
@@ -318,7 +318,7 @@ class ThermalStepper:
         self, old: ThermalState, dt: float, bounds: tuple[float, float], parts: int = 1
     ) -> list[Stage]:
         stages: list[Stage] = []
-        enthalpy, rate, tau = old.enthalpy, old.course, dt / parts
+        enthalpy, rate, tau = old.enthalpy, old.next_rate, dt / parts
         for part in range(1, parts + 1):
             guess = self._guess(enthalpy, rate, tau, bounds)
             stage = self.problem.solve_stage(enthalpy, guess, tau, old.time + part * tau)
@@ -330,7 +330,7 @@ class ThermalStepper:
 
     def _sdirk2(self, old: ThermalState, dt: float, bounds: tuple[float, float]) -> list[Stage]:
         tau = GAMMA * dt
-        guess = self._guess(old.enthalpy, old.course, tau, bounds)
+        guess = self._guess(old.enthalpy, old.next_rate, tau, bounds)
         first = self.problem.solve_stage(old.enthalpy, guess, tau, old.time + tau)
         if not first.result.converged:
             return [first]

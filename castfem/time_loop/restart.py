@@ -14,14 +14,14 @@ from castfem.values.types import Array
 
 Named = dict[str, Quantity]
 
-# Arrays of the thermal state, by their name in a checkpoint.
-STATE = ("enthalpy", "rate", "course")
+# Arrays of the thermal state: name in a checkpoint, attribute.
+STATE = {"enthalpy": "enthalpy", "rate": "rate", "course": "next_rate"}
 
 
 def arrays(run: RunState) -> dict[str, Array | None]:
     """The arrays of the committed state, whole on rank 0 (collective)."""
     gather, state = run.simulation.section.gather, run.state
-    found = {name: gather(getattr(state.thermal, name)) for name in STATE}
+    found = {name: gather(getattr(state.thermal, own)) for name, own in STATE.items()}
     if run.simulation.problem.shape is not None:
         found["filled"] = gather(state.thermal.filled)
     if run.archive is not None and state.mechanical is not None:
@@ -65,10 +65,10 @@ def description(run: RunState) -> dict[str, Any]:
 def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> None:
     """Go on from a checkpoint: `description` and arrays by node (on every rank)."""
     nodes = run.simulation.section.node_of_owned
-    enthalpy, rate, course = (np.asarray(by_node[name])[nodes] for name in STATE)
+    enthalpy, rate, next_rate = (np.asarray(by_node[name])[nodes] for name in STATE)
     filled = np.asarray(by_node["filled"])[nodes] if "filled" in by_node else None
     thermal = run.simulation.stepper.state_from(
-        meta["time"], enthalpy, rate, meta["removed"], meta["generated"], course, filled,
+        meta["time"], enthalpy, rate, meta["removed"], meta["generated"], next_rate, filled,
         meta.get("fed", 0.0),
     )  # fmt: skip
     if thermal.filled.size:

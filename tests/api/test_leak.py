@@ -62,7 +62,7 @@ def test_forty_runs_leak_nothing(tmp_path: Path) -> None:
 
 
 def test_tapers_leak_nothing() -> None:
-    """With mechanics, contact and friction; what one interval leaves is 0.3 MB."""
+    """With mechanics, contact and friction; what one window leaves is 0.3 MB."""
     changes = [{"taper": f"{0.5 + 0.1 * number:.1f} %/m"} for number in range(7)]
     ranks, files, memory = left_behind(billet("taper_1", *MOULDED), changes, warm=3)
     assert (ranks, files) == (0, 0)

@@ -110,7 +110,7 @@ class ThermalSetup:
     def advance(
         self, end: float, step: float, each: Callable[[], None] | None = None
     ) -> ThermalSetup:
-        """March to `end` with even steps not longer than `step`."""
+        """Advance to `end` by even steps not longer than `step`."""
         begin = self.state.time
         n = max(int(np.ceil((end - begin) / step - 1e-9)), 1)
         for i in range(n):

@@ -17,10 +17,10 @@ BOUNDS = Adaptive(tolerance=1.0, first=1e-3, smallest=1e-5, largest=0.5)
 
 
 def advance(control: StepControl, error: float) -> list[float]:
-    return march_some(control, error, 100_000)
+    return steps_of(control, error, 100_000)
 
 
-def march_some(control: StepControl, error: float, most: int) -> list[float]:
+def steps_of(control: StepControl, error: float, most: int) -> list[float]:
     """Times of the steps to the end, or of so many."""
     times = [0.0]
     while times[-1] < control.end and len(times) <= most:
@@ -88,7 +88,7 @@ def test_restart_begins_small_again() -> None:
 
 def test_step_accepted_at_the_smallest_goes_on_with_the_smallest() -> None:
     control = StepControl(10.0, adaptive=replace(BOUNDS, first=BOUNDS.smallest))
-    times = march_some(control, 0.9, 20)
+    times = steps_of(control, 0.9, 20)
     assert np.allclose(np.diff(times), BOUNDS.smallest, rtol=1e-9)
 
 

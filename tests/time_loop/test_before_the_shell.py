@@ -9,19 +9,19 @@ RUBBING = 'mould.friction={law="coulomb",coefficient=0.3}'
 SHORT = ("casting.length=120 mm", *FED)
 
 
-def strained(interval: str, *sets: str) -> Kept:
-    return run_in_memory(billet("taper_1", *SHORT, f"coupling.interval={interval}", *sets))
+def strained(window: str, *sets: str) -> Kept:
+    return run_in_memory(billet("taper_1", *SHORT, f"coupling.interval={window}", *sets))
 
 
 def axial_strains(kept: Kept) -> list[float]:
-    """Axial strain after each interval."""
+    """Axial strain after each window."""
     return [s.mechanical.modes[0] for s in kept.states if s.mechanical is not None]
 
 
 @pytest.mark.parametrize("sets", [(), (RUBBING,)], ids=["smooth", "rubbing"])
-def test_axial_strain_does_not_hang_on_the_interval(sets: tuple[str, ...]) -> None:
+def test_axial_strain_does_not_depend_on_the_window(sets: tuple[str, ...]) -> None:
     """It drifted by so much a step: to +0.09 % at 20 ms, with friction to +0.6 %."""
-    coarse, fine = (axial_strains(strained(interval, *sets)) for interval in ("0.1 s", "0.02 s"))
+    coarse, fine = (axial_strains(strained(window, *sets)) for window in ("0.1 s", "0.02 s"))
     assert max(max(coarse), max(fine)) < 2e-5
     assert coarse[-1] == pytest.approx(-0.6e-3, abs=0.1e-3)
     assert fine[-1] == pytest.approx(coarse[-1], abs=0.6e-4)

@@ -1,6 +1,6 @@
 """The billet of thesis V.2 in its moulds: what must hold whatever the steel's data.
 
-The mesh is coarse and the intervals long; docs/billet.md has the numbers.
+The mesh is coarse and the windows long; docs/billet.md has the numbers.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -120,7 +120,7 @@ def test_balances_close_and_the_wall_is_not_entered(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_gap_of_an_interval_settles(name: str) -> None:
-    """Repeating intervals until gap and heat agree changes little: they agreed nearly before."""
+    """Repeating windows until gap and heat agree changes little: they agreed nearly before."""
     kept = run_in_memory(billet(name, "coupling.passes=1", *FED))
     for quantity, close in (
         ("heat_removed", 2e-3), ("shell_mid_face", 1e-3), ("shell_corner", 0.02),
@@ -131,7 +131,7 @@ def test_gap_of_an_interval_settles(name: str) -> None:
 
 
 def test_more_passes_come_to_one_answer() -> None:
-    """Heat over long intervals: the tighter the gap has to settle, the closer to one answer."""
+    """Heat over long windows: the tighter the tolerance of the gap, the closer to one answer."""
     long = ("coupling.interval=0.5 s", 'casting.length="240 mm"')
     heat = {
         kelvin: run_in_memory(billet("taper_0", *long, f"coupling.settled={kelvin} K")).value(
@@ -166,7 +166,7 @@ def test_triangles_agree_with_quadrilaterals() -> None:
     assert corner[1] == pytest.approx(corner[0], abs=2e-7)
 
 
-# A hot body meets a cold one, and the intervals are long: Figure 84.
+# A hot body meets a cold one, and the windows are long: Figure 84.
 SHOCK = (
     "cooling.mould.surface.0.coefficient=10000 W/(m^2 K)",
     'casting.length="240 mm"',
@@ -177,7 +177,7 @@ SHOCK = (
 def test_mechanics_first_expects_what_never_comes() -> None:
     """Thesis, Figure 84: the corner has cooled fast, so the mechanics expect it to go on so.
 
-    In the first interval they know of no cooling (297); in the second they strain a corner that is
+    In the first window they know of no cooling (297); in the second they strain a corner that is
     500 K colder than it gets, and the third has to warm it again. Peak stress in MPa at 2 s: 65
     where there are 46, 42 with the temperatures first.
     """

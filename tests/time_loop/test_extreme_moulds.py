@@ -22,7 +22,7 @@ def wall(*rows: tuple[float, float]) -> str:
 
 
 def sound(kept: Kept) -> Kept:
-    """Check what must hold in any mould, at every interval; return `kept`."""
+    """Check what must hold in any mould, in every window; return `kept`."""
     for sample in kept.samples[1:]:
         mechanics = sample.mechanics
         assert mechanics is not None and mechanics.balance is not None
@@ -37,7 +37,7 @@ def sound(kept: Kept) -> Kept:
 
 
 def contact(kept: Kept, name: str) -> np.ndarray:
-    """A number of the contact summary over the intervals."""
+    """A number of the contact summary over the windows."""
     found = [r.mechanics.contact for r in kept.samples[1:] if r.mechanics is not None]
     return np.array([getattr(c, name) for c in found])
 
@@ -93,16 +93,16 @@ def test_casting_speed(speed: str, length: str) -> None:
     ("name", "off", "stress"),
     [("taper_1", (0.01, 0.01), 0.1), ("taper_0", (0.01, 0.05), 0.2)],
 )
-def test_intervals_twenty_times_longer(name: str, off: tuple[float, float], stress: float) -> None:
+def test_windows_twenty_times_longer(name: str, off: tuple[float, float], stress: float) -> None:
     """One and two seconds instead of a tenth: heat and stress near those of shorter ones.
 
-    Where the gap decides on the heat, its error goes with the interval: 0.2, 0.8, 4.3 % at 0.5, 1
+    Where the gap decides on the heat, its error goes with the window: 0.2, 0.8, 4.3 % at 0.5, 1
     and 2 s.
     """
     length = 'casting.length="360 mm"'
     fine = run_in_memory(billet(name, length, "coupling.interval=0.25 s"))
-    for interval, share in zip(("1 s", "2 s"), off, strict=True):
-        long = sound(run_in_memory(billet(name, length, f"coupling.interval={interval}")))
+    for window, share in zip(("1 s", "2 s"), off, strict=True):
+        long = sound(run_in_memory(billet(name, length, f"coupling.interval={window}")))
         assert long.value("heat_removed") == pytest.approx(fine.value("heat_removed"), rel=share)
         peak = fine.value("von_mises_max")
         assert long.value("von_mises_max") == pytest.approx(peak, rel=stress)
@@ -136,9 +136,9 @@ def test_nearly_sharp_corner(name: str) -> None:
 
 
 def test_strong_cooling_settles() -> None:
-    """At 20 kW/m2K the gap decides on all heat: plain turns swing, repeated ones settle.
+    """At 20 kW/m2K the gap decides on all heat: one iteration swings, several converge.
 
-    A gap that opens in one interval keeps the face hot in the next, which closes it.
+    A gap that opens in one window keeps the face hot in the next, which closes it.
     """
     strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="150 mm"')
     face, not_converged = {}, {}
@@ -152,8 +152,8 @@ def test_strong_cooling_settles() -> None:
     assert not_converged["repeated"] == 0.0 < 5.0 < not_converged["plain"]
 
 
-def test_intervals_that_do_not_settle_are_cut_back() -> None:
-    """Two passes are not enough for whole intervals: shorter ones take their place."""
+def test_windows_that_do_not_converge_are_cut_back() -> None:
+    """Two iterations are not enough for whole windows: shorter ones take their place."""
     strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="75 mm"')
     kept = sound(run_in_memory(billet("taper_1", *strong, "coupling.passes=2")))
     assert kept.summary is not None
@@ -187,7 +187,7 @@ def test_a_strand_that_touches_nowhere() -> None:
 
 
 def test_contact_lost_and_regained() -> None:
-    """Waves of 0.1 mm in the wall, less than three intervals long: contact comes and goes."""
+    """Waves of 0.1 mm in the wall, less than three windows long: contact comes and goes."""
     waves = [(20.0 * i, 0.1 * (i % 2)) for i in range(13)]
     kept = sound(run_in_memory(billet("taper_1", SHORT, wall(*waves))))
     change = np.diff(contact(kept, "share"))

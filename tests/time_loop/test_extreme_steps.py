@@ -42,7 +42,7 @@ def run(case: Case, folder: Path, **options: object) -> Summary:
 
 
 def test_intervals_a_hundred_times_longer(tmp_path: Path) -> None:
-    """Two intervals of 5 s through the mould: in balance, and about the stress of 0.2 s.
+    """Two windows of 5 s through the mould: in balance, and about the stress of 0.2 s.
 
     Heat keeps its own steps; the bulge of the first soft shell is what long steps miss.  The shell
     is measured in the slice as it is, so what its strains are off, a thousandth, is in it.

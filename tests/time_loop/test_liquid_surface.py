@@ -109,7 +109,7 @@ def test_liquid_follows_the_wall_and_presses_on_it(
 
 
 def test_a_hollow_surface_stays_where_it_is(tmp_path: Path) -> None:
-    """Liquid without stiffness does not creep round the fillets, threefold each interval."""
+    """Liquid without stiffness does not creep round the fillets, threefold each window."""
     path = tmp_path / "beam_blank.toml"
     path.write_text(BEAM_BLANK)
     changes = ("coupling.interval=0.25 s", "casting.length=30 mm", "mould.taper=0 %/m")

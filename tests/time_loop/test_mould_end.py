@@ -1,4 +1,4 @@
-"""Where the mould changes and ends, an interval ends, and heat is taken on below it."""
+"""Where the mould changes and ends, a window ends, and heat is taken on below it."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ ROUND: dict[str, Any] = {
 
 
 def test_the_gap_of_a_round_is_that_of_its_quarter() -> None:
-    """Intervals are repeated, relaxed by sums over the surface: the same share of each vertex."""
+    """Windows are repeated, relaxed by sums over the surface: the same share of each vertex."""
     case = small(ROUND)
     quarter, whole = (
         run_in_memory(case.with_({"section.symmetry": part})) for part in ("quarter", "whole")

@@ -1,4 +1,4 @@
-"""Steps of the mechanics within an interval: as many as asked for, and the same as intervals."""
+"""Steps of the mechanics within a window: as many as asked for, and the same as windows."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ def shape(kept: Kept) -> list[np.ndarray]:
     return [state.displacement, state.stress, state.internal, kept.states[-1].thermal.enthalpy]
 
 
-def test_steps_within_an_interval_are_those_of_shorter_intervals() -> None:
+def test_steps_within_a_window_are_those_of_shorter_windows() -> None:
     """Where the mechanics tell the heat nothing, it is all one how long they keep silent."""
     kept = [
-        run_in_memory(billet("idealised", *ALONE, *STEPS, f"coupling.interval={interval}", *step))
-        for interval, step in (
+        run_in_memory(billet("idealised", *ALONE, *STEPS, f"coupling.interval={window}", *step))
+        for window, step in (
             ("0.1 s", ()),
             ("0.5 s", ("coupling.mechanical_step=0.1 s",)),
             ("0.5 s", ()),

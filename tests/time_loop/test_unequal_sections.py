@@ -66,7 +66,7 @@ def in_a_wall_that(monkeypatch: pytest.MonkeyPatch, **does: Any) -> None:
 
 
 def forces(kept: Kept) -> tuple[Array, Array, Array]:
-    """Of the wall, of the springs (intervals, 2), and of a side of the wall (intervals,), N/m."""
+    """Of the wall, of the springs (windows, 2), and of a side of the wall (windows,), N/m."""
     wall, springs, side = [], [], []
     for sample, state in zip(kept.samples[1:], kept.states[1:], strict=True):
         mechanics, contact = sample.mechanics, state.mechanical.contact  # type: ignore[union-attr]
