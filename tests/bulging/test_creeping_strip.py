@@ -131,7 +131,7 @@ def test_exponents_of_pitch_speed_and_pressure() -> None:
 
 
 def test_elastic_strip_is_clamped() -> None:
-    """P L^4 / 384 D, whether by the closed form or marched through the layers."""
+    """P L^4 / 384 D, whether by the closed form or integrated through the layers."""
     elastic = Elasticity.constant(10e9, 0.3)
     bending = 10e9 * 0.03**3 / 12.0 / (1.0 - 0.3**2)
     exact = SPAN.pressure * SPAN.length**4 / (384.0 * bending)
@@ -160,9 +160,9 @@ def test_stiffness_follows_the_profile_of_temperature() -> None:
     second = (low / 12.0 + high / 4.0) * h**3
     assert found.neutral == pytest.approx(first / area, rel=1e-9)
     assert found.bending == pytest.approx((second - first**2 / area) / 0.91, rel=1e-9)
-    marched = CreepingStrip(ThermoElastic(elasticity)).bulge(SPAN, shell)
+    stepped = CreepingStrip(ThermoElastic(elasticity)).bulge(SPAN, shell)
     exact = SPAN.pressure * SPAN.length**4 / (384.0 * found.bending)
-    assert marched.largest == pytest.approx(exact, rel=1e-3)
+    assert stepped.largest == pytest.approx(exact, rel=1e-3)
     assert ElasticStrip(elasticity).bulge(SPAN, shell).largest == pytest.approx(exact, rel=1e-9)
 
 

@@ -1,4 +1,7 @@
-"""Stretches from roll to roll, and what a nozzle reaches between two rolls."""
+"""Stretches from roll to roll, and what a nozzle reaches between two rolls.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
 
 from __future__ import annotations
 
