@@ -25,6 +25,8 @@ BENCHMARKS = {
     "mean_stress": "benchmarks.mean_stress",
     "mechanical_cost": "benchmarks.mechanical_cost",
     "billet": "benchmarks.billet_study",
+    "billet_moved": "benchmarks.billet_moved",
+    "billet_inputs": "benchmarks.billet_sensitivity",
     "billet_error": "benchmarks.billet_error",
     "billet_convergence": "benchmarks.billet_convergence",
     "billet_trade": "benchmarks.billet_trade",
@@ -32,6 +34,7 @@ BENCHMARKS = {
     "coupling": "benchmarks.coupling",
     "wall": "benchmarks.wall_study",
     "before_shell": "benchmarks.before_shell",
+    "liquid": "benchmarks.liquid",
     "order": "benchmarks.order",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
@@ -41,6 +44,8 @@ PAGES = {
     "mean_stress": "mechanics.md",
     "mechanical_cost": "benchmarks_mechanics.md",
     "billet": "billet.md",
+    "billet_moved": "billet.md",
+    "billet_inputs": "billet.md",
     "billet_error": "billet.md",
     "billet_convergence": "billet.md",
     "billet_trade": "billet.md",
@@ -48,6 +53,7 @@ PAGES = {
     "coupling": "coupling.md",
     "wall": "contact.md",
     "before_shell": "mechanics.md",
+    "liquid": "mechanics.md",
     "order": "coupling.md",
 }
 """Pages of those whose tables do not stand in the first."""

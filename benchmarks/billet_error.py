@@ -90,7 +90,7 @@ def show_error(output: Output) -> None:
 
 # What the wall carries.
 
-SIZES = {"taper_1": (0.8, 0.5, 0.35, 0.25), "taper_3": (0.8, 0.5, 0.35)}
+SIZES = {"taper_1": (0.8, 0.5, 0.35), "taper_3": (0.8, 0.5, 0.35)}
 
 
 def pressures(output: Output, quick: bool) -> None:

@@ -50,20 +50,7 @@ def variants(folder: Path) -> list[Variant]:
     """All changes of inputs."""
     h = "cooling.mould.surface.0.coefficient={} W/(m^2 K)"
     return [
-        Variant(
-            "liquid 1e-5 as stiff as the solid", ("mechanics.liquid_stiffness=1e-5",), liquid=True
-        ),
-        Variant("1e-4", ("mechanics.liquid_stiffness=1e-4",), liquid=True),
-        Variant("1e-2", ("mechanics.liquid_stiffness=1e-2",), liquid=True),
-        Variant("modulus of the mush linear in the solid", ("mechanics.mush=linear",), liquid=True),
-        Variant(
-            "mush as soft as the liquid to 50 % solid", ("mechanics.coherency=0.5",), liquid=True
-        ),
-        Variant("pressure full until all is solid", ("mechanics.ferrostatic=full",), liquid=True),
-        Variant(
-            "pressure ends where anything is solid", ("mechanics.ferrostatic=none",), liquid=True
-        ),
-        Variant("no ferrostatic pressure", ("mechanics.ferrostatic=off",), liquid=True),
+        *_of_the_liquid(),
         Variant("α = 15e-6 /K (thesis, VI)", (ALPHA.format("15e-6"),)),
         Variant("α = 22e-6 /K (austenite)", (ALPHA.format("22e-6"),)),
         Variant(
@@ -110,6 +97,54 @@ def variants(folder: Path) -> list[Variant]:
         ),
         *_for_the_corner(),
         *_for_the_peaks(folder),
+    ]
+
+
+IDEAL = ("idealised",)  # whose liquid is elastic; in the others it is fed
+
+
+def _of_the_liquid() -> list[Variant]:
+    """What is not solid: in the ideal mould how soft it is, in the others what it is."""
+    elastic = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
+    soft = (
+        "mechanics.strain=small",
+    )  # -3 %/m is of large strain, which an elastic core is not for
+    return [
+        *(
+            Variant(label, (f"mechanics.liquid_stiffness={value}",), IDEAL, liquid=True)
+            for value, label in (
+                ("1e-5", "liquid 1e-5 as stiff as the solid"),
+                ("1e-4", "1e-4"),
+                ("1e-2", "1e-2"),
+            )
+        ),
+        Variant("liquid elastic, as in the ideal mould", (*elastic, *soft), REAL, liquid=True),
+        Variant("modulus of the mush linear in the solid", ("mechanics.mush=linear",), liquid=True),
+        Variant(
+            "modulus of the mush geometric in the solid",
+            ("mechanics.mush=geometric",),
+            REAL,
+            liquid=True,
+        ),
+        Variant(
+            "mush as soft as the liquid to 50 % solid", ("mechanics.coherency=0.5",), liquid=True
+        ),
+        Variant(
+            "pressure full until all is solid", ("mechanics.ferrostatic=full",), IDEAL, liquid=True
+        ),
+        Variant(
+            "pressure in proportion to the liquid",
+            ("mechanics.ferrostatic=proportional",),
+            REAL,
+            liquid=True,
+        ),
+        Variant(
+            "pressure ends where anything is solid",
+            ("mechanics.ferrostatic=none",),
+            IDEAL,
+            liquid=True,
+        ),
+        Variant("no ferrostatic pressure", ("mechanics.ferrostatic=off",), IDEAL, liquid=True),
     ]
 
 

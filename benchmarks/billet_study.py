@@ -1,4 +1,4 @@
-"""The billet of thesis V.2 in its moulds: beside the thesis, and what its numbers hang on.
+"""The billet of thesis V.2 in its six moulds, beside the thesis, and where its shell begins.
 
 Writes tables of docs/billet.md. All runs are those of `cases/billet125`, run in memory, one at
 a time.
@@ -6,14 +6,11 @@ a time.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.billet_inputs import variants
 from benchmarks.billet_run import CASES, COARSE, MOULDS, NAMES, SHOWN, Found, every, mesh, run
 from benchmarks.report import Output, table
 from castfem.case import load_case
@@ -72,103 +69,55 @@ FACES = {"taper_1": "8 to 10", "taper_3": "10 to 12"}
 """Stress along the faces, MPa, as V.2.2.3 gives it."""
 
 
+def at_the_exit(found: Found, ideal: Found | None) -> dict[str, Any]:
+    """What the tables of moulds show of a run; its heat also as a share of the ideal mould's."""
+    values: dict[str, Any] = dict(found.values)
+    if ideal is not None:
+        values["share"] = 100.0 * values["heat_removed"] / ideal.values["heat_removed"]
+    values["axial_strain"] *= 100.0
+    values["taper_mid_face"] = 100.0 * (125.0 / values["size_mid_face"] - 1.0) / 0.6
+    values |= {"newton": found.newton / 100.0, "seconds": found.seconds}
+    return {k: values.get(k) for k in (*SHOWN, *MORE)}
+
+
 def moulds(output: Output, changes: Sequence[str]) -> None:
     """The six moulds at the shipped defaults, beside the thesis."""
     found = {name: run(name, changes) for name in MOULDS}
-    rows = []
-    for name, one in found.items():
-        values = dict(one.values)
-        values["share"] = 100.0 * values["heat_removed"] / found["idealised"].values["heat_removed"]
-        values["axial_strain"] = 100.0 * values["axial_strain"]
-        values["taper_mid_face"] = 100.0 * (125.0 / values["size_mid_face"] - 1.0) / 0.6
-        values |= {"newton": one.newton / 100.0, "seconds": one.seconds}
-        rows.append({"mould": NAMES[name], **{k: values.get(k) for k in (*SHOWN, *MORE)}})
+    ideal = found["idealised"]
+    rows = [{"mould": NAMES[n], **at_the_exit(one, ideal)} for n, one in found.items()]
     output.csv("billet_moulds", rows)
+
+
+def told(mould: str) -> dict[str, str]:
+    """What the thesis says of a mould, as the tables write it."""
+    before, found = signs(mould), thesis(mould)
+    if mould == "idealised":
+        found |= OF_THE_TEXT
+    words = {}
+    for key, value in found.items():
+        said = format(value, ".4g" if key not in ("size_corner",) else ".2f")
+        sign = before.get(key, "")
+        words[key] = "0" if sign == "< " and value == 0.0 else sign + said
+    if "von_mises_mid_face" in words:
+        words["von_mises_mid_face"] = FACES[mould]
+    return words
 
 
 def show_moulds(output: Output) -> None:
     """The six moulds beside the thesis, from the data."""
     rows = output.rows("billet_moulds")
-    expected = {name: thesis(name) for name in MOULDS}
-    expected["idealised"] |= OF_THE_TEXT
-    before = {name: signs(name) for name in MOULDS}
+    expected = {name: told(name) for name in MOULDS}
     lines = []
     for key, (label, form) in {**SHOWN, **MORE}.items():
         cells: dict[str, Any] = {"what": label}
         for name, row in zip(MOULDS, rows, strict=True):
             ours = row[key]
             text = "" if ours is None or not np.isfinite(ours) else format(ours, form)
-            theirs = expected[name].get(key)
-            if theirs is not None:
-                said = format(theirs, ".4g" if key not in ("size_corner",) else ".2f")
-                sign = before[name].get(key, "")
-                said = "0" if sign == "< " and theirs == 0.0 else sign + said
-                if key == "von_mises_mid_face":
-                    said = FACES[name]
-                text += f" ({said})"
+            if key in expected[name]:
+                text += f" ({expected[name][key]})"
             cells[name] = text
         lines.append(cells)
     output.insert("billet moulds", table(lines, {"what": "at the exit of the mould", **NAMES}, {}))
-
-
-# (b) What the numbers hang on.
-
-STUDIED = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1")
-LIQUID_ALONE = "taper_minus_1"  # where the wall goes away all hangs on how the strand follows it
-
-
-def sensitivity(output: Output, quick: bool) -> None:
-    """Change one input at a time, on a coarse mesh."""
-    with tempfile.TemporaryDirectory() as name:
-        chosen = variants(Path(name))
-        for mould in STUDIED:
-            base = run(mould, COARSE)
-            rows = [{"input": "as shipped, coarse", **picked(base)}]
-            for one in chosen[:: 6 if quick else 1]:
-                if one.moulds and mould not in one.moulds:
-                    continue
-                if mould == LIQUID_ALONE and not one.liquid:
-                    continue
-                found = run(mould, (*COARSE, *one.changes))
-                rows.append({"input": one.label, **picked(found)})
-            output.csv(f"billet_inputs_{mould}", rows)
-
-
-PEAKED = ("idealised", "taper_1", "taper_3")  # moulds of which the thesis has the peak stress
-PEAKS = (
-    "as shipped, coarse",
-    "flow stress 20 % higher",
-    "flow stress 30 % higher",
-    "friction 0.3 (Coulomb)",
-    "flow stress 20 % higher and friction 0.3",
-    "flow stress 30 % higher and friction 0.3",
-)
-
-
-def peaks(output: Output) -> None:
-    """Peak and face stress with what moves them, alone and together, beside the thesis."""
-    found = {mould: output.rows(f"billet_inputs_{mould}") for mould in PEAKED}
-    by_input = {m: {r["input"]: r for r in found[m]} for m in PEAKED}
-    lines: list[dict[str, Any]] = []
-    for label in PEAKS:
-        line: dict[str, Any] = {"input": label}
-        for mould in PEAKED:
-            # The ideal mould has no friction.
-            alone = label.removesuffix(" and friction 0.3")
-            bare = PEAKS[0] if label.startswith("friction") else alone
-            row = by_input[mould].get(bare if mould == "idealised" else label)
-            for key in ("von_mises_max", "von_mises_mid_face"):
-                line[f"{mould} {key}"] = None if row is None else row[key]
-        lines.append(line)
-    expected = {m: thesis(m) for m in PEAKED}
-    lines.append(
-        {"input": "thesis"} | {f"{m} von_mises_max": expected[m]["von_mises_max"] for m in PEAKED}
-    )
-    lines[-1] |= {f"{m} von_mises_mid_face": said for m, said in FACES.items()}
-    head = {"input": "peak stress [MPa]"}
-    head |= {f"{m} von_mises_max": NAMES[m] for m in PEAKED}
-    head |= {f"{m} von_mises_mid_face": f"mid-face, {NAMES[m]}" for m in PEAKED[1:]}
-    output.insert("billet peaks", table(lines, head, dict.fromkeys(head, ".1f")))
 
 
 def picked(found: Found) -> dict[str, Any]:
@@ -187,28 +136,7 @@ def columns(first: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
     return head
 
 
-def _changes(rows: Sequence[Mapping[str, Any]], first: str) -> list[dict[str, Any]]:
-    """The first row as it is, the others as differences to it; nothing where nothing moves."""
-    forms = {**{k: form for k, (_, form) in SHOWN.items()}, "gap_max": ".3f"}
-    lines = []
-    for row in rows:
-        cells: dict[str, Any] = {first: row[first]}
-        for key, form in forms.items():
-            value, base = row[key], rows[0][key]
-            if value is None:
-                continue
-            if row is rows[0]:
-                cells[key] = format(value, form)
-            else:
-                text = format(value - base, "+" + form)
-                cells[key] = "" if not float(text) else text
-        if row["failure"]:
-            cells = {first: f"{row[first]}: {row['failure'][:60]}"}
-        lines.append(cells)
-    return lines
-
-
-# (c) Where the shell begins.
+# (b) Where the shell begins.
 
 STARTS: dict[str, tuple[str, ...]] = {
     "as shipped": (),
@@ -243,10 +171,9 @@ def show_beginnings(output: Output) -> None:
 
 
 def main(output: Output, quick: bool) -> None:
-    """The six moulds, and what their numbers hang on."""
+    """The six moulds, and where their shell begins."""
     moulds(output, COARSE if quick else ())
     beginnings(output, quick)
-    sensitivity(output, quick)
     show(output)
 
 
@@ -254,9 +181,3 @@ def show(output: Output) -> None:
     """The tables, from the data."""
     show_moulds(output)
     show_beginnings(output)
-    for mould in STUDIED:
-        rows = output.rows(f"billet_inputs_{mould}")
-        text = table(_changes(rows, "input"), columns("input", rows), {})
-        output.insert(f"billet inputs {mould}", text)
-    if {r["input"] for r in output.rows(f"billet_inputs_{PEAKED[1]}")} >= set(PEAKS):
-        peaks(output)  # a quick run has not got its inputs

@@ -68,19 +68,16 @@ def reference(mould: str) -> dict[str, float]:
     return {name: float(rows[mould, "finer"][name]) for name in COMPARED}
 
 
-def settings(mould: str, quick: bool) -> Iterator[Setting]:
-    """All ways with the penalty, Nitsche with the shipped interval.
-
-    Where no interval is ever repeated one pass is tried with that interval, too.
-    """
+def settings(quick: bool) -> Iterator[Setting]:
+    """All cells with all intervals; Nitsche's method and one pass with the shipped cells alone."""
     sizes = (2.0,) if quick else SIZES
     intervals = (0.5,) if quick else INTERVALS
     for size in sizes:
         for interval in intervals:
             yield Setting(size, interval)
-            if interval == DEFAULT.interval:
+            if (size, interval) == (DEFAULT.size, DEFAULT.interval):
                 yield Setting(size, interval, contact="nitsche")
-            if mould == "taper_0" or interval == DEFAULT.interval:
+            if size == DEFAULT.size and interval >= DEFAULT.interval:
                 yield Setting(size, interval, passes=1)
 
 
@@ -93,7 +90,7 @@ def errors(values: Mapping[str, float], exact: Mapping[str, float]) -> dict[str,
 def measure(mould: str, quick: bool) -> list[dict[str, Any]]:
     """All settings of a mould; a row each, with what is compared as it was found."""
     rows = []
-    for one in settings(mould, quick):
+    for one in settings(quick):
         found = run(mould, one.keys, PATIENCE)
         rows.append(
             {

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import billet_convergence, billet_study
+from benchmarks import billet_convergence, billet_sensitivity, billet_study
 from benchmarks.billet_run import Found, Listener, every, mesh, run
 from benchmarks.report import Output
 
@@ -98,14 +98,14 @@ def test_short_version_has_what_is_shipped(tmp_path: Path, monkeypatch: pytest.M
 
 def test_ideal_mould_has_no_friction_among_the_peaks(tmp_path: Path) -> None:
     output = Output(tmp_path, "billet.md")
-    for i, mould in enumerate(billet_study.PEAKED):
+    for i, mould in enumerate(billet_sensitivity.PEAKED):
         rows = [
             {"input": label, "von_mises_max": 10.0 * i + j, "von_mises_mid_face": 0.5}
-            for j, label in enumerate(billet_study.PEAKS)
+            for j, label in enumerate(billet_sensitivity.PEAKS)
             if mould != "idealised" or "friction" not in label
         ]
         output.csv(f"billet_inputs_{mould}", rows)
-    billet_study.peaks(output)
+    billet_sensitivity.peaks(output)
     text = output.page.read_text(encoding="utf-8")
     assert "| friction 0.3 (Coulomb) | 0.0 | 13.0 | 23.0 | 0.5 | 0.5 |" in text
     assert "| flow stress 20 % higher and friction 0.3 | 1.0 | 14.0 | 24.0 | 0.5 | 0.5 |" in text

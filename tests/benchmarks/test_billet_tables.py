@@ -6,9 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import billet_cost, billet_error, billet_trade
+from benchmarks import billet_cost, billet_error, billet_moved, billet_trade, liquid
 from benchmarks.billet_run import Found, every, mesh
 from benchmarks.report import Output
+from castfem.mechanics import problem
 
 
 def found(**values: float) -> Found:
@@ -65,10 +66,10 @@ def test_worst_error_is_counted_in_units_of_each() -> None:
 
 
 def test_every_mould_is_run_as_shipped_and_compared_with_the_reference() -> None:
+    tried = list(billet_trade.settings(quick=False))
+    assert tried.count(billet_trade.DEFAULT) == 1
+    assert len(set(tried)) == len(tried)
     for mould in billet_trade.MOULDS:
-        tried = list(billet_trade.settings(mould, quick=False))
-        assert tried.count(billet_trade.DEFAULT) == 1
-        assert len(set(tried)) == len(tried)
         assert set(billet_trade.reference(mould)) == set(billet_trade.COMPARED)
 
 
@@ -76,8 +77,32 @@ def test_figure_rings_the_default() -> None:
     rows = [
         {"kind": one.kind, "size": one.size, "interval": one.interval, "seconds": 1.0 / one.size}
         | {"worst": one.size, "von_mises_max": one.size, "default": one == billet_trade.DEFAULT}
-        for one in billet_trade.settings("taper_0", quick=False)
+        for one in billet_trade.settings(quick=False)
     ]
     figure = billet_trade.draw({"0 %/m": rows})
     rings = [line for line in figure.axes[0].lines if line.get_fillstyle() == "none"]
     assert [float(line.get_xdata()[0]) for line in rings] == [1.25]
+
+
+def test_moved_number_is_told_by_what_moved_it() -> None:
+    assert billet_moved.moved(136.519, 136.509, 136.507, ".2f") == "136.52 -0.01 +0 = 136.51"
+    assert billet_moved.moved(1.0, 1.5, 1.001, ".2f") == ""  # back where it was
+    assert billet_moved.moved(None, float("nan"), 46.6, ".0f") == "none → 47"
+    assert billet_moved.moved(None, None, None, ".0f") == ""
+
+
+def test_moved_table_keeps_what_no_later_version_can_make() -> None:
+    rows = Output().rows("billet_moved")
+    assert {"then", "elastic", "now"} < {r["version"] for r in rows}
+    now = {r["mould"]: r for r in Output().rows("billet_moulds")}
+    for row in (r for r in rows if r["version"] == "now"):
+        assert row["heat_removed_slice"] == now[row["mould"]]["heat_removed_slice"]
+
+
+def test_stand_in_is_put_back() -> None:
+    shipped = problem.STAND_IN
+    with liquid.standing_in(10.0):
+        assert problem.STAND_IN == 10.0
+    assert shipped == problem.STAND_IN
+    factors = {(one.mould, one.factor) for one in liquid.liquids() if one.model == "fed"}
+    assert {("taper_0", 10.0), ("taper_0", shipped), ("taper_0", 300.0)} <= factors

@@ -24,6 +24,8 @@ SLOW = {
     "weiner_boley": "44 s: past 21 s of freezing; tests/verification runs the shipped case",
     "mechanical_cost": "processes of their own, several times each",
     "billet": "some 20 billets",
+    "billet_moved": "two billets at their shipped cells",
+    "billet_inputs": "some 30 billets",
     "billet_error": "four billets to the mould's exit",
     "billet_convergence": "some 20 billets",
     "billet_trade": "billets that are compared with a reference at the mould's exit",
@@ -33,6 +35,7 @@ SLOW = {
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
 
 SMALL: dict[str, dict[str, Any]] = {
+    "liquid": {"FACTORS": (10.0,)},
     "before_shell": {"FEW": ((2.0, 0.5, 0.3),)},
     "coupling": {"CASES_TO_RUN": (("taper_1", (), 0.5),)},
     "wall": {"PARTS": (wall_study.frictions, wall_study.factors), "FACTORS": (10, 1000)},
