@@ -27,6 +27,35 @@ MECHANICAL_FIELDS: tuple[FieldName, ...] = get_args(MechanicalField)
 CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
 
 
+TemperatureOverDepth = Annotated[float | Table, Curve(Kind("K", "degC"), over="depth")]
+
+
+class Start(TableModel):
+    """Where and with what a run begins."""
+
+    at: Literal["meniscus", "mould_exit"] = Field(
+        "meniscus",
+        description="where the run, its history and its mechanics begin: at mould_exit, unstrained "
+        "and in its shape as cold, after a run of the temperature alone through the zones of the "
+        "mould, or with the profile",
+    )
+    profile: TemperatureOverDepth | None = Field(
+        None,
+        description="temperature there over the depth below the surface; left out: the steel as "
+        "poured, cooled by the mould",
+    )
+
+    @field_validator("profile")
+    @classmethod
+    def _is_table(cls, profile: float | Table | None) -> float | Table | None:
+        """Refuse one temperature, which is casting.temperature."""
+        if profile is None or isinstance(profile, Table):
+            return profile
+        raise ValueError(
+            "a table over depth is needed; the one temperature of a slice is casting.temperature"
+        )
+
+
 class Casting(TableModel):
     """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
 
@@ -44,6 +73,9 @@ class Casting(TableModel):
         None,
         description="temperature of the steel at the meniscus",
         examples=["1540 degC"],
+    )
+    start: Start | None = Field(
+        None, description="where and with what it begins; left out: liquid, at the meniscus"
     )
 
     @field_validator("speed")

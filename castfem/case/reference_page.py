@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from castfem.case.base import TableModel
-from castfem.case.casting import Casting, Output, Reference, Steel
+from castfem.case.casting import Casting, Output, Reference, Start, Steel
 from castfem.case.coefficient_table import NozzleTable
 from castfem.case.cooling import HeatLaw, Zone
 from castfem.case.machine import Machine, RollSegment, RollTable
@@ -99,6 +99,7 @@ checkpoint; output settings (other than which fields are written), title, refere
 
 _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[casting]", Casting),
+    ("[casting.start]", Start),
     ("[steel]", Steel),
     ("[section]", Section),
     ("[mesh]", Mesh),

@@ -71,6 +71,39 @@ def _casting(case: Case) -> Iterator[Problem]:
             f'{problem}; exactly one of superheat = "40 K" and temperature = "1540 degC"',
         )
     yield from _standing(casting)
+    yield from _start(case, casting)
+
+
+def _start(case: Case, casting: Casting) -> Iterator[Problem]:
+    """Yield what a start below the mould, or from a profile, does not go with."""
+    start, path = casting.start, ("casting", "start")
+    if start is None:
+        return
+    if case.verification is not None:
+        yield Problem(
+            path, "a closed form begins at the meniscus, at one temperature; leave it out"
+        )
+    if start.at != "mould_exit" or case.cooling is None or None in case.cooling:
+        return
+    if case.mould is not None:
+        yield Problem(
+            (*path, "at"),
+            '("mould_exit") begins below the mould, which [mould] takes the strained slice '
+            "through; leave one of the two out",
+        )
+        return
+    ends = case.mould_exit()
+    if ends is None:
+        yield Problem(
+            (*path, "at"),
+            '("mould_exit"): there is no mould; name a zone of [[cooling]] so, with its end',
+        )
+    elif casting.length is not None and not ends < casting.length:
+        yield Problem(
+            (*path, "at"),
+            f'("mould_exit"), {_mm(ends)}, does not lie above casting.length '
+            f"({_mm(casting.length)})",
+        )
 
 
 def _standing(casting: Casting) -> Iterator[Problem]:

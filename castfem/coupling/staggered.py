@@ -284,7 +284,7 @@ class StaggeredCoupling:
         return np.asarray(self.dissipation * work / problem.area)
 
     def start(self, thermal: ThermalState) -> StrandState:
-        """The slice at the meniscus: undeformed and free of stress."""
+        """The slice as it begins: undeformed and free of stress."""
         mechanical = self.mechanics.stepper.initial(thermal.time, thermal.point.temperature)
         owned = len(thermal.enthalpy) if self.dissipation else 0
         trend = np.zeros(len(thermal.enthalpy) if self.order == "mechanics_first" else 0)

@@ -11,6 +11,7 @@ import numpy as np
 from castfem.coupling.staggered import StrandState
 from castfem.results.sample import Sample
 from castfem.results.thermal import Sampler
+from castfem.simulation.start import starting_state
 
 if TYPE_CHECKING:
     from castfem.coupling.subcycling import SubSteps
@@ -119,9 +120,9 @@ class RunState:
     _recorded: Recorded | None = None
 
     @classmethod
-    def at_meniscus(cls, simulation: Simulation) -> RunState:
+    def at_start(cls, simulation: Simulation) -> RunState:
         """A run that has not begun."""
-        thermal = simulation.stepper.initial(simulation.start_temperature)
+        thermal = starting_state(simulation)
         state = (
             StrandState(thermal, None, np.zeros(0))
             if simulation.coupling is None

@@ -13,6 +13,7 @@ from castfem.fem import reductions
 from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtremes
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import Simulation
+from castfem.simulation.start import starting_enthalpy
 from castfem.thermal.stepper import ThermalState
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ class Sampler:
     def heat_gained(self, state: ThermalState) -> float:
         """Change of the modelled part's enthalpy since the meniscus, J/m (negative when cooled)."""
         simulation = self.simulation
-        start = float(simulation.problem.curve.enthalpy(simulation.start_temperature))
+        start = starting_enthalpy(simulation)
         volume = (
             simulation.problem.area * state.filled if state.filled.size else simulation.problem.area
         )

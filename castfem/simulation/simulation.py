@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,6 +23,7 @@ from castfem.machine.machine import STANDING
 from castfem.materials.curve import ThermalCurve
 from castfem.simulation import closed_form
 from castfem.simulation.cooling import Zones
+from castfem.simulation.start import given_profile
 from castfem.support.stopwatch import Stopwatch
 from castfem.thermal.boundary import Surface
 from castfem.thermal.deformed_section import Shape
@@ -121,7 +123,9 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         shape = Shape(section, mechanics.problem.space, steel.solidus)
     with watch.section("setup: thermal"):
         zones = Zones(case, machine, steel, Surface(section, shape))
-        curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None)
+        profile = given_profile(case)
+        given = () if profile is None else profile.values
+        curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None, given=given)
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
         probes = LineProbes(section, _probe_lines(case, section))
     stepping = case.thermal.time
@@ -216,7 +220,11 @@ def case_steel(case: Case) -> Steel:
 
 
 def thermal_curve(
-    steel: Steel, zones: Zones, start: float, keeps_mass: bool = False
+    steel: Steel,
+    zones: Zones,
+    start: float,
+    keeps_mass: bool = False,
+    given: Sequence[float] = (),
 ) -> ThermalCurve:
     """T(H) between the coldest surroundings and the start, zero at the start.
 
@@ -225,10 +233,11 @@ def thermal_curve(
         zones: Have the surroundings.
         start: Temperature at the meniscus, K.
         keeps_mass: Whether the slice moves, so that solid keeps its mass and not its volume.
+        given: Temperatures that it begins with instead, K.
     """
     coldest, hottest = zones.ambient_range()
-    lower = max(min(coldest, start), ROOM) - MARGIN
-    upper = (max(hottest, start) if hottest < np.inf else start) + MARGIN
+    lower = max(min(coldest, start, *given), ROOM) - MARGIN
+    upper = max(start, *given, hottest if hottest < np.inf else start) + MARGIN
     upper = max(upper, steel.liquidus + MARGIN)
     return steel.thermal_curve(lower, upper, start, start if keeps_mass else None)
 

@@ -61,7 +61,7 @@ class TimeLoop:
     ) -> None:
         self.simulation, self.recorder, self.progress = simulation, recorder, progress
         self.interrupt = interrupt
-        self.run_state = RunState.at_meniscus(simulation)
+        self.run_state = RunState.at_start(simulation)
 
     def run(self) -> Sample:
         """Go to the end of the followed length.

@@ -23,6 +23,7 @@ from castfem.values.types import Array
 if TYPE_CHECKING:
     from castfem.output.surface_maps import MapWriter
     from castfem.simulation.simulation import Simulation
+from castfem.simulation.start import starting_time
 
 
 class Recorder:
@@ -143,10 +144,11 @@ class Recorder:
         return {name: values for name, values in gathered.items() if values is not None}
 
     def _is_due(self, time: float) -> bool:
-        """Whether `time` is the meniscus, a multiple of the output interval, or the end."""
+        """Whether `time` is the start, a multiple of the output interval, or the end."""
         every, end = self.simulation.case.output.every, self.simulation.control.end
         nearest = round(time / every) * every
-        return time == 0.0 or same_instant(time, nearest, end) or same_instant(time, end, end)
+        begun = starting_time(self.simulation)
+        return time <= begun or same_instant(time, nearest, end) or same_instant(time, end, end)
 
     def _checkpoint(self, run: RunState) -> tuple[dict[str, Any], dict[str, Array | None]]:
         """What a checkpoint of the committed state holds (collective: results may be sums)."""

@@ -42,6 +42,7 @@ _ARGUMENTS = {
     "time": Kind("s", "s", least=0.0),
     "position": Kind("m", "mm", least=0.0),
     "speed": Kind("m/s", "m/min", least=0.0),
+    "depth": Kind("m", "mm", least=0.0),
 }
 
 
