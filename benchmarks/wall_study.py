@@ -164,7 +164,7 @@ def show_frictions(output: Output) -> None:
     rows = output.rows("contact_friction")
     head = {
         "law": "law (p0 = 10 MPa)", "mould": "mould", "newton": "Newton", "cut": "cut back",
-        "heat": "heat [kJ]", "peak": "peak stress [MPa]", "pull": "pull on the strand [kN]",
+        "heat": "heat [kJ]", "peak": "peak stress [MPa]", "pull": "withdrawal resistance [kN]",
     }  # fmt: skip
     forms = {"heat": ".1f", "peak": ".1f", "pull": ".2f"}
     output.insert("contact friction", table(rows, head, forms))

@@ -1,13 +1,14 @@
 """Weak forms of the slice in generalized plane strain, small strain (thesis III.1-III.3).
 
 The slice lies between two planes whose distance is e(x, y) = a0 + a1 x + a2 y (37).  Beside the
-displacement in its plane it has up to four scalar motions, its *modes*:
+displacement in its plane it has up to four scalar degrees of freedom, the generalized strains
+(`modes` in the code):
 
     a0 - 1, a1, a2   strain of the thickness at the origin and its gradients (1, 1/m, 1/m),
     across           a uniform strain along y, for strips cut out of something wide.
 
 A `Direction` is any motion of both kinds, real or virtual; work and stiffness are written once for
-it, and give the rows and columns of the nodal displacements and of the modes alike.
+it, and give the rows and columns of the nodal displacements and of the generalized strains.
 
 Stress and strain are Mandel vectors [xx, yy, zz, sqrt(2) xy].  The stress deviator is integrated
 with one rule and the mean stress with a poorer one: with a mean stress in every point of the full
@@ -91,7 +92,7 @@ def isotropic(mean: Expr, pressure: Expr | None = None) -> Expr:
 def virtual_work(
     deviator: Expr, stress: Expr, virtual: Expr, dx_deviator: ufl.Measure, dx_mean: ufl.Measure
 ) -> ufl.Form:
-    """Int sigma : eps(v): forces in the plane for a nodal v, the left of (38) for a mode.
+    """Int sigma : eps(v): forces in the plane for a nodal v, else the left of (38).
 
     Args:
         deviator: Stress deviator at the points of `dx_deviator`.

@@ -74,8 +74,8 @@ FIGURES = (
     Definition("axial_force", "Axial force, modelled part", "force"),
     Definition("friction_force", "Friction on the modelled part", "force per length"),
     Definition("mould_friction", "Friction of the mould on the strand", "force per length"),
-    Definition("mould_pull", "Pull of the mould on the strand", "force"),
-    Definition("friction_pull", "Pull of friction handed down the strand", "force"),
+    Definition("mould_pull", "Withdrawal resistance of the mould", "force"),
+    Definition("friction_pull", "Accumulated friction", "force"),
 )
 
 

@@ -136,7 +136,11 @@ def friction_force(sample: Sample) -> float:
 
 
 @quantity(
-    "friction_pull", unit="kN", label="pull of friction, modelled part", row=False, needs=("mould",)
+    "friction_pull",
+    unit="kN",
+    label="accumulated friction, modelled part",
+    row=False,
+    needs=("mould",),
 )
 def friction_pull(sample: Sample) -> float:
     """What friction has handed down the strand so far: its share of `axial_force`."""
@@ -167,11 +171,9 @@ def mould_friction(sample: Sample) -> float:
     return -sample.contact.axial * sample.simulation.section.multiplicity
 
 
-@quantity(
-    "mould_pull", unit="kN", label="pull of the mould's friction, whole strand", needs=("friction",)
-)
+@quantity("mould_pull", unit="kN", label="withdrawal resistance of the mould", needs=("friction",))
 def mould_pull(sample: Sample) -> float:
-    """Pull of that friction on the whole strand so far; positive as it holds the strand back."""
+    """Withdrawal resistance of the mould, whole strand; positive as it holds the strand back."""
     return sample.strained.withdrawal_resistance * sample.simulation.section.multiplicity
 
 

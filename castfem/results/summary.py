@@ -172,7 +172,7 @@ def _force_balances(sample: Sample | None) -> dict[str, dict[str, Quantity]]:
             "friction": Quantity(
                 mechanics.withdrawal_resistance,
                 "kN",
-                "pull of the friction on the way here, modelled part",
+                "friction accumulated on the way here, modelled part",
             ),
             **_bending_force(mechanics),
             "reaction": Quantity(
