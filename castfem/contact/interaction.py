@@ -15,49 +15,11 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from castfem.contact.interfaces import Motion, Solid
+from castfem.contact.interfaces import Motion
 from castfem.fem import reductions
 from castfem.fem.section import Section
 from castfem.forms.mechanics import Direction, of_modes
 from castfem.values.types import Array
-
-ALWAYS = (-np.inf, np.inf)
-"""Range of positions of what acts on the whole way, m."""
-
-
-class SurfaceInteraction(Protocol):
-    """Settings of something that acts on boundary groups."""
-
-    @property
-    def on(self) -> tuple[str, ...]:
-        """The groups; a name covers all that begin with it."""
-
-    @property
-    def between(self) -> tuple[float, float]:
-        """Positions between which it may act, m; a coupling window ends at each."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether it bears loads that are not in equilibrium, as a wall does.
-
-        Motions as a rigid body that nothing else holds then are left to it, and to weak springs for
-        the time that it does not act: points held rigidly would bear its share.
-        """
-
-    @property
-    def holds_liquid(self) -> bool:
-        """Whether it holds liquid that comes to the surface."""
-
-    @property
-    def rubs(self) -> bool:
-        """Whether it has friction along the strand."""
-
-    def build(self, section: Section, solid: Solid, motion: Motion) -> Interaction:
-        """What computes it on a section (collective).
-
-        Raises:
-            InputError: If a group does not exist.
-        """
 
 
 class InteractionState(Protocol):

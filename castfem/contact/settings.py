@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from castfem.contact.friction import Friction
-from castfem.contact.interaction import ALWAYS
+from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.errors import InputError
 from castfem.mould.wall import Wall
 
@@ -31,7 +31,7 @@ def _still(time: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(SurfaceInteraction):
     """Contact of boundary groups with a rigid wall.
 
     Attributes:
@@ -77,16 +77,6 @@ class Contact:
     def symmetric(self) -> bool:
         """Whether the tangent is, at small strain."""
         return self.method == "penalty" and self.friction is None
-
-    @property
-    def between(self) -> tuple[float, float]:
-        """See `SurfaceInteraction`: where there is a wall, the wall itself knows."""
-        return ALWAYS
-
-    @property
-    def holds(self) -> bool:
-        """See `SurfaceInteraction`."""
-        return True
 
     @property
     def holds_liquid(self) -> bool:

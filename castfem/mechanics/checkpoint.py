@@ -106,4 +106,5 @@ class Archive:
     def _by_point(self, name: str, arrays: dict[str, Array]) -> Array:
         cells = self._cellwise.cells
         rows = [arrays[f"{name}_{rule}"][cells] for rule in ("deviator", "mean")]
-        return np.concatenate([part.reshape(-1, part.shape[2]) for part in rows])
+        # Of a law that remembers nothing there are no columns, from which -1 could be told.
+        return np.concatenate([p.reshape(p.shape[0] * p.shape[1], p.shape[2]) for p in rows])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from castfem.constitutive.base import Law
-from castfem.contact.interaction import SurfaceInteraction
+from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, Planes
 from castfem.mechanics.quadrature import Integration

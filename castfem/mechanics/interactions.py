@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from castfem.contact.interaction import Interaction, InteractionState, SurfaceInteraction
+from castfem.contact.interaction import Interaction, InteractionState
 from castfem.contact.interfaces import Motion, Solid
+from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.contact.wall_contact import WallContact
 from castfem.fem.section import Section
 from castfem.mechanics.state import MechanicalState
@@ -54,6 +55,14 @@ class Interactions:
     ) -> Iterator[tuple[Interaction, InteractionState]]:
         """Each with its state."""
         return zip(self._each, states, strict=True)
+
+    def always_held(self) -> tuple[Array, Array] | None:
+        """Places (n, 2), m, and directions (n, 2) along which they are held in every step."""
+        found = [one.always_held() for one in self._each]
+        if not found:
+            return None
+        places, directions = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return places, directions
 
     def initial(self) -> tuple[InteractionState, ...]:
         """States of a strand on which nothing has acted."""

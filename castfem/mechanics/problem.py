@@ -112,7 +112,9 @@ class MechanicalProblem:
             slice_.law.symmetric,
         )  # fmt: skip
         held = [*symmetry_supports(section.groups), *slice_.held]
-        self.constraints = Constraints(section, self.space, held, slice_.pin, springs)
+        self.constraints = Constraints(
+            section, self.space, held, slice_.pin, springs, self.interactions.always_held()
+        )
         self.planes = PlaneEquations(
             slice_.planes, self.fields, self.kinematics, self.interactions, self.scales
         )

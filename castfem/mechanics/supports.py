@@ -114,6 +114,8 @@ class Constraints:
         held: Conditions on groups.
         pin: Hold points in addition.
         springs: Do so by springs of this share of the stiffness; None for rigidly.
+        borne: Places (n, 2), m, whose displacement along directions (n, 2) something else always
+            holds.
 
     Attributes:
         conditions: For DOLFINx' assembly.
@@ -134,6 +136,7 @@ class Constraints:
         held: list[PrescribedDisplacement],
         pin: bool = True,
         springs: float | None = None,
+        borne: tuple[Array, Array] | None = None,
     ) -> None:
         self._comm = section.comm
         self.conditions: list[fem.DirichletBC] = []
@@ -145,7 +148,7 @@ class Constraints:
             self._hold(space, single[one.component], 1, _facets(section, one.on), one)
         owned = space.dofmap.index_map.size_local * space.dofmap.bs
         sprung: list[npt.NDArray[np.int32]] = [np.zeros(0, np.int32)]
-        for component, vertices in self._missing(section) if pin else []:
+        for component, vertices in self._missing(section, borne) if pin else []:
             if springs is None:
                 self._hold(
                     space, single[component], 0, vertices, PrescribedDisplacement((), component)
@@ -194,7 +197,9 @@ class Constraints:
         positions = single.tabulate_dof_coordinates()[dofs[1], :2]
         self._parts.append((value, list(dofs), positions, held))
 
-    def _missing(self, section: Section) -> list[tuple[int, npt.NDArray[np.int32]]]:
+    def _missing(
+        self, section: Section, borne: tuple[Array, Array] | None
+    ) -> list[tuple[int, npt.NDArray[np.int32]]]:
         """Component and local vertex of the points that hold what the conditions leave free."""
         points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
         low = np.array([reductions.smallest(section.comm, v) for v in points.T])
@@ -208,6 +213,9 @@ class Constraints:
             return np.column_stack([one, none, -y] if component == 0 else [none, one, x])
 
         rows = [motions(h.component, places) for _, _, places, h in self._parts]
+        if borne is not None:
+            x, y = borne[1].T[:, :, None]
+            rows.append(x * motions(0, borne[0]) + y * motions(1, borne[0]))
         here = np.linalg.qr(np.concatenate([np.zeros((0, 3)), *rows]), mode="r")
         _, strength, basis = np.linalg.svd(np.concatenate(section.comm.allgather(here)))
         basis = basis[: int((strength > NOT_HELD * strength.max(initial=0.0)).sum())]

@@ -11,8 +11,8 @@ from castfem.case import mechanics as given
 from castfem.case.bending import axis_position
 from castfem.case.build_mould import build_mould
 from castfem.case.machine import thickness_of
-from castfem.contact.interaction import SurfaceInteraction
 from castfem.contact.settings import Contact
+from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.errors import InputError
 from castfem.fem.section import Section
 from castfem.mechanics.definition import Slice

@@ -132,7 +132,8 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
     milestones = _milestones(case, machine, zones)
     if mechanics is not None:
-        ends = (end for one in mechanics.problem.slice.interactions for end in one.between)
+        acting = mechanics.problem.slice.interactions
+        ends = (end for one in acting for end in (*one.between, *one.knots))
         milestones += [machine.time_at(end) for end in ends if 0.0 < end < np.inf]
     if mechanics is None:
         control = thermal = step_control(case, milestones)

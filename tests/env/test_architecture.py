@@ -20,6 +20,7 @@ TOYS = {
     "spray correlation": (("linear",), 1),
     "constitutive law": (("Softened",), 0),
     "section shape": (("square", "Square"), 1),
+    "support of the surface": (("belt_work", "Belt", "StickingBelt"), 0),
 }
 
 

@@ -1,0 +1,80 @@
+"""Supports of the strand's surface between and under rolls: weak forms.
+
+Between two rolls a wide face bulges by w(z); a slice that passes them is borne as if by an elastic
+foundation (Winkler; [Hetenyi1946]), whose rest moves as the slice does: the traction on
+the strand is -f n, n the outward normal of the face, with
+
+    f = p + K (u_n - w - s),      u_n = N . u,
+
+p the pressure that the shell hands on to its rolls, K the stiffness of the foundation, w the bulge
+of the middle of the face and s the place of the rolls, all of them at that moment. Where nothing
+else bears the pressure within, u_n is w + s; near an edge that holds itself the shell gets there
+over the length (4 D/K)^(1/4), D its stiffness against bending. It may pull: the face opposite has
+rolls too.
+
+N is the normal of the undeformed face, across which rolls and their bulge are measured. At large
+strain f acts on the surface as it is now. At small strain it has the potential
+int p u_n + K/2 (u_n - w - s)^2 ds, and its tangent is symmetric.
+"""
+
+from __future__ import annotations
+
+import ufl
+
+from castfem.forms import finite_strain, mechanics
+from castfem.forms.mechanics import Direction, Expr
+
+
+def outward(motion: Direction, mesh: ufl.Mesh) -> Expr:
+    """Part of a motion along the outward normal of the undeformed surface."""
+    return ufl.dot(ufl.FacetNormal(mesh), motion.shift)
+
+
+def bed_pressure(pressure: Expr, stiffness: Expr, rest: Expr, moved: Expr) -> Expr:
+    """F of the module, Pa.
+
+    Args:
+        pressure: p, Pa.
+        stiffness: K, Pa/m.
+        rest: w + s, m.
+        moved: u_n, m.
+    """
+    return pressure + stiffness * (moved - rest)
+
+
+def virtual_work(
+    pressure: Expr,
+    virtual: Direction,
+    now: finite_strain.Deformation | None,
+    mesh: ufl.Mesh,
+    ds: ufl.Measure,
+) -> ufl.Form:
+    """Int f n . v ds, to be added to the work of the stress.
+
+    Args:
+        pressure: f, Pa.
+        virtual: Motion v.
+        now: Deformation at large strain; None at small.
+        mesh: The undeformed mesh.
+        ds: Undeformed surface.
+    """
+    if now is None:
+        return -mechanics.pressure_work(pressure, virtual.shift, mesh, ds)
+    return -finite_strain.pressure_work(now, pressure, virtual.shift, mesh, ds)
+
+
+def tangent(
+    pressure: Expr,
+    stiffness: Expr,
+    by: Direction,
+    virtual: Direction,
+    now: finite_strain.Deformation | None,
+    mesh: ufl.Mesh,
+    ds: ufl.Measure,
+) -> ufl.Form:
+    """Derivative of `virtual_work` along a motion; `stiffness` is K, Pa/m."""
+    found = virtual_work(stiffness * outward(by, mesh), virtual, now, mesh, ds)
+    if now is None:
+        return found
+    turned = finite_strain.pressure_stiffness(now, pressure, by, virtual.shift, mesh, ds)
+    return found - turned

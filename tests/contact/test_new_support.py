@@ -1,0 +1,85 @@
+"""A kind of support that castfem does not have, added through its public interface alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+from mechanics.setups import SliceSetup, box, elastic, mapped
+from mechanics.test_tangent import jacobians
+
+from castfem.contact.interaction import Interaction
+from castfem.contact.interfaces import Motion, Solid
+from castfem.contact.surface_interaction import SurfaceInteraction
+from castfem.fem.section import Section
+from castfem.forms.mechanics import Direction, Expr
+from castfem.mechanics.supports import PrescribedDisplacement
+from castfem.values.types import Array
+from contact.test_roll_support import GROUPS, PLANE_STRAIN, YOUNG
+
+
+def belt_work(moved: Expr, stiffness: Expr, virtual: Direction, ds: ufl.Measure) -> ufl.Form:
+    """Int k u . v ds: a face that is drawn back to where a belt holds it, k in Pa/m."""
+    return stiffness * ufl.inner(moved, virtual.shift) * ds
+
+
+@dataclass(frozen=True, slots=True)
+class Belt(SurfaceInteraction):
+    """A belt of stiffness k (Pa/m) that sticks to groups from the start to a place, m."""
+
+    on: tuple[str, ...]
+    stiffness: float
+    between: tuple[float, float]
+
+    def build(self, section: Section, solid: Solid, motion: Motion) -> StickingBelt:
+        return StickingBelt(section, self, motion)
+
+
+class StickingBelt(Interaction):
+    """That belt on a slice."""
+
+    name = "belt"
+
+    def __init__(self, section: Section, given: Belt, motion: Motion) -> None:
+        super().__init__(section, motion, given.on)
+        self._given, self._k = given, fem.Constant(section.mesh, np.float64(0.0))
+        ds = ufl.Measure("ds", domain=section.mesh, subdomain_data=section.facet_tags)
+        self._ds = ds(tuple(self.tags))
+
+    def begin(self, old: object, start: float, end: float, before: Array, after: Array) -> None:
+        super().begin(old, start, end, before, after)
+        self._k.value = self._given.stiffness if end <= self._given.between[1] else 0.0
+
+    def virtual_work(self, virtual: Direction) -> ufl.Form:
+        return belt_work(self._motion.u, self._k, virtual, self._ds)
+
+    def tangent(self, by: Direction, virtual: Direction) -> ufl.Form:
+        return belt_work(by.shift, self._k, virtual, self._ds)
+
+
+def dragged(stiffness: float) -> SliceSetup:
+    """A block drawn by its top, on a belt until it has come 1 m."""
+    drawn = tuple(
+        PrescribedDisplacement(("top",), i, lambda x, t, i=i: np.full(len(x), (1 - i) * 1e-5))
+        for i in range(2)
+    )
+    belt = Belt(("bottom",), stiffness, (0.0, 1.0))
+    return SliceSetup(
+        mapped(2, 2, box(0.1, 0.04), groups=GROUPS),
+        elastic(YOUNG, 0.0),
+        given={"planes": PLANE_STRAIN, "interactions": (belt,), "held": drawn},
+    )
+
+
+def test_a_new_kind_of_support() -> None:
+    """It shears the block as its stiffness says, and lets go at the end of its range."""
+    setup = dragged(1e12)
+    setup.step(1.0)
+    assert setup.displacement(lambda x, y: y < 1e-9).max() < 0.6e-5
+    exact, found, _ = jacobians(dragged(1e12), 1e-5)
+    assert np.abs(exact - found).max() < 1e-8 * np.abs(found).max()
+    setup.step(2.0)
+    assert setup.displacement(lambda x, y: y < 1e-9)[:, 0] == pytest.approx(1e-5, rel=1e-9)

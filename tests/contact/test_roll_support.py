@@ -1,0 +1,311 @@
+"""Faces on rolls: an elastic foundation whose rest is the bulge between them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from mechanics.setups import SliceSetup, box, elastic, expansion, mapped, skewed
+from mechanics.test_tangent import jacobians
+
+from castfem.constitutive.elasticity import Elasticity
+from castfem.constitutive.flow_laws import NortonCreep
+from castfem.contact.roll_support import Bed, GivenFoundation, RollSupport
+from castfem.errors import InputError
+from castfem.mechanics.checkpoint import Archive
+from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
+from castfem.values.types import Array
+
+GROUPS = ("left", "bottom", "right", "top")
+PLANE_STRAIN = PlainPlanes(())
+YOUNG, POISSON = 40e9, 0.3
+
+
+def rolls(*on: str, **given: Any) -> RollSupport:
+    """Rolls under groups, of one bed that is a `Bed` or follows time."""
+    bed: Bed | Callable[[float], Bed] = given.pop("bed")
+    course = bed if callable(bed) else lambda time: bed
+    return RollSupport(on, GivenFoundation({name: course for name in on}), **given)
+
+
+def block(*interactions: Any, size: tuple[float, float] = (0.1, 0.04), **given: Any) -> SliceSetup:
+    """An elastic block on rolls."""
+    cells, groups = given.pop("cells", (5, 3)), given.pop("groups", GROUPS)
+    kept = {k: given.pop(k) for k in ("springs", "comm") if k in given}
+    return SliceSetup(
+        mapped(*cells, box(*size), groups=groups),
+        elastic(YOUNG, POISSON),
+        given={"planes": PLANE_STRAIN, "interactions": interactions, **given},
+        tolerance=1e-11,
+        **kept,
+    )
+
+
+def outward(setup: SliceSetup, face: str = "bottom") -> Array:
+    """Displacement of a face of the block along its normal, m."""
+    foot = setup.problem.space.tabulate_dof_coordinates()[:, 1].min()
+    top = setup.problem.space.tabulate_dof_coordinates()[:, 1].max()
+    sign, height = (-1.0, foot) if face == "bottom" else (1.0, top)
+    return sign * setup.displacement(lambda x, y: np.isclose(y, height))[:, 1]
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_pressure_within_that_the_bed_bears_leaves_the_face_at_rest(large: bool) -> None:
+    """To the last digit, at large strain too, where both act on the face as it is."""
+    p, bed = 2e6, Bed(2e6, 1e10, bulge=3e-4, offset=-1e-4)
+    setup = block(
+        rolls("bottom", bed=bed),
+        loads=(SurfacePressure(("top",), lambda t: p),),
+        large_strain=large,
+    )
+    assert not setup.problem.constraints.dofs.size or setup.problem.constraints.springs is None
+    setup.step(1.0)
+    assert outward(setup) == pytest.approx(np.full_like(outward(setup), 2e-4), rel=1e-9)
+    (state,) = setup.state.interactions
+    assert state.moved == pytest.approx([2e-4], rel=1e-9)
+    wide = 0.1 + np.ptp(setup.displacement(lambda x, y: np.isclose(y, 0.0))[:, 0])
+    assert state.force == pytest.approx([p * (wide if large else 0.1)], rel=1e-9)
+
+
+def edge(slenderness: float) -> tuple[Array, Array]:
+    """A plate held at its left end on a bed whose rest has moved; and the thin plate's answer.
+
+    Args:
+        slenderness: Thickness over the length (4 D/K)^(1/4).
+    """
+    thickness, rest = 0.01, 1e-5
+    bending = YOUNG * thickness**3 / 12.0 / (1.0 - POISSON**2)
+    zone = thickness / slenderness
+    stiffness = 4.0 * bending / zone**4
+    p = rest * stiffness
+    setup = block(
+        rolls("bottom", bed=Bed(p, stiffness, rest)),
+        size=(10.0 * zone, thickness),
+        cells=(120, 2),
+        held=(PrescribedDisplacement(("left",), 0), PrescribedDisplacement(("left",), 1)),
+        loads=(SurfacePressure(("top",), lambda t: p),),
+    )
+    setup.step(1.0)
+    places = setup.problem.space.tabulate_dof_coordinates()[:, :2]
+    x = places[np.isclose(places[:, 1], 0.0), 0] / zone
+    exact = rest * (1.0 - np.exp(-x) * (np.cos(x) + np.sin(x)))
+    return outward(setup), exact
+
+
+def test_an_edge_that_holds_itself_gives_way_over_the_length_of_the_foundation() -> None:
+    """A thin plate on a Winkler foundation; shear, which that leaves out, is of second order."""
+    errors = []
+    for slenderness in (0.2, 0.1):
+        found, exact = edge(slenderness)
+        errors.append(np.abs(found - exact).max() / exact.max())
+    assert errors[1] < 3e-3
+    assert 3.5 < errors[0] / errors[1] < 5.5
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_jacobian(large: bool) -> None:
+    size = 1e-3 if large else 2e-5
+    bed = Bed(1e14 * size, 4e12, bulge=0.5 * size, offset=0.1 * size)
+    law = NortonCreep.constant(Elasticity.constant(200e9, 0.3), 1e-2, 1e8, 3.0)
+    setup = SliceSetup(
+        mapped(2, 2, skewed(0.1, 0.06), groups=GROUPS),
+        law,
+        expansion(1e-5),
+        given={
+            "planes": PlainPlanes(("a0", "a1", "a2", "across")),
+            "large_strain": large,
+            "interactions": (rolls("right", "top", bed=bed),),
+        },
+    )
+    exact, found, free = jacobians(setup, size)
+    assert np.abs(exact - found).max() < 2e-7 * np.abs(found).max()
+    tail, head = slice(-free, None), slice(None, -free)
+    for block_ in ((tail, head), (head, tail), (tail, tail)):
+        assert np.abs(exact - found)[block_].max() < 2e-6 * np.abs(found[block_]).max()
+    symmetric = np.abs(exact - exact.T).max() < 1e-12 * np.abs(exact).max()
+    assert symmetric == setup.problem.kinematics.symmetric == (not large)
+    # The bed is in it: without, the same state has another tangent.
+    assert np.abs(found[:, -1]).max() > 0.0
+
+
+def test_work_of_the_rolls_is_stored_in_block_and_bed() -> None:
+    """The rest of two beds moves apart, one more than the other, and one end is held."""
+    stiffness = (3e10, 1e10)
+    course = [lambda t, s=s: Bed(0.0, stiffness[0], 1e-5 * s * t) for s in (1.0, -2.0)]
+    beds = {"bottom": course[0], "top": lambda t: replace(course[1](t), stiffness=stiffness[1])}
+    setup = block(
+        RollSupport(("bottom", "top"), GivenFoundation(beds)),
+        held=(PrescribedDisplacement(("left",), 0), PrescribedDisplacement(("left",), 1)),
+    )
+    work, before = 0.0, np.zeros(2)
+    rest = 1e-5 * np.array([1.0, -2.0])
+    for time in (0.25, 0.5, 1.0):
+        step = time - setup.state.time
+        setup.step(time)
+        force = setup.state.interactions[0].force
+        work -= 0.5 * step * float((before + force) @ rest)
+        before = force
+    problem, places = setup.problem, setup.problem.points
+    strain = (places.strain @ setup.state.displacement).reshape(-1, 4)
+    n = places.deviator_points
+    stress = setup.state.stress
+    mean = stress[:, :3].mean(axis=1)
+    deviator = stress[:n] - np.outer(mean[:n], [1, 1, 1, 0])
+    stored = 0.5 * places.deviator.volume @ np.einsum("ni,ni->n", deviator, strain[:n])
+    stored += 0.5 * places.mean.volume @ (mean[n:] * strain[n:, :3].sum(axis=1))
+    u = problem.fields.u
+    assert work > 0.0
+    foundation = 0.0
+    for face, k, r in zip(("bottom", "top"), stiffness, rest, strict=True):
+        moved = outward(setup, face) - r
+        x = problem.space.tabulate_dof_coordinates()
+        height = x[:, 1].min() if face == "bottom" else x[:, 1].max()
+        along = x[np.isclose(x[:, 1], height), 0]
+        foundation += 0.5 * k * squared(along, moved)
+    assert u.x.array.any()
+    assert stored + foundation == pytest.approx(work, rel=1e-9)
+    assert foundation > 0.01 * work < stored * 100
+
+
+def squared(x: Array, values: Array) -> float:
+    """Integral of the square of what is quadratic between every second of the places."""
+    order = np.argsort(x)
+    x, values = x[order], values[order]
+    found = 0.0
+    for i in range(0, len(x) - 1, 2):
+        shape = np.polynomial.Polynomial.fit(x[i : i + 3], values[i : i + 3], 2) ** 2
+        found += float(shape.integ()(x[i + 2]) - shape.integ()(x[i]))
+    return found
+
+
+BED = {"bottom": lambda t: Bed(2e6, 2e10, 1e-4 * t), "top": lambda t: Bed(1e6, 1e10, 0.0, 2e-5)}
+
+
+def on_both(**given: Any) -> RollSupport:
+    return RollSupport(("bottom", "top"), GivenFoundation(BED), **given)
+
+
+def test_half_a_section_is_the_whole() -> None:
+    """Mirrored at its middle; what presses within is on the sides here."""
+    loads = (SurfacePressure(("right",), lambda t: 3e6 * t),)
+    half = block(on_both(), groups=("symmetry_x", *GROUPS[1:]), loads=loads)
+    loads = (SurfacePressure(("left", "right"), lambda t: 3e6 * t),)
+    whole = block(on_both(), size=(0.2, 0.04), cells=(10, 3), loads=loads)
+    for setup in (half, whole):
+        setup.step(0.5)
+        setup.step(1.0)
+    one, other = (s.state.interactions[0] for s in (half, whole))
+    assert 2.0 * one.force == pytest.approx(other.force, rel=1e-9)
+    assert one.moved == pytest.approx(other.moved, rel=1e-9)
+    assert np.ptp(outward(half)) == pytest.approx(np.ptp(outward(whole)), rel=1e-8)
+
+
+@pytest.mark.mpi
+def test_many_ranks_give_what_one_gives() -> None:
+    found = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        setup = block(on_both(), loads=(SurfacePressure(("right",), lambda t: 3e6),), comm=comm)
+        setup.step(1.0)
+        found.append(setup.state)
+    one, many = (state.interactions[0] for state in found)
+    assert many.force == pytest.approx(one.force, rel=1e-9)
+    assert many.moved == pytest.approx(one.moved, rel=1e-9)
+
+
+class Counting:
+    """A foundation whose bulge is what it remembers."""
+
+    def initial(self) -> Mapping[str, Array]:
+        return {"steps": np.zeros(1)}
+
+    def beds(
+        self, memory: Mapping[str, Array], start: float, end: float, temperature: Array
+    ) -> tuple[Mapping[str, Bed], Mapping[str, Array]]:
+        steps = memory["steps"] + 1.0
+        return {"bottom": Bed(1e6, 2e10, 1e-5 * float(steps[0]))}, {"steps": steps}
+
+
+@pytest.mark.mpi
+def test_a_state_comes_back_from_a_checkpoint_with_what_the_foundation_remembers() -> None:
+    comm = MPI.COMM_WORLD
+    setup = block(
+        RollSupport(("bottom",), Counting()), RollSupport(("top",), GivenFoundation(BED)), comm=comm
+    )
+    setup.step(0.5)
+    archive = Archive(setup.problem)
+    arrays = {k: comm.bcast(v) for k, v in archive.arrays(setup.state).items()}
+    back = archive.state(archive.description(setup.state), arrays)
+    setup.step(1.0)
+    again = setup.stepper.step(back, 1.0, back.temperature)
+    assert np.array_equal(again.state.displacement, setup.state.displacement)
+    for one, other in zip(again.state.interactions, setup.state.interactions, strict=True):
+        assert np.array_equal(one.force, other.force) and one.beds == other.beds
+    assert setup.state.interactions[0].memory["steps"] == [2.0]
+    assert setup.state.interactions[1].beds["top"].offset == 2e-5
+
+
+def test_a_refused_step_is_forgotten() -> None:
+    setup = block(RollSupport(("bottom",), Counting()))
+    first = setup.stepper.step(setup.state, 1.0, setup.state.temperature)
+    second = setup.stepper.step(setup.state, 1.0, setup.state.temperature)
+    assert first.state.interactions[0].memory == second.state.interactions[0].memory
+    assert setup.state.interactions[0].memory["steps"] == [0.0]
+
+
+def test_rolls_bear_between_the_first_and_the_last() -> None:
+    """Before and after, springs hold the section where it is."""
+    support = rolls("bottom", bed=Bed(0.0, 1e10, 1e-4), position=lambda t: t, between=(1.0, 3.0))
+    setup = block(support, springs=1e-7)
+    assert setup.problem.constraints.springs is not None
+    found = []
+    for time in (0.5, 1.0, 2.0, 3.0, 4.0):
+        setup.step(time)
+        found.append(setup.state.interactions[0].moved[0])
+    assert found[:2] == [0.0, 0.0]
+    assert found[2:] == pytest.approx([1e-4] * 3, rel=1e-5)
+    assert setup.state.interactions[0].beds["bottom"] == Bed()
+
+
+def test_rolls_that_hold_always_leave_no_points_to_hold() -> None:
+    """Two faces hold one translation and the rotation: a point is left for the other one."""
+    assert len(block(on_both()).problem.constraints.fixed) == 1
+    assert len(block(on_both(between=(0.0, 1.0))).problem.constraints.fixed) == 3
+    mirrored = ("symmetry_x", *GROUPS[1:])
+    points = [
+        len(block(one, groups=mirrored, springs=1e-7).problem.constraints.dofs)
+        - len(block(one, groups=mirrored, pin=False).problem.constraints.dofs)
+        for one in (on_both(), on_both(between=(0.0, 1.0)))
+    ]
+    assert points == [0, 1]  # with a line of symmetry none is left, and a spring of rolls at times
+
+
+def test_bad_beds_are_refused() -> None:
+    with pytest.raises(InputError, match=r"stiffness -1 Pa/m; it must not be negative"):
+        Bed(stiffness=-1.0)
+    with pytest.raises(InputError, match="no numbers"):
+        Bed(bulge=np.nan)
+    with pytest.raises(InputError, match="between 3 and 1 m"):
+        rolls("bottom", bed=Bed(), between=(3.0, 1.0))
+    with pytest.raises(InputError, match="no such boundary group"):
+        block(rolls("lid", bed=Bed()))
+    with pytest.raises(InputError, match=r"top: rolls .* no bed"):
+        block(RollSupport(("bottom", "top"), Counting())).step(1.0)
+
+
+def test_what_has_no_rolls_knows_nothing_of_them() -> None:
+    code = (
+        "import sys, castfem.simulation.mechanics, castfem.mechanics.stepper\n"
+        "sys.exit('castfem.contact.roll_support' in sys.modules"
+        " or 'castfem.forms.supports' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    compiled = block(held=(PrescribedDisplacement(("left",), 0),)).section.compiled
+    assert not [name for name in compiled if name.startswith("rolls")]
