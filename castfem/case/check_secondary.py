@@ -95,7 +95,7 @@ def _contact(table: Secondary) -> Iterator[Problem]:
     if len(given & {"share", "coefficient"}) != 1:
         both = "both are given" if "share" in given else "neither is given"
         yield Problem(
-            path, f'{both}; exactly one of share = 0.08 and coefficient = "1000 W/(m^2 K)"'
+            path, f'{both}; exactly one of share = 0.2 and coefficient = "1000 W/(m^2 K)"'
         )
     elif "coefficient" in given and "temperature" not in given:
         yield Problem(path, 'the temperature of the rolls is missing, such as "150 degC"')

@@ -6,6 +6,7 @@ imported by a case that has some alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import Field
@@ -27,12 +28,12 @@ from castfem.values.tables import CurveOverEither, Table
 
 if TYPE_CHECKING:
     from castfem.machine.rolls import Rolls
-    from castfem.machine.sprays import Row
+    from castfem.machine.sprays import Row, Stretch
     from castfem.thermal.spray_water import Coefficient
 
 Angle = Annotated[float, Kind("rad", "deg", above=0.0, most=3.0)]
 Place = Annotated[float, Kind("m", "mm")]
-Share = Annotated[float, Kind("1", above=0.0, most=0.9, label="share", sample="0.08")]
+Share = Annotated[float, Kind("1", above=0.0, most=0.9, label="share", sample="0.2")]
 Flow = Annotated[
     float | Table,
     CurveOverEither(
@@ -199,6 +200,39 @@ class Secondary(TableModel):
                 middle = gap_below(rolls, number, thickness).middle
                 found.append(Row(circuit.name, number, middle - half, middle + half))
         return tuple(found)
+
+    def on_face(
+        self,
+        face: str,
+        rolls: Rolls,
+        rows: Sequence[Row],
+        inclination: Callable[[float], float],
+        end: float,
+    ) -> tuple[tuple[Row, ...], tuple[Stretch, ...]]:
+        """Return the rows that spray a face, and the stretches that it meets from the meniscus on.
+
+        Args:
+            face: Its boundary group.
+            rolls: Of the machine.
+            rows: Of nozzles, of all faces.
+            inclination: Of the strand at a position (m), rad.
+            end: Position to which they go, m.
+        """
+        from castfem.machine.sprays import stretches
+
+        names = {circuit.name: circuit.on for circuit in self.circuit}
+        mine = tuple(r for r in rows if any(face.startswith(n) for n in names[r.circuit]))
+        wide = face.startswith(_WIDE)
+        contacts = self.contacts(rolls) if wide else tuple((p.position,) * 2 for p in rolls.pairs)
+        below = face.endswith("extrados") and self.falls_off is not None
+
+        def gathers(above: int) -> bool:
+            if not wide or self.run_off is None:
+                return False
+            lying = inclination(rolls.pairs[max(above - 1, 0)].position)
+            return not below or self.falls_off is None or lying < self.falls_off
+
+        return mine, stretches(contacts, mine, 0.0, end, gathers=gathers)
 
     def contacts(self, rolls: Rolls) -> tuple[tuple[float, float], ...]:
         """Return where a wide face touches each roll, m from the meniscus."""

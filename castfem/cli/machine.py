@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,8 +13,10 @@ from castfem.cli.drawing import drawing, print_rows
 from castfem.errors import InputError
 
 if TYPE_CHECKING:
+    from castfem.case.secondary import Secondary
     from castfem.machine.line import Bent
     from castfem.machine.rolls import Rolls
+    from castfem.plots.machine import Spray
 
 _SOLID = "metallurgical_length"
 
@@ -46,10 +49,62 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
         print(f"solid throughout: {told} ({run})")
     print()
     print("\n".join(roll_lines(rolls, thickness)))
+    if case.secondary is not None and case.secondary.circuit:
+        print()
+        print("\n".join(circuit_lines(case.secondary, rolls, thickness)))
     with drawing(picture):
         draw(
-            rolls, thickness, picture, mould_end=case.mould_exit(), solid_at=solid, title=case.title
+            rolls, thickness, picture, mould_end=case.mould_exit(), solid_at=solid,
+            sprays=_sprays(case, rolls, thickness), title=case.title,
+        )  # fmt: skip
+
+
+def _sprays(case: Case, rolls: Rolls, thickness: float) -> list[Spray]:
+    """The sprays of the wide faces, as they are seen from the side."""
+    from castfem.plots.machine import Spray
+
+    if case.secondary is None:
+        return []
+    circuits = {circuit.name: circuit for circuit in case.secondary.circuit}
+    found = []
+    for row in case.secondary.rows(rolls, thickness):
+        circuit = circuits[row.circuit]
+        for side in ("extrados", "intrados") if circuit.wide else ():
+            if any(f"wide_face_{side}".startswith(name) for name in circuit.on):
+                inside = side == "intrados"
+                found.append(Spray(row.start, row.end, circuit.stand_off, inside))
+    return found
+
+
+def circuit_lines(table: Secondary, rolls: Rolls, thickness: float) -> list[str]:
+    """Return the table of the circuits of water, at their largest flows."""
+    from castfem.machine.sprays import footprint, gap_below, longest_spray
+
+    head = (
+        "circuit", "on", "rolls", "nozzles", "most flow [L/min]", "each [L/min]", "width [mm]",
+        "length [mm]", "at most [mm]",
+    )  # fmt: skip
+    rows = [head]
+    for circuit in table.circuit:
+        model, flow = table.model_of(circuit), 6e4 * circuit.largest_flow
+        gaps = [gap_below(rolls, number, thickness) for number in range(*circuit.rolls)]
+        free = min(longest_spray(g.clear, circuit.stand_off, g.diameter) for g in gaps) if (
+            circuit.wide
+        ) else None  # fmt: skip
+        rows.append(
+            (
+                circuit.name,
+                ", ".join(circuit.on),
+                f"{circuit.rolls[0]} to {circuit.rolls[1]}",
+                str(circuit.nozzles()),
+                f"{flow:.4g}",
+                f"{flow / circuit.nozzles():.3g}",
+                f"{1e3 * footprint(circuit.stand_off, model.angle):.0f}",
+                f"{1e3 * footprint(circuit.stand_off, model.angle_along):.1f}",
+                "" if free is None else f"{1e3 * free:.1f}",
+            )
         )
+    return _aligned(rows)
 
 
 def solid_at(run: Path) -> float | None:
@@ -126,7 +181,12 @@ def roll_lines(rolls: Rolls, thickness: float) -> list[str]:
                 drive if pair.driven else "",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    return _aligned(rows)
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of cells, each column as wide as its widest cell."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return [
         "  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in rows

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.output.fields import Fields
-from castfem.output.folder import FIGURES_NAME, MAPS_NAME, ROWS_NAME
+from castfem.output.folder import CASE_NAME, FIGURES_NAME, MAPS_NAME, ROWS_NAME
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
 from castfem.output.xdmf import HDF5_NAME
@@ -20,7 +21,11 @@ from castfem.plots.strand import draw_stack
 from castfem.plots.style import Abscissa, look, save
 from castfem.support.atomic_files import saving
 
+if TYPE_CHECKING:
+    import pandas
+
 _OVER_SECTION = SECTION_FIGURES | SHAPE_FIGURES | {"stack": draw_stack}
+_SECONDARY = "\n[secondary]\n"  # in the case of a run
 _SHADED = {"temperature": ("inferno",), "stack": ("inferno", STRESS_MAP)}  # by colour maps
 
 
@@ -103,7 +108,19 @@ def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
         figure = draw(table, abscissa, steel)
         if figure is not None:
             drawn.append(save(figure, _target(path, name)))
-    return drawn
+    return drawn + _draw_roll_to_roll(path, table, abscissa)
+
+
+def _draw_roll_to_roll(path: Path, table: pandas.DataFrame, abscissa: Abscissa) -> list[Path]:
+    """Surface temperatures above what the faces meet, of a case with [secondary]."""
+    case = path / CASE_NAME
+    if not case.is_file() or _SECONDARY not in case.read_text(encoding="utf-8"):
+        return []
+    from castfem.case import load_case
+    from castfem.plots.secondary import draw_roll_to_roll
+
+    figure = draw_roll_to_roll(table, abscissa, load_case(case))
+    return [] if figure is None else [save(figure, _target(path, "roll_to_roll"))]
 
 
 def _known(summary: Summary | None) -> dict[str, float]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,9 +26,25 @@ _COLOURS = {
     "straightening": "#d55e00",
     "straight": "#d9d9d9",
 }
-_COPPER, _ROLL, _DRIVEN = "#b87333", "#9aa5b1", "#1f4e79"
+_COPPER, _ROLL, _DRIVEN, _WATER = "#b87333", "#9aa5b1", "#1f4e79", "#2f9bd8"
 _FINE = 5e-3  # m along the strand
 _WIDTH = 11.0  # inches
+
+
+@dataclass(frozen=True, slots=True)
+class Spray:
+    """A spray seen from the side.
+
+    Attributes:
+        start: Where it begins on the face, from the meniscus, m. end: Where it ends, m.
+        stand_off: Of its nozzle from the face, m.
+        inside: Whether it is that of the intrados.
+    """
+
+    start: float
+    end: float
+    stand_off: float
+    inside: bool
 
 
 def draw(
@@ -36,6 +54,7 @@ def draw(
     *,
     mould_end: float | None = None,
     solid_at: float | None = None,
+    sprays: Sequence[Spray] = (),
     title: str = "",
 ) -> None:
     """Draw a machine to a picture file.
@@ -46,6 +65,7 @@ def draw(
         path: Picture; its ending gives the format (png, pdf, svg).
         mould_end: From the meniscus, m; None without a mould.
         solid_at: Where the strand is solid throughout, m; None if that is not known.
+        sprays: On its wide faces.
         title: Above the picture.
     """
     side = _Side(rolls, thickness, 0.0 if solid_at is None else solid_at)
@@ -55,6 +75,7 @@ def draw(
         ax = figure.subplots()
         _strand(ax, side, mould_end)
         _rolls(ax, side)
+        _sprays(ax, side, sprays)
         if solid_at is not None:
             across = side.across(solid_at, 0.5)
             ax.plot(*across.T, color="k", linewidth=2.0)
@@ -149,3 +170,17 @@ def _rolls(ax: Axes, side: _Side) -> None:
             colour, label = (_DRIVEN, "driven rolls") if driven else (_ROLL, "rolls")
             ax.add_collection(PatchCollection(circles, facecolor=colour, edgecolor="none"))
             ax.plot([], [], "o", color=colour, label=label)
+
+
+def _sprays(ax: Axes, side: _Side, sprays: Sequence[Spray]) -> None:
+    """Every spray, from its nozzle to what it reaches on the face."""
+    from matplotlib.collections import PolyCollection
+
+    fans = []
+    for spray in sprays:
+        middle, which = 0.5 * (spray.start + spray.end), 1 if spray.inside else 0
+        ends = [side.across(place, 0.0)[which] for place in (spray.start, spray.end)]
+        fans.append([side.across(middle, spray.stand_off)[which], *ends])
+    if fans:
+        ax.add_collection(PolyCollection(fans, facecolor=_WATER, edgecolor="none"))
+        ax.plot([], [], "v", color=_WATER, label="sprays")

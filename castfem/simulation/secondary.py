@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.errors import InputError
-from castfem.machine.sprays import Kind, Row, Stretch, footprint, stretches
+from castfem.machine.sprays import Kind, Row, Stretch, footprint
 from castfem.thermal.boundary import Cooling, Surface
 from castfem.thermal.flux_laws import Convection, Radiation, SurfaceLaw
 from castfem.thermal.spray_water import LITRES, RollShare, Share, SprayWater, water_across
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from castfem.case import Case
     from castfem.case.secondary import Circuit
     from castfem.machine import Machine
-    from castfem.machine.rolls import Rolls
     from castfem.materials import Steel
 
 _SAME = 1e-9  # m, at which two faces meet something else
@@ -73,19 +72,11 @@ class SecondaryCooling:
         rows = rows_of(case) if rows is None else rows
         circuits = {circuit.name: circuit for circuit in table.circuit}
         self._flows = {name: self._flow(circuit) for name, circuit in circuits.items()}
-        contacts = table.contacts(rolls)
-        end = max(case.casting.length, contacts[-1][1] + 1.0)
+        end = max(case.casting.length, table.contacts(rolls)[-1][1] + 1.0)
         faces = []
         for name in surface.section.outer_groups:
-            wide = name.startswith("wide_face")
-            mine = tuple(
-                row for row in rows if any(name.startswith(n) for n in circuits[row.circuit].on)
-            )
-            touched = contacts if wide else tuple((p.position, p.position) for p in rolls.pairs)
-            runs = self._runs_on(wide, name.endswith("extrados"), rolls)
-            met = stretches(touched, mine, 0.0, end, gathers=runs)
-            tag = surface.section.groups.index(name)
-            faces.append(_Face(self, surface, tag, wide, met, mine, circuits))
+            mine, met = table.on_face(name, rolls, rows, machine.inclination, end)
+            faces.append(_Face(self, surface, name, met, mine, circuits))
         places = [s.start for face in faces for s in face.stretches]
         self.positions, self.coolings = [], []
         for position in _apart([start, *(p for p in places if start < p < case.casting.length)]):
@@ -93,16 +84,6 @@ class SecondaryCooling:
             if not self.coolings or not _same(cooling, self.coolings[-1]):
                 self.positions.append(position)
                 self.coolings.append(cooling)
-
-    def _runs_on(self, wide: bool, below: bool, rolls: Rolls) -> Callable[[int], bool]:
-        """Whether water runs on from a spray to the next roll, by the roll above."""
-        table, inclination = self._table, self._machine.inclination
-        if not wide or table.run_off is None:
-            return lambda above: False
-        angle = table.falls_off
-        if not below or angle is None:
-            return lambda above: True
-        return lambda above: inclination(rolls.pairs[max(above - 1, 0)].position) < angle
 
     def _radiates(self, steel: Steel) -> Radiation:
         table = self._table
@@ -196,15 +177,14 @@ class _Face:
         self,
         cooling: SecondaryCooling,
         surface: Surface,
-        tag: int,
-        wide: bool,
+        name: str,
         met: tuple[Stretch, ...],
         rows: tuple[Row, ...],
         circuits: dict[str, Circuit],
     ) -> None:
-        space, dofs = surface.section.vertex_space, surface.patch([tag]).dofs
-        places = space.tabulate_dof_coordinates()[dofs, 0 if wide else 1]
-        self.stretches, self.tag = met, tag
+        self.stretches, self.tag = met, surface.section.groups.index(name)
+        space, dofs = surface.section.vertex_space, surface.patch([self.tag]).dofs
+        places = space.tabulate_dof_coordinates()[dofs, 0 if name.startswith("wide_face") else 1]
         self._starts = [stretch.start for stretch in met]
         shares = {
             i: cooling.share(rows[i], circuits[rows[i].circuit], places)

@@ -58,3 +58,25 @@ def test_check_tells_of_the_rolls() -> None:
 
     told = check_case("slab", CASES / "slab1200" / "thermal.toml", ())
     assert "  87 pairs of rolls, 0.87 to 26.4324 m" in told.splitlines()
+
+
+def test_sprays_are_listed_and_drawn(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from castfem.plots import machine as picture
+
+    drawn: list[list[object]] = []
+    draw = picture._sprays
+    monkeypatch.setattr(
+        picture, "_sprays", lambda ax, side, sprays: (drawn.append(sprays), draw(ax, side, sprays))
+    )
+    draw_machine(load_case(CASES / "slab1200" / "sprays.toml"), tmp_path / "m.png", "slab")
+    told = capsys.readouterr().out
+    row = next(line for line in told.splitlines() if "bender" in line and "wide_face" in line)
+    assert row.split()[-6:] == ["42", "580", "13.8", "600", "59.0", "63.2"]
+    (sprays,) = drawn
+    # 66 gaps of which each has a row on both wide faces; the narrow ones are not seen.
+    assert len(sprays) == 2 * 66
+    first = sprays[0]
+    assert isinstance(first, picture.Spray)
+    assert (first.end - first.start, first.stand_off) == pytest.approx((0.04044, 0.21), abs=1e-5)
