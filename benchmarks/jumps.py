@@ -48,13 +48,13 @@ class Listener:
 
     def __init__(self) -> None:
         self.times: list[float] = []
-        self.course: list[Array] = []
+        self.temperatures: list[Array] = []
         self.mid_face: list[float] = []
 
     def step(self, run: RunState, sample: Sample) -> None:
         """Keep it."""
         self.times.append(sample.time)
-        self.course.append(run.state.thermal.point.temperature)
+        self.temperatures.append(run.state.thermal.point.temperature)
         self.mid_face.append(float(sample.profiles["mid_face"].temperature[0]))
 
 
@@ -76,7 +76,7 @@ def run_case(settings: Settings, coefficient: float) -> dict[str, Any]:
     instants = np.arange(FROM, run.run_state.state.time + 1e-9, EVERY)
     at = np.searchsorted(heard.times, instants - 1e-6)
     return {
-        "rise": max(float(np.diff(heard.course, axis=0).max()), 0.0),
+        "rise": max(float(np.diff(heard.temperatures, axis=0).max()), 0.0),
         "mid_face": np.array(heard.mid_face)[at],
         "heat": run.run_state.state.thermal.removed,
         "steps": run.run_state.counts.steps,

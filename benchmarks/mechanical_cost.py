@@ -27,7 +27,7 @@ SLAB_STEPS = 3400
 PARTS = {
     "factor": "LU: factorisation",
     "solve": "LU: forward and back substitution",
-    "other": "PETSc otherwise, border of the scalars",
+    "other": "PETSc otherwise, bordered system of the scalars",
     "assembly": "DOLFINx: assembly",
     "law": "constitutive law",
     "kinematics": "strain at the points",

@@ -1,7 +1,7 @@
 """Who goes first, temperature or mechanics: the counterpart of the thesis' Figure 84.
 
 Draws the figure of docs/coupling.md and fills its table: the corner of a billet in a strong mould,
-as the heat has it and as the mechanics were told.
+as the heat has it and as the mechanics were given it.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ class Corner:
     """Sits where a recorder does: the corner's surface at the end of each window.
 
     Attributes:
-        time: s. heat: Temperature, °C. told: What the mechanics were strained with, °C.
+        time: s. heat: Temperature, °C. given: What the mechanics were strained with, °C.
         peak: Largest von Mises stress of the slice, MPa.
     """
 
     time: list[float] = field(default_factory=list)
     heat: list[float] = field(default_factory=list)
-    told: list[float] = field(default_factory=list)
+    given: list[float] = field(default_factory=list)
     peak: list[float] = field(default_factory=list)
 
     def step(self, run: RunState, sample: Sample) -> None:
         """Note a window."""
         mechanical = run.state.mechanical
         assert mechanical is not None and sample.mechanics is not None
-        told = run.simulation.probes.sample(mechanical.temperature)["corner"].temperature[0]
+        given = run.simulation.probes.sample(mechanical.temperature)["corner"].temperature[0]
         self.time.append(sample.time)
         self.heat.append(float(sample.profiles["corner"].temperature[0]) - ZERO_CELSIUS)
-        self.told.append(float(told) - ZERO_CELSIUS)
+        self.given.append(float(given) - ZERO_CELSIUS)
         self.peak.append(sample.mechanics.peak / 1e6)
 
 
@@ -72,7 +72,9 @@ def figure(found: dict[str, Corner]) -> Any:
     for axes, (name, corner) in zip(panels, found.items(), strict=False):
         axes.plot(exact.time, exact.heat, color="0.6", label="heat, short windows")
         axes.plot(corner.time, corner.heat, "o", color="C3", label="heat")
-        axes.plot(corner.time, corner.told, "--s", color="C0", ms=4, label="told to the mechanics")
+        axes.plot(
+            corner.time, corner.given, "--s", color="C0", ms=4, label="given to the mechanics"
+        )
         axes.set_title(name)
         axes.set_xlabel("time [s]")
     panels[0].set_ylabel("corner [°C]")
@@ -91,7 +93,7 @@ def main(output: Output, quick: bool) -> None:
         row: dict[str, Any] = {"time": time}
         for name, corner in found.items():
             i = min(range(len(corner.time)), key=lambda k, c=corner: abs(c.time[k] - time))
-            row |= {f"{name}: heat": corner.heat[i], f"{name}: told": corner.told[i]}
+            row |= {f"{name}: heat": corner.heat[i], f"{name}: given": corner.given[i]}
             row[f"{name}: peak"] = corner.peak[i]
         rows.append(row)
     output.csv("mechanics_first", rows)
@@ -106,7 +108,7 @@ def show(output: Output) -> None:
         {
             "time": r["time"],
             "order": name,
-            **{k: r[f"{name}: {k}"] for k in ("heat", "told", "peak")},
+            **{k: r[f"{name}: {k}"] for k in ("heat", "given", "peak")},
         }
         for r in rows
         for name in found
@@ -115,8 +117,8 @@ def show(output: Output) -> None:
         "time": "time [s]",
         "order": "order",
         "heat": "corner, heat [°C]",
-        "told": "told to the mechanics [°C]",
+        "given": "given to the mechanics [°C]",
         "peak": "peak stress [MPa]",
     }
-    forms = {"heat": ".0f", "told": ".0f", "peak": ".1f"}
+    forms = {"heat": ".0f", "given": ".0f", "peak": ".1f"}
     output.insert("order", table(shown, head, forms))

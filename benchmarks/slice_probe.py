@@ -155,7 +155,7 @@ def measure(run: Run, comm: MPI.Comm = MPI.COMM_SELF, repeats: int = 1) -> dict[
 def _parts(slice_: CoolingSlice) -> dict[str, float]:
     """Seconds so far, on this rank.
 
-    "factor", "solve": LU. "other": the rest of PETSc and of the border. "assembly", "law",
+    "factor", "solve": LU. "other": the rest of PETSc and the bordered system. "assembly", "law",
     "kinematics", "python", "step": sections of the stopwatch.
     """
     spent = slice_.watch.seconds

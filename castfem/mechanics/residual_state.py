@@ -15,7 +15,7 @@ class ResidualState:
     Attributes:
         local: The unknowns of this rank. modes: Generalized strains (4,).
         forces: Nodal forces (owned,), N/m; at supports what they carry.
-        balance: Work of the stress less that of the load along each free motion of the planes, N/m.
+        balance: Work of the stress less that of the load along each test direction, N/m.
         scale: How large the stress is.
     """
 

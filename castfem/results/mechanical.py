@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 SQRT2 = 2.0**0.5
 HARDLY = 0.05  # share of the section that is solid before its shell is spoken of
-INSTANT = 1e-3  # s: over which the motion of the planes is differentiated
+INSTANT = 1e-3  # s: over which the generalized strains are differentiated
 FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
 LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
 

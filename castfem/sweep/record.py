@@ -89,12 +89,12 @@ class Record:
         if entry.physics != job.case.physics_hash():
             return False
         try:
-            former = (job.folder / CASE_NAME).read_text(encoding="utf-8")
+            existing = (job.folder / CASE_NAME).read_text(encoding="utf-8")
             status = RunRecord.load(job.folder).status
         except (OSError, InputError):
             return False
         now, _ = portable(job.case, PROPERTIES_NAME)
-        return status == "finished" and _untitled(former) == _untitled(now)
+        return status == "finished" and _untitled(existing) == _untitled(now)
 
     def note(self, job: Job, outcome: Outcome) -> None:
         """Write down how a run has ended.

@@ -54,11 +54,11 @@ def check(
     if overwrite or not file.is_file():
         return
     mend = fresh if resume else replace
-    former = read_case(file)
-    if former.problems or former.case is None:
+    existing = read_case(file)
+    if existing.problems or existing.case is None:
         raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
-    if former.case.physics_hash() != case.physics_hash():
-        told = differences(former.case.document(), case.document(), _NOT_PHYSICS)
+    if existing.case.physics_hash() != case.physics_hash():
+        told = differences(existing.case.document(), case.document(), _NOT_PHYSICS)
         told = told or "the steel's file has changed"
         raise InputError(f"{folder}: holds a run of another case ({told}); {mend}")
     if isinstance(case, Case) and (folder / RUN_NAME).is_file():

@@ -1,4 +1,4 @@
-"""The Jacobian with contact, friction and border included, against finite differences."""
+"""The Jacobian with contact, friction and the bordered system, against finite differences."""
 
 from __future__ import annotations
 

@@ -43,11 +43,11 @@ def setup_on(
 @pytest.mark.parametrize("mush", list(SHARES))
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
 def test_resultant_of_a_straight_front(cell: str, mush: str) -> None:
-    """Gamma D times the height, wherever in a cell the front lies and however wide the mush."""
+    """Gamma D times the height, wherever the front lies and however wide the mushy zone."""
     height = 0.06
     setup = setup_on(box(0.1, height), cell, mush)
     x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
-    # All but what the line of symmetry carries is the shell's and the mush's.
+    # All but what the line of symmetry carries is the shell's and the mushy zone's.
     shell = x >= 1e-9
     for front, width in product((0.043, 0.0555, 0.0777), (0.0, 0.004, 0.03)):
         ends = [front - width - 1e-9, front]

@@ -39,7 +39,7 @@ def test_linear_displacement_gives_constant_stress(cell: str, order: int) -> Non
 
 @pytest.mark.parametrize(("cell", "order"), SHAPES)
 def test_free_expansion_makes_no_stress(cell: str, order: int) -> None:
-    """Uniform heating, all motions of the planes free, held as a rigid body alone."""
+    """Uniform heating, all generalized strains free, held as a rigid body alone."""
     setup = SliceSetup(
         mapped(3, 2, skewed(0.1, 0.07), cell, order, FREE),
         thermal=expansion(1e-5),

@@ -1,4 +1,4 @@
-"""The first of (38) as a reader can check it: stress, external force, pull of friction, rest.
+"""The first of (38) as a reader can check it: stress, external force, accumulated friction, rest.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
