@@ -12,9 +12,11 @@ from pathlib import Path
 from PIL import Image
 
 from castfem.case import load_any, load_case
+from castfem.case.build_extraction import known_resistance
 from castfem.case.build_mould import build_mould
 from castfem.case.tensile import TensileCase
 from castfem.constitutive.uniaxial import pull
+from castfem.plots.extraction import draw as draw_extraction
 from castfem.plots.figures import draw_figures
 from castfem.plots.machine import draw as draw_machine
 from castfem.plots.mould import draw as draw_mould
@@ -79,6 +81,19 @@ def machine() -> None:
         shrink(Image.open(path).convert("RGB"), "machine")
 
 
+def extraction() -> None:
+    """Draw how the drives of the slab share the resistance of its rolls."""
+    table = load_case(HERE.parent / "cases" / "slab1200" / "reference.toml").machine
+    rolls = None if table is None else table.pairs()
+    assert table is not None and table.extraction is not None and rolls is not None
+    known = known_resistance(table.extraction, rolls)
+    assert known is not None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "extraction.png"
+        draw_extraction(rolls, known, path)
+        shrink(Image.open(path).convert("RGB"), "extraction")
+
+
 def cycles() -> None:
     """Draw the peak tension of 80 cycles of temperature, with both kinds of hardening."""
     figure = new_figure(9.0, 3.4)
@@ -116,7 +131,13 @@ def shrink(picture: Image.Image, name: str) -> None:
 
 def main() -> None:
     """Make the pictures named on the command line, or all."""
-    pictures = {"billet": billet, "mould": mould, "machine": machine, "cycles": cycles}
+    pictures = {
+        "billet": billet,
+        "mould": mould,
+        "machine": machine,
+        "extraction": extraction,
+        "cycles": cycles,
+    }
     for name in sys.argv[1:] or pictures:
         pictures[name]()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any
 
 from small_case import small
@@ -37,5 +38,6 @@ BENT = {
 
 def bent(**changes: Any) -> Case:
     """A billet of 100 mm, 1.5 m through its rolls; `a__b=c` replaces what stands at a.b."""
-    given = BENT | {key.replace("__", "."): value for key, value in changes.items()}
+    # A copy: what is replaced within a table must not stay in it.
+    given = copy.deepcopy(BENT) | {key.replace("__", "."): value for key, value in changes.items()}
     return small(given)

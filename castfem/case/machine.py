@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from castfem.case.base import TableModel
+from castfem.case.extraction import Extraction
 from castfem.case.problems import Problem
 from castfem.case.section import Strip
 from castfem.values.quantities import Length, Notation
@@ -111,6 +112,9 @@ class Machine(TableModel):
         "extrados", description="of segments: the face whose radius is given"
     )
     segment: tuple[RollSegment, ...] = Field((), description="pairs of one pitch and diameter")
+    extraction: Extraction | None = Field(
+        None, description="resistance of the rolls, shared by the drives; left out: no effort of it"
+    )
 
     def pairs(self) -> Rolls | None:
         """Return the rolls; None while what is needed for them is missing."""

@@ -15,6 +15,7 @@ from castfem.case.base import TableModel
 from castfem.case.casting import Casting, Output, Reference, Start, Steel
 from castfem.case.coefficient_table import NozzleTable
 from castfem.case.cooling import HeatLaw, Zone
+from castfem.case.extraction import Extraction
 from castfem.case.machine import Machine, RollSegment, RollTable
 from castfem.case.mechanics import (
     AxisMark,
@@ -118,6 +119,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[mould.friction]", Friction),
     ("[machine]", Machine),
     ("[[machine.segment]]", RollSegment),
+    ("[machine.extraction]", Extraction),
     ("[secondary]", Secondary),
     ("[secondary.contact]", RollContact),
     ("[[secondary.nozzle]]", NozzleModel),

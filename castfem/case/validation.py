@@ -16,6 +16,7 @@ from castfem.case.build_mould import check_mould
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
 from castfem.case.check_secondary import check_secondary
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
+from castfem.case.extraction import check_extraction
 from castfem.case.machine import check_machine
 from castfem.case.mechanics import GeneralizedPlaneStrain
 from castfem.case.model import Case
@@ -50,6 +51,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from check_machine(case)
     yield from check_bending(case)
     yield from check_secondary(case)
+    yield from check_extraction(case)
     yield from _output(case)
     yield from _references(case)
     yield from check_verification(case)

@@ -57,6 +57,10 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
             rolls, thickness, picture, mould_end=case.mould_exit(), solid_at=solid,
             sprays=_sprays(case, rolls, thickness), title=case.title,
         )  # fmt: skip
+    if case.machine is not None and case.machine.extraction is not None:
+        from castfem.cli.extraction import tell_of_drives
+
+        tell_of_drives(case, rolls, picture)
 
 
 def _sprays(case: Case, rolls: Rolls, thickness: float) -> list[Spray]:
@@ -104,7 +108,7 @@ def circuit_lines(table: Secondary, rolls: Rolls, thickness: float) -> list[str]
                 "" if free is None else f"{1e3 * free:.1f}",
             )
         )
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def solid_at(run: Path) -> float | None:
@@ -181,10 +185,10 @@ def roll_lines(rolls: Rolls, thickness: float) -> list[str]:
                 drive if pair.driven else "",
             )
         )
-    return _aligned(rows)
+    return aligned(rows)
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of cells, each column as wide as its widest cell."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return [

@@ -27,7 +27,9 @@ def friction(axis: float, surface: float, locked: npt.ArrayLike) -> Array:
     return np.where(np.asarray(locked, bool), surface, min(axis, surface))
 
 
-def pair_resistances(coefficients: Array, bulging: Array, bending: Array) -> Array:
+def pair_resistances(
+    coefficients: npt.ArrayLike, bulging: npt.ArrayLike, bending: npt.ArrayLike
+) -> Array:
     """Resistance of each pair, N: friction times the forces on its two rolls, (47) and (327).
 
     Args:
@@ -35,10 +37,10 @@ def pair_resistances(coefficients: Array, bulging: Array, bending: Array) -> Arr
         bulging: Force of bulging on both rolls of each pair (n,), N.
         bending: What bending leaves on one of the two more than on the other (n,), N; either sign.
     """
-    return np.asarray(coefficients * (bulging + np.abs(bending)))
+    return np.asarray(np.asarray(coefficients) * (np.asarray(bulging) + np.abs(bending)))
 
 
-def tributary_lengths(positions: Sequence[float]) -> Array:
+def tributary_lengths(positions: Sequence[float] | Array) -> Array:
     """Length of strand that each pair carries (n,), m: to the middle of the pitches beside it.
 
     The first and the last carry a whole pitch, half of it on the side that has no other; one alone

@@ -63,7 +63,7 @@ class Archive:
     @staticmethod
     def description(state: MechanicalState) -> dict[str, Any]:
         """What of `state` is no array over the section."""
-        bent = {} if state.bending == STRAIGHT else {"bending": asdict(state.bending)}
+        bent = {} if state.bending == STRAIGHT else {"bending": _written(state.bending)}
         return bent | {
             "time": state.time,
             "modes": state.modes.tolist(),
@@ -92,7 +92,7 @@ class Archive:
             internal=self._by_point("internal", arrays),
             pressure=arrays["pressure"][cells].ravel() if "pressure" in arrays else np.zeros(0),
             interactions=self.problem.interactions.restored(arrays),
-            bending=Bending(**description.get("bending", {})),
+            bending=_restored(description.get("bending", {})),
         )
 
     def _by_node(self, of_cells: Array) -> Array:
@@ -108,3 +108,20 @@ class Archive:
         rows = [arrays[f"{name}_{rule}"][cells] for rule in ("deviator", "mean")]
         # Of a law that remembers nothing there are no columns, from which -1 could be told.
         return np.concatenate([p.reshape(p.shape[0] * p.shape[1], p.shape[2]) for p in rows])
+
+
+def _written(bending: Bending) -> dict[str, Any]:
+    """The bending as a checkpoint has it."""
+    found = asdict(bending)
+    if bending.withdrawal is None:
+        del found["withdrawal"]
+    return found
+
+
+def _restored(told: dict[str, Any]) -> Bending:
+    """The bending of a checkpoint."""
+    if "withdrawal" not in told:
+        return Bending(**told)
+    from castfem.extraction.effort import Withdrawal
+
+    return Bending(**told | {"withdrawal": Withdrawal.restored(told["withdrawal"])})

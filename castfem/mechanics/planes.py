@@ -16,13 +16,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
 from castfem.errors import InputError
 from castfem.forms.mechanics import MODES
 from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.extraction.effort import Effort, Withdrawal
 
 TimeHistory = Callable[[float], float]
 """A quantity over time, s."""
@@ -42,12 +45,15 @@ class Bending:
         work: Int M dk from the first instant on, J per m of strand; bending takes less than zero.
         axis: Where the slice's thickness has not changed in the last step, m from the middle
             towards the intrados; None where the curvature stayed.
+        withdrawal: What rolls and drives have done, of the whole strand; None where no rolls
+            resist.
     """
 
     curvature: float = 0.0
     moment: float = 0.0
     work: float = 0.0
     axis: float | None = None
+    withdrawal: Withdrawal | None = None
 
 
 STRAIGHT = Bending()
@@ -71,6 +77,9 @@ class Planes(Protocol):
     def load(self, time: float) -> Array:
         """External axial force (N), moments of sigma_zz with x and y (N m), and force across."""
 
+    def withdrawal_force(self, past: Bending, time: float) -> float:
+        """Axial force, N, by rolls and drives, in a step from `past` to `time` (s)."""
+
     def equilibrium(self, past: Bending, time: float) -> tuple[Array, Array]:
         """Test directions (4, free) of a step that ends at `time` (s), and the load (4,)."""
 
@@ -78,7 +87,12 @@ class Planes(Protocol):
         """The bending of a slice that is cast at `time` (s)."""
 
     def bending_after(
-        self, past: Bending, time: float, moment: Callable[[], float], change: Array
+        self,
+        past: Bending,
+        time: float,
+        moment: Callable[[], float],
+        change: Array,
+        temperature: Array,
     ) -> Bending:
         """The bending after a step to `time` (s).
 
@@ -87,6 +101,7 @@ class Planes(Protocol):
             time: At its end, s.
             moment: Computes M at its end, N m; called only for planes that are bent.
             change: Of the generalized strains over the step (4,).
+            temperature: At its end, at the owned vertices (owned,), K.
         """
 
     def bending_force(self, now: Bending) -> float:
@@ -97,9 +112,10 @@ LOADS = ("force", "moment_x", "moment_y")
 """Names of the loads from outside, in the order of `Planes.load`."""
 
 
-def loads_at(planes: Planes, time: float) -> dict[str, float]:
-    """Return by name the loads (N, N m) that work along a test direction at `time` (s)."""
+def loads_at(planes: Planes, past: Bending, time: float) -> dict[str, float]:
+    """Return by name the loads (N, N m) that work along a test direction, in a step to `time`."""
     test, load = planes.at(time)[2], planes.load(time)
+    load[0] += planes.withdrawal_force(past, time)
     works = np.abs(test).sum(axis=1) > 0.0
     return {name: float(load[i]) for i, name in enumerate(LOADS) if load[i] != 0.0 and works[i]}
 
@@ -222,8 +238,17 @@ class PlainPlanes:
         """See `Planes`."""
         return STRAIGHT
 
+    def withdrawal_force(self, past: Bending, time: float) -> float:
+        """See `Planes`."""
+        return 0.0
+
     def bending_after(
-        self, past: Bending, time: float, moment: Callable[[], float], change: Array
+        self,
+        past: Bending,
+        time: float,
+        moment: Callable[[], float],
+        change: Array,
+        temperature: Array,
     ) -> Bending:
         """See `Planes`."""
         return past
@@ -247,9 +272,9 @@ class BentPlanes:
     strain in the position of its first instant: a curved mould casts a curved strand.
 
     The equation of a0: in a curved strand, t along it and q_t the force of friction per metre
-    against the casting direction, equilibrium is N' = k M' - q_t and M' = Q, so that
+    against the casting direction, equilibrium is N' = k M' + q_t and M' = Q, so that
 
-        (N - k M)' = -q_t - M k'
+        (N - k M)' = q_t - M k'
 
     Rolls without friction conserve N - k M where the curvature stays, and where it changes the
     drives below pay for the work of bending, -M k' >= 0 in a strand that flows.  The "tangential"
@@ -266,6 +291,9 @@ class BentPlanes:
         test_direction: Test direction, so what F balances: N - k M, "tangential", or N, "axial".
         contains_work: F has the work of bending in it, as a measured effort has: it is not taken
             off once more.
+        effort: Of rolls and drives, of the whole strand, which F comes on top of; None without.
+        position: Of the slice over time, m.
+        parts: How many times the modelled part makes up the strand.
     """
 
     curvature: TimeHistory
@@ -274,6 +302,9 @@ class BentPlanes:
     force: TimeHistory = _zero
     test_direction: Literal["tangential", "axial"] = "tangential"
     contains_work: bool = False
+    effort: Effort | None = None
+    position: TimeHistory = _zero
+    parts: int = 1
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -309,31 +340,57 @@ class BentPlanes:
         """See `Planes`."""
         return np.array([self.force(time), 0.0, 0.0, 0.0])
 
+    def withdrawal_force(self, past: Bending, time: float) -> float:
+        """See `Planes`."""
+        if self.effort is None or past.withdrawal is None:
+            return 0.0
+        return self.effort.force(past.withdrawal, self.position(time)) / self.parts
+
     def equilibrium(self, past: Bending, time: float) -> tuple[Array, Array]:
         """See `Planes`."""
+        load = self.load(time)
+        load[0] += self.withdrawal_force(past, time)
         if self.neutral_axis is not None:
-            return np.zeros((4, 0)), self.load(time)
+            return np.zeros((4, 0)), load
         k = self.middle(time)
         if self.test_direction == "axial" or self.contains_work:
-            return self._test(k), self.load(time)
+            return self._test(k), load
         # N - k M = F - W - dk (M_old + M) / 2, with the unknown M on the left: dk / 2 off its k.
         change = k - past.curvature
         taken = past.work + 0.5 * change * past.moment
-        return self._test(k - 0.5 * change), self.load(time) - [taken, 0.0, 0.0, 0.0]
+        return self._test(k - 0.5 * change), load - [taken, 0.0, 0.0, 0.0]
 
     def initial_bending(self, time: float) -> Bending:
         """See `Planes`."""
-        return Bending(curvature=self.middle(time))
+        started = None if self.effort is None else self.effort.initial(self.position(time))
+        return Bending(curvature=self.middle(time), withdrawal=started)
 
     def bending_after(
-        self, past: Bending, time: float, moment: Callable[[], float], change: Array
+        self,
+        past: Bending,
+        time: float,
+        moment: Callable[[], float],
+        change: Array,
+        temperature: Array,
     ) -> Bending:
         """See `Planes`."""
         k, now = self.middle(time), moment()
         change_of_k = k - past.curvature
         unchanged = abs(change_of_k) <= UNCHANGED * max(abs(k), abs(past.curvature))
         axis = None if unchanged else -float(change[0] / change[2])
-        return Bending(k, now, past.work + 0.5 * change_of_k * (past.moment + now), axis)
+        work = past.work + 0.5 * change_of_k * (past.moment + now)
+        return Bending(k, now, work, axis, self._withdrawn(past, time, now, work, temperature))
+
+    def _withdrawn(
+        self, past: Bending, time: float, moment: float, work: float, temperature: Array
+    ) -> Withdrawal | None:
+        """What rolls and drives have done after a step."""
+        if self.effort is None or past.withdrawal is None:
+            return None
+        from castfem.extraction.effort import Passing
+
+        passing = Passing(self.parts * moment, self.parts * work, temperature)
+        return self.effort.after(past.withdrawal, self.position(time), passing)
 
     def bending_force(self, now: Bending) -> float:
         """See `Planes`."""

@@ -90,7 +90,7 @@ class MechanicalStepper:
         """A step that is not kept; its reason says so where there is no shell for the loads."""
         unborne = ""
         if self._validity is not None:
-            loads = loads_at(self.problem.slice.planes, time)
+            loads = loads_at(self.problem.slice.planes, old.bending, time)
             unborne = self._validity.unborne(loads, self.problem.at_points(temperature))
         told = f"{unborne} ({reason.removesuffix(f'; {NO_SHELL}')})" if unborne else reason
         nothing = np.zeros(self.problem.points.deviator_points)
@@ -127,7 +127,7 @@ class MechanicalStepper:
             pressure=problem.pressure,
             interactions=problem.interactions.states(),
             bending=problem.slice.planes.bending_after(
-                old.bending, time, self._moment, residual_state.modes - old.modes
+                old.bending, time, self._moment, residual_state.modes - old.modes, temperature
             ),
         )
 

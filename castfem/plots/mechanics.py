@@ -191,6 +191,28 @@ def _mark_zero(panel: Axes) -> None:
     panel.axhline(0.0, color="#8a8a8a", linewidth=0.9, zorder=1)
 
 
+def draw_extraction(
+    table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None
+) -> Figure | None:
+    """Resistance of the rolls, pull of the drives, and the effort that is left in the strand."""
+    if not has_values(table, "effort") or not has_values(table, "roll_resistance"):
+        return None
+    figure, axes = new_panels(2, 2.6)
+    for name, colour, label in (
+        ("roll_resistance", "#d55e00", "resistance of the rolls"),
+        ("drive_force", "#1f4e79", "pull of the drives"),
+    ):
+        axes[0].plot(abscissa.values, table[name], color=colour, label=label)
+    axes[0].set_ylabel(f"sum to here [{unit_of(table, 'roll_resistance')}]")
+    axes[1].plot(abscissa.values, table["effort"], color=_SINGLE)
+    axes[1].set_ylabel(axis_label(table, "effort"))
+    for panel in axes:
+        _mark_zero(panel)
+    dress(axes, abscissa)
+    place_legend(axes[0])
+    return figure
+
+
 MECHANICS_FIGURES: dict[
     str, Callable[[pandas.DataFrame, Abscissa, Steel | None], Figure | None]
 ] = {
@@ -198,4 +220,5 @@ MECHANICS_FIGURES: dict[
     "size": draw_size,
     "axial": draw_axial,
     "contact": draw_contact,
+    "extraction": draw_extraction,
 }

@@ -81,7 +81,7 @@ class MechanicalSampler:
             across=self._across(moved),
             strain=float(state.modes[0]),
             balance=None if result is None else result.balance,
-            load=float(self.problem.slice.planes.load(state.time)[0]),
+            load=self._load(state),
             withdrawal_resistance=float(state.withdrawal_resistance[0]),
             contact=contact,
             gap={n: g if g < LARGEST else np.nan for n, g in gap.items()},
@@ -91,6 +91,12 @@ class MechanicalSampler:
             bending=state.bending,
             bending_force=self.problem.slice.planes.bending_force(state.bending),
         )
+
+    def _load(self, state: MechanicalState) -> float:
+        """External axial force, N, that of rolls and drives in it."""
+        load = float(self.problem.slice.planes.load(state.time)[0])
+        drawn = state.bending.withdrawal
+        return load + (0.0 if drawn is None else drawn.force / self.section.multiplicity)
 
     def _beyond(self, state: MechanicalState) -> dict[str, float]:
         """Share of the solid beyond the data of its law, by kind (collective)."""

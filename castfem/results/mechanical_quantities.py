@@ -259,3 +259,39 @@ def bending_moment(sample: Sample) -> float:
 def bending_work(sample: Sample) -> float:
     """Work - int M dk that a metre of the whole strand has taken from the drives to here."""
     return -sample.bending.work * sample.simulation.section.multiplicity
+
+
+@quantity(
+    "roll_resistance",
+    unit="kN",
+    label="resistance of the rolls down to here",
+    axis="resistance",
+    needs=("extraction",),
+)
+def roll_resistance(sample: Sample) -> float:
+    """What the rolls above resist to the whole strand, the work of bending in it."""
+    return sample.withdrawal.resistance
+
+
+@quantity(
+    "drive_force",
+    unit="kN",
+    label="pull of the drives down to here",
+    axis="pull of the drives",
+    needs=("extraction",),
+)
+def drive_force(sample: Sample) -> float:
+    """What the drives above pull the whole strand with."""
+    return sample.withdrawal.drives
+
+
+@quantity(
+    "effort",
+    unit="kN",
+    label="axial effort between rolls and drives",
+    axis="axial effort",
+    needs=("extraction",),
+)
+def effort(sample: Sample) -> float:
+    """Resistance less drives, of the whole strand: N - kM of the slice, or N by the thesis."""
+    return sample.withdrawal.effort

@@ -49,12 +49,21 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     "machine": lambda simulation: simulation.case.machine is not None,
     "quality": lambda simulation: simulation.case.quality is not None,
     "bending": lambda simulation: simulation.mechanics is not None and simulation.case.bends,
+    "extraction": lambda simulation: _has_effort(simulation),
 }
 _MODULES = tuple(
     f"castfem.results.{name}_quantities" for name in ("thermal", "mechanical", "mould", "quality")
 )
 _APART = {"castfem.results.quality_quantities": "quality"}
 """Modules that a simulation without what they need does not load, and what that is."""
+
+
+def _has_effort(simulation: Simulation) -> bool:
+    mechanics = simulation.mechanics
+    return (
+        mechanics is not None
+        and getattr(mechanics.problem.slice.planes, "effort", None) is not None
+    )
 
 
 @dataclass(frozen=True, slots=True)

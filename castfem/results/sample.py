@@ -13,6 +13,7 @@ from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtre
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
     from castfem.coupling.staggered import StrandState
+    from castfem.extraction.effort import Withdrawal
     from castfem.fem.line_probes import Profile
     from castfem.mechanics.planes import Bending
     from castfem.mechanics.state import Balance
@@ -119,6 +120,13 @@ class Sample:
     def bending(self) -> Bending:
         """What the machine's curvature has done to the slice."""
         return self.strained.bending
+
+    @property
+    def withdrawal(self) -> Withdrawal:
+        """What rolls and drives have done to the strand."""
+        withdrawal = self.bending.withdrawal
+        assert withdrawal is not None, "of a quantity that needs an effort"
+        return withdrawal
 
     @property
     def contact(self) -> ContactSummary:

@@ -34,6 +34,7 @@ from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.case import Case
+    from castfem.extraction.effort import Effort
     from castfem.machine import Machine
     from castfem.materials import Steel
 
@@ -88,7 +89,7 @@ def make_slice(
     return Slice(
         law=build_law(table, steel),
         thermal_strain=steel.thermal_strain,
-        planes=_planes(case, table.planes, machine, section),
+        planes=_planes(case, table.planes, machine, steel, section),
         held=tuple(_held(one) for one in table.held),
         ferrostatic=_ferrostatic(table, machine, steel, "free" if held else "held"),
         interactions=interactions,
@@ -122,12 +123,17 @@ def _shared(value: float | Table, machine: Machine, parts: int) -> TimeHistory:
 
 
 def _planes(
-    case: Case, table: given.GeneralizedPlaneStrain, machine: Machine, section: Section
+    case: Case,
+    table: given.GeneralizedPlaneStrain,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
 ) -> Planes:
     """What constrains the planes: the rolls of a machine that bends the strand, or the case."""
     force = _shared(table.force, machine, section.multiplicity)
     if case.bends:
-        return _bent(case, table, machine, force)
+        effort = _effort(case, table, machine, steel, section)
+        return _bent(case, table, machine, force, effort, section.multiplicity)
     free = given.free_strains(table, allowed_modes(section.groups))
     imposed = {
         name: as_function(value)
@@ -143,8 +149,28 @@ def _planes(
     )
 
 
+def _effort(
+    case: Case,
+    table: given.GeneralizedPlaneStrain,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+) -> Effort | None:
+    """The effort of rolls and drives; a case without [machine.extraction] does not import it."""
+    if case.machine is None or case.machine.extraction is None:
+        return None
+    from castfem.simulation.extraction import build_effort
+
+    return build_effort(case, table, machine, steel, section)
+
+
 def _bent(
-    case: Case, table: given.GeneralizedPlaneStrain, machine: Machine, force: TimeHistory
+    case: Case,
+    table: given.GeneralizedPlaneStrain,
+    machine: Machine,
+    force: TimeHistory,
+    effort: Effort | None,
+    parts: int,
 ) -> BentPlanes:
     """Planes that follow the curvature of the machine."""
     thickness = thickness_of(case.section)
@@ -155,7 +181,10 @@ def _bent(
         neutral_axis=axis_position(table.neutral_axis, thickness),
         force=force,
         test_direction=table.closing or "tangential",
-        contains_work=bool(table.force_contains_bending),
+        contains_work=effort.contains_work if effort else bool(table.force_contains_bending),
+        effort=effort,
+        position=machine.position,
+        parts=parts,
     )
 
 

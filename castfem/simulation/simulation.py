@@ -259,12 +259,21 @@ def stations(case: Case) -> list[float]:
 def _milestones(case: Case, machine: Machine, zones: Zones) -> list[float]:
     """Instants to be hit exactly: changes of cooling, mould and speed, stations, output; s."""
     found = [*zones.changes, *machine.kinks]
-    bends = machine.bends if case.mechanics is not None else ()
+    bends = (*machine.bends, *_drawn(case)) if case.mechanics is not None else ()
     found += [machine.time_at(p) for p in (*stations(case), *case.mould_knots(), *bends)]
     if case.output_fields:
         every = case.output.every
         found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]
     return found
+
+
+def _drawn(case: Case) -> tuple[float, ...]:
+    """Positions of the rolls where they make the axial effort, m: it changes its slope there."""
+    if case.machine is None or case.machine.extraction is None:
+        return ()
+    rolls = case.machine.pairs()
+    assert rolls is not None, "the case has been checked"
+    return tuple(pair.position for pair in rolls.pairs)
 
 
 def step_control(case: Case, milestones: list[float]) -> StepControl:

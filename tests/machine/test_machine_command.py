@@ -9,7 +9,7 @@ import pytest
 
 from castfem.case import load_case
 from castfem.cli.machine import draw_machine
-from castfem.errors import InputError
+from castfem.errors import InputError, RunFailure
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -80,3 +80,26 @@ def test_sprays_are_listed_and_drawn(
     first = sprays[0]
     assert isinstance(first, picture.Spray)
     assert (first.end - first.start, first.stand_off) == pytest.approx((0.04044, 0.21), abs=1e-5)
+
+
+def test_how_the_drives_share_a_known_resistance(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = load_case(CASES / "slab1200" / "reference.toml")
+    draw_machine(case, tmp_path / "m.png", "slab")
+    told = capsys.readouterr().out
+    rows = {line.split()[0]: line.split() for line in told.splitlines() if line.strip()[:1] == "#"}
+    assert len(rows) == 14
+    assert rows["#50"] == ["#50", "14.592", "61.21", "61.21", "72.37"]  # 7.38 t left
+    assert "the rolls resist with 686.47 kN, the drives could take 1716.2 kN" in told
+    assert "largest effort in the strand: 112.8 kN, at roll 55" in told
+    assert (tmp_path / "m_extraction.png").stat().st_size > 20_000
+    coupled = case.with_({"machine.extraction.resistance": "coupled"})
+    draw_machine(coupled, tmp_path / "c.png", "slab")
+    assert "resistance: coupled, from the forces of a run" in capsys.readouterr().out
+    assert not (tmp_path / "c_extraction.png").exists()
+    weak = case.with_(
+        {"machine.extraction.resistance": {"position": ["1 m", "2 m"], "value": ["1 kN", "9 MN"]}}
+    )
+    with pytest.raises(RunFailure, match="the strand would stop: its rolls resist with 9000 kN"):
+        draw_machine(weak, tmp_path / "w.png", "slab")

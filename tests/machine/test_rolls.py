@@ -236,7 +236,8 @@ def test_a_case_without_rolls_does_not_import_them() -> None:
         "import sys; from castfem.case import load_case; "
         "from castfem.case.build_machine import build_machine; "
         "build_machine(load_case(sys.argv[1])); "
-        "print([m for m in sys.modules if m.startswith('castfem.machine.')])"
+        "parts = 'castfem.machine.', 'castfem.extraction'; "
+        "print([m for m in sys.modules if m.startswith(parts)])"
     )
     billet = SLAB.parents[1] / "billet125" / "thermal.toml"
     found = subprocess.run(
@@ -245,3 +246,4 @@ def test_a_case_without_rolls_does_not_import_them() -> None:
     assert "castfem.machine.travel" in found
     for name in ("rolls", "line", "phases"):
         assert f"castfem.machine.{name}" not in found
+    assert "castfem.extraction" not in found

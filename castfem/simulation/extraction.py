@@ -1,0 +1,121 @@
+"""From [machine.extraction] to the axial effort of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import ufl
+from dolfinx import fem, la
+
+from castfem.case.build_extraction import coupled_pairs, known_resistance
+from castfem.case.machine import thickness_of
+from castfem.extraction.effort import CoupledResistance, Effort, RollForces
+from castfem.extraction.resistance import pressed, tributary_lengths
+from castfem.fem import reductions
+from castfem.fem.section import Section
+from castfem.machine.machine import GRAVITY
+from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.case.mechanics import GeneralizedPlaneStrain
+    from castfem.machine import Machine
+    from castfem.materials import Steel
+
+_MIDDLE = 0.05  # of the thickness, to each side of the middle: where the liquid's width is taken
+_LIQUID = 1.0  # K above the liquidus: where the density of the liquid is taken
+
+
+def build_effort(
+    case: Case,
+    given: GeneralizedPlaneStrain,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+) -> Effort | None:
+    """The effort of a case; None without [machine.extraction], or if nothing balances it.
+
+    Raises:
+        StrandStopsError: The drives are weaker than the rolls of a curve that is known.
+    """
+    table = None if case.machine is None else case.machine.extraction
+    if table is None or case.machine is None or given.neutral_axis not in (None, "free"):
+        return None
+    rolls = case.machine.pairs()
+    assert rolls is not None, "the case has been checked"
+    known = known_resistance(table, rolls)
+    if known is not None:
+        return known
+    pairs = coupled_pairs(table, rolls)
+    return CoupledResistance(
+        pairs,
+        pressed_rolls(case, pairs.places, machine, steel, section),
+        table.bending,
+        pays_work=given.closing != "axial",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class PressedRolls:
+    """Rolls that carry the pressure of the liquid over the length of strand that is theirs.
+
+    That is statics: it holds whatever the shell does between them.
+
+    Attributes:
+        pressure: Of the liquid in the middle of the strand at each pair (n,), Pa.
+        lengths: Of the strand that each pair carries (n,), m.
+        width: Of the liquid behind a wide face, m, of temperatures at the owned vertices
+            (collective).
+    """
+
+    pressure: Array
+    lengths: Array
+    width: Callable[[Array], float]
+
+    def on_pair(self, index: int, temperature: Array) -> float:
+        """See `castfem.extraction.effort.RollForces`."""
+        return float(pressed(self.pressure[index], self.lengths[index], self.width(temperature)))
+
+
+def pressed_rolls(
+    case: Case, places: Array, machine: Machine, steel: Steel, section: Section
+) -> RollForces:
+    """Forces of bulging by statics."""
+    density = float(steel.density(steel.liquidus + _LIQUID))
+    pressure = [density * GRAVITY * machine.height(float(place)) for place in places]
+    thickness = thickness_of(case.section)
+    assert thickness is not None, "a strand that is bent has a thickness"
+    core = LiquidWidth(section, thickness, steel.solid_fraction)
+    return PressedRolls(np.array(pressure), tributary_lengths(places), core)
+
+
+class LiquidWidth:
+    """Width of what is liquid in the middle of the thickness, m; mush counts by its liquid.
+
+    Args:
+        section: Whole, or half of it.
+        thickness: From extrados to intrados, m.
+        solid_fraction: Over temperature, K.
+    """
+
+    def __init__(
+        self, section: Section, thickness: float, solid_fraction: Callable[[Array], Array]
+    ) -> None:
+        self._comm, self._solid = section.comm, solid_fraction
+        space, own = section.vertex_space, section.owned
+        area = fem.assemble_vector(fem.form(ufl.TestFunction(space) * ufl.dx))
+        area.scatter_reverse(la.InsertMode.add)
+        x, y = np.abs(space.tabulate_dof_coordinates()[:own, :2]).T
+        nearest = reductions.smallest(self._comm, y)
+        middle = y <= max(_MIDDLE * thickness, nearest * (1.0 + 1e-9))
+        width = 2.0 * reductions.largest(self._comm, np.where(middle, x, 0.0))
+        weight = np.where(middle, area.array[:own], 0.0)
+        self._weight = weight * width / reductions.total(self._comm, float(weight.sum()))
+
+    def __call__(self, temperature: Array) -> float:
+        """Width at temperatures of the owned vertices (owned,), K (collective)."""
+        liquid = 1.0 - np.asarray(self._solid(temperature))
+        return reductions.total(self._comm, float(self._weight @ liquid))
