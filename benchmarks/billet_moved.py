@@ -3,7 +3,7 @@
 Writes a table of docs/billet.md.  "then" are the results of the last version in which the liquid of
 every mould was elastic, as its own `python -m benchmarks billet` wrote them; they stay in the data,
 for a later version cannot make them anew.  "elastic" is that liquid with all else as it is now,
-marched here: what lies between the two is due to areas, masses and mean stress, which at +3 %/m
+run here: what lies between the two is due to areas, masses and mean stress, which at +3 %/m
 stand apart: "areas" has the true ones, "mean stress" its linear one too.  "now" are the moulds as
 shipped, of `billet_study`.
 """

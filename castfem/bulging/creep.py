@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from castfem.bulging.fixed_point import Anderson
-from castfem.bulging.layers import Condition, Layers, March
+from castfem.bulging.layers import Condition, LayerHistory, Layers
 from castfem.bulging.result import Bulge, Span, deflected
 from castfem.bulging.shell import LAYERS, Shell
 from castfem.constitutive.base import Law
@@ -52,7 +52,7 @@ class Pitch:
     Attributes:
         z: Nodes, m, (m+1,).
         moment: At the nodes, N per metre of width.
-        march: Of the layers.
+        history: Of its layers.
         start: Stress and state at the upstream roll.
         deflection: With slope, (2, m+1), of the strip that is straight on the average.
         curvature: Of the same, (m+1,).
@@ -60,7 +60,7 @@ class Pitch:
 
     z: Array
     moment: Array
-    march: March
+    history: LayerHistory
     start: Condition
     deflection: Array
     curvature: Array
@@ -105,7 +105,7 @@ class CreepingStrip:
             slope=slope,
             moment=fine.moment[::2],
             curvature=2.0 * fine.curvature[::2] - coarse.curvature,
-            axial_strain=2.0 * fine.march.axial_strain[::2] - coarse.march.axial_strain,
+            axial_strain=2.0 * fine.history.axial_strain[::2] - coarse.history.axial_strain,
             neutral=layers.stiffness.neutral,
             thickness=shell.thickness,
             roll_force=np.array([span.pressure * span.length]),
@@ -136,7 +136,7 @@ class CreepingStrip:
         grows = accumulates(self.law)
         search = _Search(layers, span, nodes(span.length, steps), guess)
         for k in range(self.pitches if grows else PASSES):
-            search.march()
+            search.advance()
             if not grows and search.change <= share * TOLERANCE and abs(search.gap) <= share * GAP:
                 return search.pitch, True
             search.move(accelerated=k > 0 and not grows)
@@ -164,18 +164,18 @@ class _Search:
         self._signed = [i for i, name in enumerate(names) if name.startswith(f"{STRAIN}_")]
         self.change, self.gap = np.inf, np.inf
 
-    def march(self) -> None:
-        """March through a pitch from the present start and M0."""
+    def advance(self) -> None:
+        """Advance through a pitch from the present start and M0."""
         moment = self._first + self._parabola
-        march = self._layers.march(self._start, moment[1:], self._dt)
-        kappa, z = march.curvature, self._z
+        history = self._layers.advance(self._start, moment[1:], self._dt)
+        kappa, z = history.curvature, self._z
         mean = float((0.5 * (kappa[1:] + kappa[:-1]) * np.diff(z)).sum() / z[-1])
         kappa = kappa - mean
         w = deflected(z, kappa)
         # In its first step virgin steel takes up the moment: that is no creep.
         self._gap = float(kappa[-1] - kappa[1 if self._virgin else 0])
         self.gap = self._gap / max(float(np.ptp(kappa)), 1e-300)
-        new = Pitch(z, moment, march, self._start, w, kappa)
+        new = Pitch(z, moment, history, self._start, w, kappa)
         before = self._latest
         if before is not None and len(before.z) == len(z):
             self.change = float(np.abs(w[0] - before.deflection[0]).max()) / new.size
@@ -183,15 +183,15 @@ class _Search:
 
     @property
     def pitch(self) -> Pitch:
-        """The last that was marched."""
-        assert self._latest is not None, "asked before the first pitch was marched"
+        """The last that was computed."""
+        assert self._latest is not None, "asked before the first pitch was computed"
         return self._latest
 
     def move(self, accelerated: bool) -> None:
         """Choose the start and M0 of the next pass."""
-        march, first, stiff = self.pitch.march, self._first, self._layers.stiffness.bending
-        end = march.end
-        creep = float((march.compliance[1:] - 1.0 / stiff).sum())
+        history, first, stiff = self.pitch.history, self._first, self._layers.stiffness.bending
+        end = history.end
+        creep = float((history.compliance[1:] - 1.0 / stiff).sum())
         if creep * stiff > FLOWS:
             most = MOST * max(abs(first), self._clamped)
             first -= float(np.clip(self._gap / creep, -most, most))

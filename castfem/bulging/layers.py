@@ -1,4 +1,4 @@
-"""The law of the shell integrated through its thickness for a given course of the moment."""
+"""The law of the shell integrated through its thickness for a given history of the moment."""
 
 from __future__ import annotations
 
@@ -84,8 +84,8 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
-class March:
-    """Layers along a course of the moment.
+class LayerHistory:
+    """Layers over a history of the moment.
 
     Attributes:
         curvature: Since the start, 1/m, (m+1,).
@@ -101,7 +101,7 @@ class March:
 
 
 class Layers:
-    """The layers of a shell, to be led along courses of the moment.
+    """The layers of a shell, to be led through histories of the moment.
 
     Args:
         law: Of the steel.
@@ -126,8 +126,8 @@ class Layers:
         n = len(self.points.depth)
         return Condition(np.zeros((n, 4)), self.law.initial_state(n))
 
-    def march(self, start: Condition, moment: Array, dt: Array) -> March:
-        """Lead the layers along a course.
+    def advance(self, start: Condition, moment: Array, dt: Array) -> LayerHistory:
+        """Lead the layers through a history of the moment.
 
         Args:
             start: Where it begins; it is not written to.
@@ -152,7 +152,7 @@ class Layers:
             curvature[k + 1] = curvature[k] + bent
             axial[k + 1] = axial[k] + increment[0, 2] - bent * arm[0]
             rate = increment / dt[k]
-        return March(curvature, axial, compliance, Condition(stress, state))
+        return LayerHistory(curvature, axial, compliance, Condition(stress, state))
 
     def _step(
         self, increment: Array, moment: float, dt: float, stress: Array, state: Array, scale: float

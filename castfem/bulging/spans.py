@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from castfem.bulging.creep import CreepingStrip, Pitch, nodes
-from castfem.bulging.layers import Layers, March
+from castfem.bulging.layers import LayerHistory, Layers
 from castfem.bulging.result import Bulge, Span
 from castfem.bulging.shell import Shell
 from castfem.errors import RunFailure
@@ -84,7 +84,7 @@ def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
         slope=slope,
         moment=fine.moment[::2],
         curvature=2.0 * fine.curvature[::2] - coarse.curvature,
-        axial_strain=2.0 * fine.march.axial_strain[::2] - coarse.march.axial_strain,
+        axial_strain=2.0 * fine.history.axial_strain[::2] - coarse.history.axial_strain,
         neutral=layers.stiffness.neutral,
         thickness=shell.thickness,
         roll_force=_forces(rolls, fine.moment[:: strip.steps]),
@@ -129,26 +129,26 @@ class _Spans:
         area = 0.5 * (turned[..., 1:] + turned[..., :-1]) * dz - dz**2 / 12.0 * (now - then)
         return turned, np.concatenate([zero, np.cumsum(area, axis=-1)], axis=-1)
 
-    def _marched(self, unknown: Array) -> tuple[Pitch, Array]:
+    def _advanced(self, unknown: Array) -> tuple[Pitch, Array]:
         """The strip with inner moments and a slope at the first roll; by what it misses rolls."""
         rolls, z = self._rolls, self._z
         ends = float(self._in.moment[0]), float(self._out.moment[-1])
         moments = np.concatenate([[ends[0]], unknown[:-1], [ends[1]]])
         moment = moments @ self._hats + self._parabola
-        march = self._layers.march(self._in.start, moment[1:], self._dt)
-        curvature = self._in.curvature[0] + march.curvature
+        history = self._layers.advance(self._in.start, moment[1:], self._dt)
+        curvature = self._in.curvature[0] + history.curvature
         turned, sunk = self._sunk(curvature)
         w = rolls.offsets[0] + unknown[-1] * (z - z[0]) - sunk
         found = Pitch(
-            z, moment, march, self._in.start, np.stack([w, unknown[-1] - turned]), curvature
+            z, moment, history, self._in.start, np.stack([w, unknown[-1] - turned]), curvature
         )
         return found, w[self._at] - np.asarray(rolls.offsets[1:])
 
-    def _slopes(self, march: March) -> Array:
+    def _slopes(self, history: LayerHistory) -> Array:
         """Derivative of what is missed by the unknowns, from the compliance of each step."""
         elastic = 1.0 / self._layers.stiffness.bending
         hats = self._hats[1:-1]
-        creep = np.cumsum((march.compliance - elastic) * hats[:, 1:], axis=1)
+        creep = np.cumsum((history.compliance - elastic) * hats[:, 1:], axis=1)
         by_moment = elastic * hats
         by_moment[:, 1:] += creep
         rows = -self._sunk(by_moment)[1][:, self._at]
@@ -158,18 +158,18 @@ class _Spans:
         """Find moments and slope by Newton's method, its matrix improved by Broyden's."""
         count = len(self._at)
         unknown = np.append(np.full(count - 1, self._in.moment[0]), self._in.deflection[1, 0])
-        found, missed = self._marched(unknown)
-        matrix = self._slopes(found.march)
+        found, missed = self._advanced(unknown)
+        matrix = self._slopes(found.history)
         for _ in range(ITERATIONS):
             size = max(found.size, LEAST_SIZE)
             if float(np.abs(missed).max()) <= TOLERANCE * size:
                 return found
             step = -np.linalg.solve(matrix, missed)
             before = missed
-            found, missed = self._marched(unknown + step)
+            found, missed = self._advanced(unknown + step)
             while float(np.abs(missed).max()) > FURTHER * float(np.abs(before).max()):
                 step *= 0.5
-                found, missed = self._marched(unknown + step)
+                found, missed = self._advanced(unknown + step)
                 if float(np.abs(step[:-1]).max()) < 1e-6 * float(np.abs(unknown[:-1]).max()):
                     break
             unknown = unknown + step

@@ -59,7 +59,7 @@ def run_case(options: Options) -> None:
         with parallel.together(comm):
             case, target = _validated(comm, options)
             try:
-                _march(case, target, comm, options)
+                _run_case(case, target, comm, options)
             except Exception as error:
                 _told_to_file(error)
                 raise
@@ -111,7 +111,7 @@ def _place(options: Options) -> tuple[Path, Path]:
     return path, options.folder or shipped_cases.default_folder(options.name, path)
 
 
-def _march(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: Options) -> None:
+def _run_case(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: Options) -> None:
     """Hand the case to the engine; on rank 0 print the table of the run and draw its figures."""
     run: Callable[..., Any]
     if isinstance(case, TensileCase):

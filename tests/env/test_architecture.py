@@ -21,7 +21,6 @@ TOYS = {
     "constitutive law": (("Softened",), 0),
     "section shape": (("square", "Square"), 1),
     "support of the surface": (("belt_work", "Belt", "StickingBelt"), 0),
-    "support of the surface": (("belt_work", "Belt", "StickingBelt"), 0),
 }
 
 

@@ -30,7 +30,7 @@ def clock(monkeypatch):
     return Clock
 
 
-def _march(progress: Progress, clock, steps: int, seconds: float) -> None:
+def _advance(progress: Progress, clock, steps: int, seconds: float) -> None:
     progress.start(0.6)
     for step in range(1, steps + 1):
         clock.now += seconds / steps
@@ -40,7 +40,7 @@ def _march(progress: Progress, clock, steps: int, seconds: float) -> None:
 
 def test_plain_lines_every_five_percent(capsys, clock):
     log.setup()
-    _march(Progress(terminal=False), clock, 1000, 100.0)
+    _advance(Progress(terminal=False), clock, 1000, 100.0)
     lines = capsys.readouterr().err.splitlines()
     assert 20 <= len(lines) <= 21
     assert lines[0].startswith("  5 %  0.030 of 0.600 m  t = 0.500 s  step 10 ms")
@@ -51,13 +51,13 @@ def test_plain_lines_every_five_percent(capsys, clock):
 
 def test_short_run_says_little(capsys, clock):
     log.setup()
-    _march(Progress(terminal=False), clock, 1000, 2.5)
+    _advance(Progress(terminal=False), clock, 1000, 2.5)
     assert len(capsys.readouterr().err.splitlines()) <= 4
 
 
 def test_slow_run_speaks_every_ten_seconds(capsys, clock):
     log.setup()
-    _march(Progress(terminal=False), clock, 100_000, 10_000.0)
+    _advance(Progress(terminal=False), clock, 100_000, 10_000.0)
     assert 900 < len(capsys.readouterr().err.splitlines()) < 1100
 
 
@@ -73,7 +73,7 @@ def test_resumed_run_estimates_from_where_it_began(capsys, clock):
 def test_quiet(capsys, clock, tmp_path):
     log.setup(-1)
     log.to_file(tmp_path / "run.log")
-    _march(Progress(-1, terminal=False), clock, 100, 100.0)
+    _advance(Progress(-1, terminal=False), clock, 100, 100.0)
     log.logger.warning("mind the gap")
     log.close()
     assert capsys.readouterr().err == "castfem: warning: mind the gap\n"
@@ -91,7 +91,7 @@ def test_bar_on_a_terminal(monkeypatch, clock, tmp_path):
     monkeypatch.setenv("COLUMNS", "120")
     log.setup()
     log.to_file(tmp_path / "run.log")
-    _march(Progress(), clock, 50, 10.0)
+    _advance(Progress(), clock, 50, 10.0)
     log.close()
     shown = screen.getvalue()
     assert "0.300 of 0.600 m" in shown

@@ -27,7 +27,7 @@ LENGTH = footprint(0.1, np.deg2rad(20.0))  # m, of a spray
 WIDTH = footprint(0.1, np.deg2rad(150.0))  # m, wider than the face
 
 
-def marched(case: Case) -> tuple[Array, float, float]:
+def cooled(case: Case) -> tuple[Array, float, float]:
     """Temperatures at the end, heat removed and the worst balance of a step."""
     simulation = build(case, MPI.COMM_WORLD)
     try:
@@ -82,8 +82,8 @@ def by_hand(case: Case) -> Case:
 
 def test_it_is_what_zones_written_by_hand_are() -> None:
     case = rolled(secondary=secondary(nozzle=[FAN]), casting__length="0.65 m")
-    ours, heat, balance = marched(case)
-    theirs, the_same, _ = marched(by_hand(case))
+    ours, heat, balance = cooled(case)
+    theirs, the_same, _ = cooled(by_hand(case))
     assert ours == pytest.approx(theirs, abs=1e-6)
     assert heat == pytest.approx(the_same, rel=1e-11)
     assert balance < 1e-9
@@ -179,7 +179,7 @@ def test_a_roll_takes_its_share() -> None:
     rolls = [law for c in cooling.coolings for _, law in c.laws if isinstance(law, RollShare)]
     assert len(rolls) == 10  # of five rolls, on two faces
     whole, bare = (
-        marched(rolled(secondary=secondary(contact=given)))[1] for given in (contact, None)
+        cooled(rolled(secondary=secondary(contact=given)))[1] for given in (contact, None)
     )
     assert 0.0 < (whole - bare) / whole < 0.1
 
