@@ -1,4 +1,4 @@
-"""Makes the pictures of README, mould.md, machine.md and laws.md in docs: draws, shrinks them.
+"""Makes the pictures of README and of mould, machine, slab and laws in docs: draws, shrinks them.
 
 Run it by `.castfem/bin/python docs/pictures.py`, or with the names of the pictures to make.
 """
@@ -94,6 +94,16 @@ def extraction() -> None:
         shrink(Image.open(path).convert("RGB"), "extraction")
 
 
+def slab() -> None:
+    """Draw the unrolled surface of the coarse slab, and the strand in its caster."""
+    case = load_case(HERE.parent / "cases" / "slab1200" / "bending.toml")
+    with tempfile.TemporaryDirectory() as folder:
+        loop.run(case, folder)
+        drawn = {path.stem: path for path in draw_figures(folder)}
+        for name in ("maps", "caster"):
+            shrink(Image.open(drawn[name]).convert("RGB"), f"slab_{name}")
+
+
 def cycles() -> None:
     """Draw the peak tension of 80 cycles of temperature, with both kinds of hardening."""
     figure = new_figure(9.0, 3.4)
@@ -136,6 +146,7 @@ def main() -> None:
         "mould": mould,
         "machine": machine,
         "extraction": extraction,
+        "slab": slab,
         "cycles": cycles,
     }
     for name in sys.argv[1:] or pictures:

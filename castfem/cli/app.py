@@ -274,6 +274,22 @@ def machine(
 
 
 @app.command()
+def strand(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File; by default strand.vtu in DIR.")
+    ] = None,
+    every: Annotated[
+        str, typer.Option(help="Length of its cells along the strand, at most.")
+    ] = "100 mm",
+) -> None:
+    """Write the slices of a run, stacked along its caster, for ParaView."""
+    from castfem.cli.strand import write
+
+    write(folder, output, every)
+
+
+@app.command()
 def material(
     name: Annotated[
         str, typer.Argument(metavar="NAME", help="A shipped set, or a steel file (.toml).")

@@ -61,12 +61,13 @@ def draw_figures(folder: Path | str) -> list[Path]:
 def _draw_maps(path: Path, summary: Summary | None) -> list[Path]:
     """The figures over the surface of the strand."""
     from castfem.output.surface_maps import SurfaceMaps
+    from castfem.plots.caster_view import draw_caster
     from castfem.plots.maps import draw_maps
 
     maps = SurfaceMaps(path)
     abscissa = Abscissa(maps.time, maps.position, summary.zones if summary else ())
-    figure = draw_maps(maps, abscissa)
-    return [] if figure is None else [save(figure, _target(path, "maps"))]
+    figures = {"maps": draw_maps(maps, abscissa), "caster": draw_caster(maps)}
+    return [save(one, _target(path, name)) for name, one in figures.items() if one is not None]
 
 
 def _target(path: Path, name: str) -> Path:

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.machine.line import INWARD
 from castfem.machine.phases import phases
 from castfem.machine.rolls import Rolls
+from castfem.machine.side import Side
 from castfem.plots.style import look, new_figure
-from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,7 +26,6 @@ _COLOURS = {
     "straight": "#d9d9d9",
 }
 _COPPER, _ROLL, _DRIVEN, _WATER = "#b87333", "#9aa5b1", "#1f4e79", "#2f9bd8"
-_FINE = 5e-3  # m along the strand
 _WIDTH = 11.0  # inches
 
 
@@ -68,7 +66,7 @@ def draw(
         sprays: On its wide faces.
         title: Above the picture.
     """
-    side = _Side(rolls, thickness, 0.0 if solid_at is None else solid_at)
+    side = Side(rolls, thickness, 0.0 if solid_at is None else solid_at)
     with look():
         span = np.ptp(side.extrados, axis=0) + 1.0
         figure = new_figure(_WIDTH, float(np.clip(_WIDTH * span[1] / span[0], 4.0, 11.0)) + 0.6)
@@ -92,47 +90,7 @@ def draw(
         figure.savefig(path, dpi=130)
 
 
-class _Side:
-    """The strand seen from its side: points of its faces by position.
-
-    Args:
-        rolls: What holds it. thickness: Of the section, m. least: Position it goes to at least, m.
-    """
-
-    def __init__(self, rolls: Rolls, thickness: float, least: float) -> None:
-        self.rolls, self.line = rolls, rolls.line(thickness)
-        end = max(rolls.pairs[-1].position + 0.5, least)
-        self.s = np.linspace(0.0, end, max(2, round(end / _FINE)) + 1)
-        angle = np.array([self.line.inclination(float(s)) for s in self.s])
-        self.inward = np.column_stack([np.cos(angle), np.sin(angle)])
-        along = np.column_stack([np.sin(angle), -np.cos(angle)])
-        steps = 0.5 * (along[1:] + along[:-1]) * np.diff(self.s)[:, None]
-        way = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
-        thick = np.array([self.line.thickness(float(s)) for s in self.s])[:, None]
-        self.extrados = way - INWARD[self.line.face] * thick * self.inward
-        self.intrados = self.extrados + thick * self.inward
-
-    def at(self, points: Array, position: float) -> Array:
-        """A line's point at a position (2,), m."""
-        return np.array([np.interp(position, self.s, column) for column in points.T])
-
-    def across(self, position: float, beyond: float) -> Array:
-        """Ends (2, 2) of a line across the strand and as far beyond its faces as given, m."""
-        out, inside = self.at(self.extrados, position), self.at(self.intrados, position)
-        normal = self.at(self.inward, position)
-        return np.array([out - beyond * normal, inside + beyond * normal])
-
-    def part(self, start: float, end: float) -> Array:
-        """Outline (n, 2) of the strand between two positions, m."""
-        s = np.concatenate([[start], self.s[(self.s > start) & (self.s < end)], [end]])
-        faces = [
-            np.column_stack([np.interp(s, self.s, column) for column in face.T])
-            for face in (self.extrados, self.intrados)
-        ]
-        return np.concatenate([faces[0], faces[1][::-1]])
-
-
-def _strand(ax: Axes, side: _Side, mould_end: float | None) -> None:
+def _strand(ax: Axes, side: Side, mould_end: float | None) -> None:
     """The strand, coloured by what the rolls do to it, and the mould round its top."""
     pairs, named = side.rolls.pairs, set[str]()
     first, last = pairs[0].position, pairs[-1].position
@@ -156,7 +114,7 @@ def _strand(ax: Axes, side: _Side, mould_end: float | None) -> None:
         ax.fill(*outline.T, color=_COPPER, linewidth=0.0, label=name)
 
 
-def _rolls(ax: Axes, side: _Side) -> None:
+def _rolls(ax: Axes, side: Side) -> None:
     """Every roll, those that are driven darker."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle, Patch
@@ -172,7 +130,7 @@ def _rolls(ax: Axes, side: _Side) -> None:
             ax.plot([], [], "o", color=colour, label=label)
 
 
-def _sprays(ax: Axes, side: _Side, sprays: Sequence[Spray]) -> None:
+def _sprays(ax: Axes, side: Side, sprays: Sequence[Spray]) -> None:
     """Every spray, from its nozzle to what it reaches on the face."""
     from matplotlib.collections import PolyCollection
 

@@ -65,6 +65,11 @@ def band_norm(low: float, high: float, band: tuple[float, float]) -> Normalize:
     return FuncNorm(functions, vmin=ends[0], vmax=ends[-1])
 
 
+def band_ticks(norm: Normalize) -> list[float]:
+    """Round temperatures along such a scale, the ends of the band among them."""
+    return [round(float(tick), -1) for tick in norm.inverse(np.linspace(0.0, 1.0, 7))]
+
+
 @lru_cache
 def index_colours() -> Colormap:
     """White for zero, then from light yellow to dark red."""
@@ -106,7 +111,7 @@ def draw_maps(maps: SurfaceMaps, abscissa: Abscissa) -> Figure | None:
     options: dict[str, Any] = {"shading": "flat"}
     shades = axes[0].pcolormesh(x, y, celsius.T, cmap=temperature_colours(), norm=norm, **options)
     bar = _bar(axes[0], shades, "temperature [°C]")
-    bar.set_ticks([round(tick, -1) for tick in norm.inverse(np.linspace(0.0, 1.0, 7))])
+    bar.set_ticks(band_ticks(norm))
     _draw_band(axes[1], maps, x, y, rows, options)
     for panel, one in zip(axes[2:], shown, strict=True):
         _draw_index(panel, maps, one, (x, y, rows), abscissa)
@@ -148,8 +153,7 @@ def _draw_index(
 ) -> None:
     """One index, its largest value ringed."""
     x, y, rows = grid
-    factor = _ROUNDED.get(one.shown, 1.0)
-    values = factor * np.asarray(from_si_all(maps[one.name][rows], one.shown))
+    values = index_values(maps, one)[rows]
     top = float(values.max())
     shown = np.ma.masked_less_equal(values.T, 0.0)
     shades = panel.pcolormesh(
@@ -162,17 +166,22 @@ def _draw_index(
         shading="flat",
         rasterized=True,
     )
-    unit = plain_unit(one.shown) if factor == 1.0 else f"1e-5 {plain_unit(one.shown)}"
-    _bar(panel, shades, f"{one.name} [{unit}]")
+    _bar(panel, shades, index_label(one))
     if top > 0.0:
         i, j = np.unravel_index(int(np.argmax(values)), values.shape)
         at = maps.position[rows[i]] * abscissa.scale, 1e3 * maps.heading.line.way[j]
         panel.plot(*at, "o", mfc="none", mec="k", ms=8.0, clip_on=False)
 
 
-def from_si_all(values: Array, unit: str) -> Array:
-    """Values (...) in a unit that has no zero of its own."""
-    return values * from_si(1.0, unit)
+def index_values(maps: SurfaceMaps, one: SurfaceMap) -> Array:
+    """An index (rows, vertices) in the unit of its label."""
+    return _ROUNDED.get(one.shown, 1.0) * from_si(1.0, one.shown) * maps[one.name]
+
+
+def index_label(one: SurfaceMap) -> str:
+    """Name and unit of an index; rates of strain are told in 1e-5 1/s."""
+    rounded = "1e-5 " if one.shown in _ROUNDED else ""
+    return f"{one.name} [{rounded}{plain_unit(one.shown)}]"
 
 
 def _name_faces(panel: Axes, line: SurfaceLine) -> None:

@@ -75,8 +75,8 @@ def test_show_draws_them_and_castfem_takes_them_away_again(tmp_path: Path) -> No
         folder.begin("x = 1\n")
         write_maps(tmp_path)
         folder.finish()
-    assert [path.name for path in draw_figures(tmp_path)] == ["maps.png"]
-    assert "maps" in ALL_FIGURES
+    assert [path.name for path in draw_figures(tmp_path)] == ["maps.png", "caster.png"]
+    assert {"maps", "caster"} <= set(ALL_FIGURES)
     with OutputFolder(tmp_path) as folder:
         folder.begin("x = 1\n")
         assert {path.name for path in tmp_path.iterdir()} <= {

@@ -1,0 +1,53 @@
+"""`castfem strand`: the stacked slices of a run along its caster, for ParaView."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from castfem.case import load_case
+from castfem.case.machine import thickness_of
+from castfem.errors import InputError
+from castfem.output.folder import CASE_NAME
+from castfem.values import units
+
+STRAND_NAME = "strand.vtu"
+
+
+def write(folder: Path, target: Path | None, every: str) -> None:
+    """Write the strand of a run as one file, and say where.
+
+    Args:
+        folder: Of the run.
+        target: The file; by default `STRAND_NAME` in the folder.
+        every: Distance of its rows of cells along the strand, with unit.
+
+    Raises:
+        InputError: The folder holds no run of a strand between rolls, or `every` is no length.
+        RunFailure: The file cannot be written.
+    """
+    from castfem.machine.side import Side
+    from castfem.output.stacked_slices import write_strand
+
+    try:
+        distance = units.parse(every, "m")
+    except ValueError as error:
+        raise InputError(f"--every {every}: {error}") from None
+    if not distance > 0.0:
+        raise InputError(f"--every {every}: must be above 0 mm")
+    if not (folder / CASE_NAME).is_file():
+        raise InputError(f"{folder}: holds no run of castfem (no {CASE_NAME})")
+    case = load_case(folder / CASE_NAME)
+    rolls = None if case.machine is None else case.machine.pairs()
+    thickness = thickness_of(case.section)
+    if rolls is None or thickness is None:
+        raise InputError(
+            f"{folder / CASE_NAME}: machine: the table is missing, the strand goes straight down: "
+            "open fields.xdmf; or run the case with [machine] (docs/machine.md)"
+        )
+    path = target or folder / STRAND_NAME
+    if path.suffix != ".vtu":
+        raise InputError(f"{path}: the strand is an unstructured grid of VTK; end it in .vtu")
+    points, cells = write_strand(
+        folder, path, Side(rolls, thickness, case.casting.length), distance
+    )
+    print(f"{path}: {points} points, {cells} cells")
