@@ -7,6 +7,8 @@ in the solution depends on the units chosen.
 
 from __future__ import annotations
 
+from typing import Literal
+
 from petsc4py import PETSc
 
 import numpy as np
@@ -33,7 +35,7 @@ from castfem.mechanics.quadrature import Integration, Points, displacement_eleme
 from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState
-from castfem.mechanics.supports import Constraints, symmetry_supports
+from castfem.mechanics.supports import SPRING, Constraints, symmetry_supports
 from castfem.support.stopwatch import Stopwatch
 from castfem.values.types import Array
 
@@ -54,8 +56,9 @@ class MechanicalProblem:
         options: PETSc options that win over the defaults.
         tolerance: Out-of-balance stress left, relative to the stress there is.
         watch: Charged with the time spent here.
-        springs: Where a wall is to hold the slice: stiffness of the springs that stand in for pins,
-            over Young's modulus, see `supports.SPRING`; None for pins.
+        springs: What takes away the motions that nothing holds: springs of this stiffness over
+            Young's modulus, points held rigidly (None), or what its interactions ask for: springs
+            where one of them holds the section, points where none does.
 
     Attributes:
         space: Space of the displacement. points: Quadrature points. scales: Sizes.
@@ -77,7 +80,7 @@ class MechanicalProblem:
         options: Options | None = None,
         tolerance: float = 1e-8,
         watch: Stopwatch | None = None,
-        springs: float | None = None,
+        springs: float | Literal["as held"] | None = "as held",
     ) -> None:
         self.section, self.slice = section, slice_
         self.watch = watch if watch is not None else Stopwatch()
@@ -88,6 +91,8 @@ class MechanicalProblem:
         rules = slice_.integration or Integration.of(section.cell, section.order)
         self.points = Points(section, self.space, rules)
         self.scales = Scales(self.points, self.space)
+        if springs == "as held":
+            springs = SPRING if any(one.holds for one in slice_.interactions) else None
         self._build_forms(springs)
         self._criteria = Criteria(section.comm, self.scales, self.constraints, tolerance)
         self._target = np.zeros_like(self.fields.u.x.array)

@@ -26,7 +26,7 @@ from castfem.mechanics.planes import (
 )
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
-from castfem.mechanics.supports import SPRING, PrescribedDisplacement
+from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.simulation.law import build_law
 from castfem.support.stopwatch import Stopwatch
 from castfem.values.tables import Table, as_function
@@ -55,14 +55,12 @@ def build_mechanics(
     table = case.mechanics
     if table is None:
         return None
-    slice_ = make_slice(case, table, machine, steel, section)
     problem = MechanicalProblem(
         section,
-        slice_,
+        make_slice(case, table, machine, steel, section),
         table.solver,
         tolerance=table.tolerance,
         watch=watch,
-        springs=SPRING if any(one.holds for one in slice_.interactions) else None,
     )
     _check_across(problem)
     return MechanicalStepper(problem)

@@ -21,6 +21,7 @@ from castfem.contact.roll_support import Bed, GivenFoundation, RollSupport
 from castfem.errors import InputError
 from castfem.mechanics.checkpoint import Archive
 from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.values.types import Array
 
@@ -285,6 +286,16 @@ def test_rolls_that_hold_always_leave_no_points_to_hold() -> None:
         for one in (on_both(), on_both(between=(0.0, 1.0)))
     ]
     assert points == [0, 1]  # with a line of symmetry none is left, and a spring of rolls at times
+
+
+def test_a_problem_takes_springs_where_something_holds_the_section() -> None:
+    """And points where nothing does, unless it is told otherwise."""
+    for interactions, sprung in ((on_both(between=(0.0, 1.0)),), True), ((), False):
+        setup = block(*interactions)
+        assert setup.problem.constraints.springs is None  # as it was told
+        problem = MechanicalProblem(setup.section, setup.problem.slice)
+        assert (problem.constraints.springs is not None) == sprung
+        assert len(problem.constraints.dofs) == 3
 
 
 def test_bad_beds_are_refused() -> None:
