@@ -23,7 +23,7 @@ from castfem.values.constants import ZERO_CELSIUS
 FINE = "coupling.interval=0.05 s"
 ORDERS = {
     "mechanics first": (),
-    "temperature first": ("coupling.order=thermal_first",),
+    "temperature first": ("coupling.order=thermal_first", "coupling.window_error=1000 K"),
     "windows of 0.05 s": ("coupling.order=thermal_first", FINE),
 }
 

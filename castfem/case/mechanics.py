@@ -266,6 +266,13 @@ class Coupling(TableModel):
         description="tolerance of the coupling iterations: the gap has converged when the gap just "
         "computed would change the surface temperature by less",
     )
+    window_error: PositiveDifference | None = Field(
+        None,
+        description="error of the surface temperature allowed in a window whose gap changes; a "
+        "window with more is cut back, to 0.1 s or a twentieth of the interval at most; by default "
+        "2 K",
+        examples=["2 K"],
+    )
     follow_shape: bool = Field(
         True,
         description="whether heat flows through the slice as it has moved, out of the surface it "

@@ -33,6 +33,11 @@ TINY = 1e-300
 SHORTEST = 0.05  # of the window: cut back no further for a gap that does not converge, or for a
 # state beyond the range of the model: a shorter window ends there, too
 COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
+UNEVEN = 1.0 / 6.0  # of what a change of flux does: left where it comes evenly, its mean all along
+ORDER = 1.5  # of this error in the length of the window
+ALLOWED = 2.0  # K: of it, where the case gives none
+FINE = 0.1  # s: a window this short is not cut back for its error, however long others may be
+BEYOND = 4.0  # times the error allowed: such a window is cut back before its gap has converged
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +72,8 @@ class CouplingWindow:
         substeps: The thermal steps. mechanical: The mechanical steps.
         iterations: Of the coupling; 1 if the window was not repeated.
         gap_converged: Whether the iterations of the gap converged, if there were to be some.
+        error: Of the surface temperature at its end, K, for the gap was held at its mean; 0 where
+            the window is not repeated.
     """
 
     converged: bool
@@ -75,6 +82,7 @@ class CouplingWindow:
     mechanical: MechanicalResult
     iterations: int
     gap_converged: bool = True
+    error: float = 0.0
 
     def before(self, after: CouplingWindow) -> CouplingWindow:
         """The same window repeated: `after`, with the work of both counted."""
@@ -181,8 +189,13 @@ class StaggeredCoupling:
         self.surface, self.gap, self.window = surface, gap, window
         self.max_iterations, self.tolerance, self.order = max_iterations, tolerance, order
 
-    def take(self, old: StrandState, end: float) -> CouplingWindow:
+    def take(self, old: StrandState, end: float, allowed: float = np.inf) -> CouplingWindow:
         """One window from `old` to `end` (s); `old` is left untouched.
+
+        Args:
+            old: Where it begins.
+            end: Where it ends, s.
+            allowed: Error, K. The gap is not repeated in a window that is far beyond it.
 
         Raises:
             RunFailure: If no thermal step is short enough.
@@ -202,6 +215,11 @@ class StaggeredCoupling:
             ended = self.gap_of(taken.state.mechanical)
             assert ended is not None
             mean = 0.5 * (begun + ended)
+            if self.max_iterations > 1:
+                error = UNEVEN * self._misjudged(old.time, taken.state, begun, ended)
+                taken = replace(taken, error=error)
+            if taken.error > BEYOND * allowed:
+                break
             if self._misjudged(old.time, taken.state, gap, mean) <= self.tolerance:
                 break
             if taken.iterations == self.max_iterations:
@@ -296,7 +314,8 @@ def take_window(
 ) -> tuple[CouplingWindow, int]:
     """A window that succeeds, cut back as often as it takes, and how often that was.
 
-    A gap that does not converge cuts a window back as well, but ends no run.
+    A gap that does not converge, or changes too much for the window's error, cuts it back as well,
+    but ends no run.
 
     Raises:
         RunFailure: At the smallest window, where the model ends (`mechanics.validity`), or where
@@ -306,11 +325,22 @@ def take_window(
     while True:
         end = control.propose(state.time)
         taken = end - state.time
-        attempt = coupling.take(state, end)
         short = taken < SHORTEST * coupling.window
+        fine = taken < min(SHORTEST * coupling.window, FINE)
+        allowed = np.inf if fine else control.tolerance
+        learnt = coupling.thermal.control.step
+        attempt = coupling.take(state, end, allowed)
+        if attempt.converged and attempt.error > allowed:
+            log.logger.debug(
+                "t = %.6g s: coupling window %.3g s: error %.3g K", state.time, taken, attempt.error
+            )
+            coupling.thermal.control.step = learnt
+            control.learn(taken, attempt.error)
+            rejected += 1
+            continue
         kept = coupling.max_iterations == 1 or short
         if attempt.converged and (attempt.gap_converged or kept):
-            control.learn(taken, 0.0)
+            control.learn(taken, 0.0 if fine else attempt.error)
             return attempt, rejected
         reason = "the gap does not converge" if attempt.converged else attempt.mechanical.reason
         log.logger.debug("t = %.6g s: coupling window %.3g s: %s", state.time, taken, reason)

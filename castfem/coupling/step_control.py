@@ -40,6 +40,7 @@ class StepControl:
         milestones: Instants that must be hit exactly (zone changes, output), s.
         fixed: Step, s, or None for `adaptive`.
         adaptive: Error control, or None for `fixed`.
+        tolerance: Error (K) allowed in a fixed step, which is cut back for it; None: any.
         order: Power of the step that the error estimate follows.
         longest: Of a step that begins at a time, s; None for no other limit than these.
     """
@@ -51,7 +52,8 @@ class StepControl:
         *,
         fixed: float | None = None,
         adaptive: Adaptive | None = None,
-        order: int = 3,
+        tolerance: float | None = None,
+        order: float = 3,
         longest: Callable[[float], float] | None = None,
     ) -> None:
         if (fixed is None) == (adaptive is None):
@@ -62,6 +64,8 @@ class StepControl:
             m for i, m in enumerate(inner) if i == 0 or m - inner[i - 1] > self._tiny
         ] + [end]
         self._fixed, self._adaptive, self._exponent = fixed, adaptive, 1.0 / order
+        allowed = adaptive.tolerance if adaptive is not None else tolerance
+        self.tolerance = float("inf") if allowed is None else allowed
         self.step = fixed if fixed is not None else adaptive.first  # type: ignore[union-attr]
         self.smallest = adaptive.smallest if adaptive is not None else 1e-6 * self.step
         self._longest, self._clipped = longest, False
@@ -85,7 +89,7 @@ class StepControl:
 
     def accepts(self, error: float) -> bool:
         """Whether a step with this estimated error (K) may be kept."""
-        return self._adaptive is None or error <= self._adaptive.tolerance
+        return error <= self.tolerance
 
     def learn(self, taken: float, error: float) -> None:
         """Adapt the step to the error of the step `taken` (s), kept or not.
@@ -93,11 +97,12 @@ class StepControl:
         Raises:
             RunFailure: If the error of the smallest step is too large.
         """
-        control = self._adaptive
-        if control is None:
-            self.step = min(self._fixed or self.step, self.step * GROWTH)
+        ratio = self.tolerance / max(error, 1e-300)
+        if self._adaptive is None and self.accepts(error):
+            grown = min(GROWTH, SAFETY * ratio**self._exponent)
+            grown = max(grown, 1.0) if self._clipped else grown
+            self.step = min(self._fixed or self.step, self.step * grown)
             return
-        ratio = control.tolerance / max(error, 1e-300)
         # Growth is damped: vertices that pass the liquidus make the estimate jump from step to
         # step, and a step that grows on a quiet one is rejected at the next.
         factor = SAFETY * ratio ** (self._exponent if ratio < 1.0 else 0.5 * self._exponent)
@@ -115,7 +120,8 @@ class StepControl:
             return
         if self._clipped:  # a step cut short by a milestone teaches no smaller one
             proposed = max(proposed, self.step)
-        self.step = min(max(proposed, control.smallest), control.largest)
+        assert self._adaptive is not None
+        self.step = min(max(proposed, self.smallest), self._adaptive.largest)
 
     def failed(self, taken: float, reason: str, wanted: float | None = None) -> None:
         """Cut the step back after the solver failed on the step `taken` (s).

@@ -13,7 +13,7 @@ import numpy as np
 
 from castfem.case.build_machine import build_machine
 from castfem.case.mechanics import Way
-from castfem.coupling.staggered import StaggeredCoupling
+from castfem.coupling.staggered import ALLOWED, ORDER, StaggeredCoupling
 from castfem.coupling.step_control import Adaptive, StepControl
 from castfem.coupling.subcycling import MechanicalSteps, ThermalSteps
 from castfem.fem.line_probes import LineProbes
@@ -162,13 +162,16 @@ def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]
 def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
     duration, given = case.casting.duration, case.coupling.interval
+    allowed = case.coupling.window_error or ALLOWED
     if not isinstance(given, Way):
-        return StepControl(duration, milestones, fixed=given)
+        return StepControl(duration, milestones, fixed=given, tolerance=allowed, order=ORDER)
     length = given.length
     return StepControl(
         duration,
         milestones,
         fixed=STANDING * machine.window_time(length),
+        tolerance=allowed,
+        order=ORDER,
         longest=lambda time: machine.window(time, length),
     )
 

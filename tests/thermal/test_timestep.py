@@ -52,6 +52,25 @@ def test_adaptive_steps_grow_to_the_largest_and_leave_no_crumb() -> None:
     assert min(steps[20:]) > 0.2
 
 
+def test_a_fixed_step_is_cut_for_its_error_and_grows_back() -> None:
+    """By the order of the error; never beyond what was given, and not by what a milestone cut."""
+    control = StepControl(100.0, [10.0, 10.01], fixed=1.0, tolerance=2.0, order=1.5)
+    assert control.propose(0.0) == 1.0 and control.accepts(2.0) and not control.accepts(2.1)
+    control.learn(1.0, 16.0)
+    assert control.step == pytest.approx(0.9 / 8.0 ** (1.0 / 1.5))
+    for _ in range(3):
+        taken = control.propose(0.0)
+        control.learn(taken, 0.1)
+    assert control.step == 1.0
+    control.learn(control.propose(0.0), 2.0)
+    assert control.step == pytest.approx(0.9)
+    control.learn(control.propose(10.0) - 10.0, 2.0)
+    assert control.step == pytest.approx(0.9)
+    free = StepControl(100.0, fixed=1.0)
+    free.learn(free.propose(0.0), 1e9)
+    assert free.step == 1.0
+
+
 def test_large_error_is_rejected_and_cut() -> None:
     control = StepControl(10.0, adaptive=BOUNDS)
     assert not control.accepts(8.0)

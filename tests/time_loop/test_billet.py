@@ -132,7 +132,7 @@ def test_gap_of_an_interval_settles(name: str) -> None:
 
 def test_more_passes_come_to_one_answer() -> None:
     """Heat over long windows: the tighter the tolerance of the gap, the closer to one answer."""
-    long = ("coupling.interval=0.5 s", 'casting.length="240 mm"')
+    long = ("coupling.interval=0.5 s", "coupling.window_error=1000 K", 'casting.length="240 mm"')
     heat = {
         kelvin: run_in_memory(billet("taper_0", *long, f"coupling.settled={kelvin} K")).value(
             "heat_removed"
