@@ -412,8 +412,8 @@ def _mechanics(case: Case) -> Iterator[Problem]:
         yield Problem(
             ("mechanics", "ferrostatic"),
             f'("{table.ferrostatic}"): in a mould liquid that is fed resists nothing, and without '
-            "its pressure nothing presses a surface that freezes against the wall; give "
-            'ferrostatic = "full", or liquid = "elastic"',
+            "its pressure nothing holds a surface at the wall until it has frozen, nor says where "
+            'it freezes; give ferrostatic = "full", or liquid = "elastic"',
         )
     soft = table.liquid_stiffness is not None and table.liquid_stiffness < _SOFTEST
     if soft and table.strain == "large" and case.mould is not None:

@@ -89,7 +89,11 @@ def test_a_cavity_with_wider_corners() -> None:
 
 @pytest.mark.parametrize("given", ["off", "none"])
 def test_fed_liquid_without_its_pressure_in_a_mould(given: str) -> None:
-    """On cells of 0.8 mm it does not start, or the surface folds before there is a shell."""
+    """Its equations have solutions, but none of a strand.
+
+    On cells of 2 mm "none" folds as the surface freezes, at 102 mm; "off" goes on, and +3 %/m ends
+    1.1 mm off its wall with 24 % less heat after 200 mm, +1 %/m with 21 %.
+    """
     pressure = f"mechanics.ferrostatic={given}"
     with pytest.raises(InputError, match=r'mechanics\.ferrostatic: .*full.*liquid = "elastic"'):
         billet("taper_1", "mechanics.liquid=fed", pressure)

@@ -183,6 +183,20 @@ def test_windows_that_do_not_converge_are_cut_back() -> None:
     assert kept.summary.steps["coupling windows cut back"] > 1
 
 
+def test_a_gap_that_hardly_conducts() -> None:
+    """A third of the shipped conductivity where the wall leaves at -3 %/m: a thin hot shell.
+
+    Farther down, at 317 mm, its corner melts open: a breakout.
+    """
+    little = "cooling.mould.surface.0.gap_conductivity=0.05 W/(m K)"
+    changes = ('casting.length="120 mm"', "coupling.interval=0.1 s")
+    kept = sound(run_in_memory(shipped("taper_minus_3", little, *changes)))
+    assert kept.value("gap_corner") > 50e-6
+    assert kept.value("heat_removed") < run_in_memory(shipped("taper_minus_3", *changes)).value(
+        "heat_removed"
+    )
+
+
 def test_cold_mould() -> None:
     cold = sound(run_in_memory(billet("taper_1", SHORT, "cooling.mould.surface.0.wall=20 degC")))
     warm = run_in_memory(billet("taper_1", SHORT))
