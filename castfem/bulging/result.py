@@ -77,14 +77,7 @@ class Bulge:
 
     def at(self, positions: npt.ArrayLike) -> Array:
         """Deflection at positions (m,), m: cubic from node to node by values and slopes."""
-        x = np.clip(np.asarray(positions, float), self.z[0], self.z[-1])
-        i = np.clip(np.searchsorted(self.z, x, side="right") - 1, 0, len(self.z) - 2)
-        dz = self.z[i + 1] - self.z[i]
-        t = (x - self.z[i]) / dz
-        w, g = self.deflection, self.slope
-        rise = w[i + 1] - w[i]
-        bend = (1.0 - t) * (dz * g[i] - rise) + t * (rise - dz * g[i + 1])
-        return np.asarray(w[i] + t * rise + t * (1.0 - t) * bend)
+        return along(self.z, self.deflection, self.slope, positions)
 
     def extremes(self) -> tuple[float, float, float]:
         """Largest deflection, where that is, and the smallest, m."""
@@ -133,6 +126,16 @@ class BulgingModel(Protocol):
         Raises:
             RunFailure: If the shell cannot carry the pressure.
         """
+
+
+def along(z: Array, deflection: Array, slope: Array, positions: npt.ArrayLike) -> Array:
+    """Deflections and slopes at nodes (n,) made deflections at positions (m,), cubic in between."""
+    x = np.clip(np.asarray(positions, float), z[0], z[-1])
+    i = np.clip(np.searchsorted(z, x, side="right") - 1, 0, len(z) - 2)
+    dz, rise = z[i + 1] - z[i], deflection[i + 1] - deflection[i]
+    t = (x - z[i]) / dz
+    bend = (1.0 - t) * (dz * slope[i] - rise) + t * (rise - dz * slope[i + 1])
+    return np.asarray(deflection[i] + t * rise + t * (1.0 - t) * bend)
 
 
 def evenly(length: float, count: int) -> Array:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from castfem.case.base import TableModel, written
+from castfem.case.bulging import Bulging, BulgingMark
 from castfem.case.thermal import PetscOption
 from castfem.support.messages import choices
 from castfem.values.quantities import Kind, Notation, PositiveDifference, Time
@@ -189,6 +190,11 @@ class Mechanics(TableModel):
     planes: GeneralizedPlaneStrain = Field(
         default_factory=lambda: GeneralizedPlaneStrain.model_validate({}),
         description="degrees of freedom of generalized plane strain",
+    )
+    bulging: Annotated[Bulging | None, BulgingMark()] = Field(
+        None,
+        description="how the wide faces bulge between the rolls of [machine], which bear them; "
+        "left out: they are not borne",
     )
     held: tuple[GivenDisplacement, ...] = Field(
         (), description="displacements given on the surface"

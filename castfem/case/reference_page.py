@@ -12,6 +12,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from castfem.case.base import TableModel
+from castfem.case.bulging import Bulging
 from castfem.case.casting import Casting, Output, Reference, Start, Steel
 from castfem.case.coefficient_table import NozzleTable
 from castfem.case.cooling import HeatLaw, Zone
@@ -111,6 +112,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[thermal.time.adaptive]", Adaptive),
     ("[mechanics]", Mechanics),
     ("[mechanics.planes]", GeneralizedPlaneStrain),
+    ("[mechanics.bulging]", Bulging),
     ("[[mechanics.held]]", GivenDisplacement),
     ("[coupling]", Coupling),
     ("[mould]", Mould),

@@ -13,6 +13,7 @@ from typing import Any
 from castfem.case import effort, result_names
 from castfem.case.bending import check_bending
 from castfem.case.build_mould import check_mould
+from castfem.case.bulging import check_bulging
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
 from castfem.case.check_secondary import check_secondary
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
@@ -49,6 +50,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from check_mould(case.mould, case.section)
     yield from _mould_and_zones(case)
     yield from check_machine(case)
+    yield from check_bulging(case)
     yield from check_bending(case)
     yield from check_secondary(case)
     yield from check_extraction(case)

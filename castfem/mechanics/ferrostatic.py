@@ -58,5 +58,8 @@ class Ferrostatic:
 
     def pressure(self, temperature: Array, time: float) -> Array:
         """Pressure at points with these temperatures (n,), K, at `time` (s): (n,), Pa."""
-        share = SHARES[self.mush](np.asarray(self.solid_fraction(temperature)))
-        return np.asarray(self.head(time) * share)
+        return np.asarray(self.head(time) * self.share(temperature))
+
+    def share(self, temperature: Array) -> Array:
+        """How much of the head is felt at temperatures (n,), K."""
+        return SHARES[self.mush](np.asarray(self.solid_fraction(temperature)))

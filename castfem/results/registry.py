@@ -11,9 +11,9 @@ docs/output.md follow. The function gives SI (K, m, s, Pa ...); it is called on 
 it may add up over them. Its docstring is what docs/output.md says of it.
 
 Quantities of the thermal problem are in `thermal_quantities`, of the strained slice in
-`mechanical_quantities`, of the mould in `mould_quantities`, by which the strand is judged in
-`quality_quantities`. These modules import no solver: tables
-and figures of a finished run need the words alone.
+`mechanical_quantities`, of the mould in `mould_quantities`, of bulging in `bulging_quantities`, by
+which the strand is judged in `quality_quantities`. These modules import no solver: tables and
+figures of a finished run need the words alone.
 """
 
 from __future__ import annotations
@@ -46,15 +46,24 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
         simulation.mechanics is not None
         and any(one.rubs for one in simulation.mechanics.problem.slice.interactions)
     ),
+    "bulging": lambda simulation: (
+        simulation.case.mechanics is not None
+        and simulation.case.mechanics.bulging is not None
+        and simulation.case.mechanics.bulging.bears
+    ),
     "machine": lambda simulation: simulation.case.machine is not None,
     "quality": lambda simulation: simulation.case.quality is not None,
     "bending": lambda simulation: simulation.mechanics is not None and simulation.case.bends,
     "extraction": lambda simulation: _has_effort(simulation),
 }
 _MODULES = tuple(
-    f"castfem.results.{name}_quantities" for name in ("thermal", "mechanical", "mould", "quality")
+    f"castfem.results.{name}_quantities"
+    for name in ("thermal", "mechanical", "mould", "bulging", "quality")
 )
-_APART = {"castfem.results.quality_quantities": "quality"}
+_APART = {
+    "castfem.results.bulging_quantities": "bulging",
+    "castfem.results.quality_quantities": "quality",
+}
 """Modules that a simulation without what they need does not load, and what that is."""
 
 

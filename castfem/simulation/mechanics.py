@@ -14,6 +14,7 @@ from castfem.case.machine import thickness_of
 from castfem.contact.settings import Contact
 from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.errors import InputError
+from castfem.fem.line_probes import LineProbes
 from castfem.fem.section import Section
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
@@ -44,7 +45,12 @@ HOTTER = 1.0  # K above the liquidus: where the density of the liquid is taken
 
 
 def build_mechanics(
-    case: Case, machine: Machine, steel: Steel, section: Section, watch: Stopwatch
+    case: Case,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+    probes: LineProbes,
+    watch: Stopwatch,
 ) -> MechanicalStepper | None:
     """The mechanics of `case` (collective); None for a case without.
 
@@ -57,7 +63,7 @@ def build_mechanics(
         return None
     problem = MechanicalProblem(
         section,
-        make_slice(case, table, machine, steel, section),
+        make_slice(case, table, machine, steel, section, probes),
         table.solver,
         tolerance=table.tolerance,
         watch=watch,
@@ -79,17 +85,30 @@ def _check_across(problem: MechanicalProblem) -> None:
 
 
 def make_slice(
-    case: Case, table: given.Mechanics, machine: Machine, steel: Steel, section: Section
+    case: Case,
+    table: given.Mechanics,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+    probes: LineProbes,
 ) -> Slice:
     """What the slice of `case` is made of and how it is held."""
-    interactions = _interactions(case, machine, section)
+    law, interactions = build_law(table, steel), _interactions(case, machine, section)
     held = any(one.holds_liquid for one in interactions)
+    ferrostatic = _ferrostatic(table, machine, steel, "free" if held else "held")
+    if table.bulging is not None and table.bulging.bears:
+        from castfem.simulation.bulging import build_roll_support
+
+        rolls = build_roll_support(
+            case, table.bulging, machine, steel, section, probes, law, ferrostatic
+        )
+        interactions = (*interactions, rolls)
     return Slice(
-        law=build_law(table, steel),
+        law=law,
         thermal_strain=steel.thermal_strain,
         planes=_planes(case, table.planes, machine, steel, section),
         held=tuple(_held(one) for one in table.held),
-        ferrostatic=_ferrostatic(table, machine, steel, "free" if held else "held"),
+        ferrostatic=ferrostatic,
         interactions=interactions,
         large_strain=table.strain == "large",
         liquid=table.liquid,

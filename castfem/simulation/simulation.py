@@ -116,8 +116,9 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         exact = closed_form.of_case(case, steel, start)
     with watch.section("setup: mesh"):
         section = Section(comm, on_root(comm, lambda: build_mesh(case)))
+        probes = LineProbes(section, _probe_lines(case, section))
     with watch.section("setup: mechanics"):
-        mechanics = _mechanics(case, machine, steel, section, watch)
+        mechanics = _mechanics(case, machine, steel, section, probes, watch)
     shape = None
     if mechanics is not None and case.coupling.follow_shape:
         shape = Shape(section, mechanics.problem.space, steel.solidus)
@@ -127,7 +128,6 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         given = () if profile is None else profile.values
         curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None, given=given)
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
-        probes = LineProbes(section, _probe_lines(case, section))
     stepping = case.thermal.time
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)
     milestones = _milestones(case, machine, zones)
@@ -200,14 +200,19 @@ def _coupling(
 
 
 def _mechanics(
-    case: Case, machine: Machine, steel: Steel, section: Section, watch: Stopwatch
+    case: Case,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+    probes: LineProbes,
+    watch: Stopwatch,
 ) -> MechanicalStepper | None:
     """The mechanics of a case that has some; a thermal simulation does not even import them."""
     if case.mechanics is None:
         return None
     from castfem.simulation.mechanics import build_mechanics
 
-    return build_mechanics(case, machine, steel, section, watch)
+    return build_mechanics(case, machine, steel, section, probes, watch)
 
 
 def case_steel(case: Case) -> Steel:

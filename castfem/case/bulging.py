@@ -1,0 +1,99 @@
+"""The table [mechanics.bulging]: how the wide faces bulge between the rolls."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+
+from pydantic import Field, GetCoreSchemaHandler, GetJsonSchemaHandler
+from pydantic_core import core_schema
+
+from castfem.case.base import TableModel
+from castfem.case.problems import Problem
+from castfem.values.quantities import Kind
+from castfem.values.tables import Curve, Table
+
+if TYPE_CHECKING:
+    from castfem.case.model import Case
+
+Model = Literal["creep", "elastic", "thesis", "none"]
+MODELS: tuple[Model, ...] = get_args(Model)
+_KEY = ("mechanics", "bulging")
+SolidFraction = Annotated[float, Kind("1", least=0.0, most=1.0, label="solid fraction", sample="1")]
+LargestBulge = Annotated[
+    float | Table, Curve(Kind("m", "mm", above=0.0, label="bulge", sample="0.5 mm"), "position")
+]
+
+
+class Bulging(TableModel):
+    """How the wide faces bulge between the rolls of [machine]; `bulging = "creep"` for short."""
+
+    model: Model = Field(
+        "creep",
+        description="creep: a travelling strip that creeps by the law of the case; elastic: a "
+        "strip clamped at the rolls; thesis: a plate of one cosine (308); none: no rolls bear it",
+    )
+    solid_fraction: SolidFraction = Field(
+        1.0, description="solid fraction at the inside of the shell that bulges"
+    )
+    largest: LargestBulge | None = Field(
+        None,
+        description="of the thesis' plate: largest bulge over position, which it is amplified to "
+        "(VI.2.2.3)",
+        examples=["0.5 mm"],
+    )
+
+    @property
+    def bears(self) -> bool:
+        """Whether rolls bear the wide faces."""
+        return self.model != "none"
+
+
+@dataclass(frozen=True, slots=True)
+class BulgingMark:
+    """Annotation of a field that takes the table, or the name of the model alone."""
+
+    def __get_pydantic_core_schema__(
+        self, source: Any, handler: GetCoreSchemaHandler
+    ) -> core_schema.CoreSchema:
+        return core_schema.no_info_before_validator_function(_table, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"enum": list(MODELS)}, {"$ref": handler(schema)["anyOf"][0]["$ref"]}]}
+
+
+def _table(given: Any) -> Any:
+    """The table that the name of a model alone stands for."""
+    return {"model": given} if isinstance(given, str) else given
+
+
+def check_bulging(case: Case) -> Iterator[Problem]:
+    """Yield what keeps a case from bulging between rolls, of a faulty case what can be told."""
+    mechanics = case.mechanics
+    table = None if mechanics is None else mechanics.bulging
+    if mechanics is None or table is None or table.model in (None, "none"):
+        return
+    if case.machine is None:
+        if "machine" not in case.model_fields_set:
+            yield Problem(_KEY, "needs rolls, the table [machine]; add it, or leave bulging out")
+        return
+    if case.section is not None and getattr(case.section, "shape", "") != "rectangle":
+        yield Problem(
+            _KEY, "is for a section with wide faces; give section.shape = \"rectangle\", or leave "
+            "bulging out",
+        )  # fmt: skip
+    if case.mould is not None:
+        yield Problem(_KEY, "holds the faces in the mould by itself; leave [mould] out")
+    if mechanics.ferrostatic == "off":
+        yield Problem(
+            _KEY,
+            'needs the pressure of the liquid, and ferrostatic is "off"; leave one of both out',
+        )
+    if table.largest is not None and table.model != "thesis":
+        yield Problem((*_KEY, "largest"), f'is for model = "thesis", not "{table.model}"')
+    pairs = case.machine.pairs()
+    if pairs is not None and len(pairs.pairs) < 2:
+        yield Problem(_KEY, "needs two pairs of rolls at least")

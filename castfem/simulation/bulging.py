@@ -1,0 +1,248 @@
+"""From [mechanics.bulging] and the rolls to the foundation that bears the wide faces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq
+
+from castfem.bulging import (
+    Bulge,
+    BulgingModel,
+    CreepingStrip,
+    ElasticStrip,
+    Shell,
+    Span,
+    ThesisPlate,
+)
+from castfem.bulging.result import along
+from castfem.case.bulging import Bulging
+from castfem.contact.roll_support import Bed, RollSupport
+from castfem.errors import RunFailure
+from castfem.fem.line_probes import LineProbes, Profile
+from castfem.values.same_place import same_or_before
+from castfem.values.tables import as_function
+from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.constitutive.base import Law
+    from castfem.fem.section import Section
+    from castfem.machine import Machine
+    from castfem.materials import Steel
+    from castfem.mechanics.ferrostatic import Ferrostatic
+
+Memory = Mapping[str, Array]
+LEAST_BULGE = 50e-6  # m: a bed is no stiffer than the pressure over this
+MOULD_PLAY = 1e-3  # m: what a face moves in the mould under a change of the pressure by itself
+
+
+@dataclass(frozen=True, slots=True)
+class Core:
+    """The liquid within.
+
+    Attributes:
+        head: Its pressure over time, Pa.
+        share: Of it that is felt at temperatures (n,), K.
+    """
+
+    head: Callable[[float], float]
+    share: Callable[[Array], Array]
+
+    def handed_on(self, profile: Profile, time: float) -> float:
+        """Pressure that the shell hands on, Pa: none through liquid, none of a solid core."""
+        surface, core = self.share(np.array([profile.temperature[0], profile.temperature.max()]))
+        return float(self.head(time) * max(core - surface, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class PitchByPitch:
+    """Foundation of the wide faces: a bulge for each pitch, from the shell that enters it.
+
+    A pitch begins with the first step that ends beyond its roll.  Above the first roll the mould
+    holds all faces against the pressure, softly: its taper is that of the shell.
+
+    Attributes:
+        model: Makes a bulge of a shell and a pitch, by the position of the pitch's middle, m.
+        nodes: Of a bulge.
+        machine: Of the case.
+        rolls: Positions of the pairs, m.
+        offsets: Of the rolls from where the first is, outwards, m.
+        faces: Groups of the wide faces, each with the probe in its middle.
+        others: Groups that the mould alone holds.
+        probes: Have those lines.
+        front: Temperature at the inside of the shell, K.
+        core: The liquid.
+    """
+
+    model: Callable[[float], BulgingModel]
+    nodes: int
+    machine: Machine
+    rolls: Array
+    offsets: Array
+    faces: Mapping[str, str]
+    others: tuple[str, ...]
+    probes: LineProbes
+    front: float
+    core: Core
+
+    def initial(self) -> Memory:
+        """See `Foundation`: `pitch` counts the rolls that were passed, the rest is its bulge's."""
+        many = len(self.faces)
+        names = ("stiffness", "thickness", "largest", "force", "load", "error")
+        found: dict[str, Array] = {name: np.zeros(many) for name in names}
+        for name in ("z", "deflection", "slope"):
+            found[name] = np.zeros((many, self.nodes))
+        return found | {"pitch": np.zeros(1)}
+
+    def beds(
+        self, memory: Memory, start: float, end: float, temperature: Array
+    ) -> tuple[Mapping[str, Bed], Memory]:
+        """See `Foundation`."""
+        place, profiles = self.machine.position(end), self.probes.sample(temperature)
+        passed = sum(not same_or_before(place, float(roll)) for roll in self.rolls)
+        handed_on = {g: self.core.handed_on(profiles[p], end) for g, p in self.faces.items()}
+        if passed == 0:
+            soft = self.core.head(self.machine.time_at(float(self.rolls[0]))) / MOULD_PLAY
+            beds = {group: Bed(p, soft) for group, p in handed_on.items()}
+            most = max(handed_on.values())
+            return beds | {group: Bed(most, soft) for group in self.others}, memory
+        if passed != int(memory["pitch"][0]):
+            memory = self._entered(passed, end, profiles, memory)
+        offset = float(np.interp(place, self.rolls, self.offsets))
+        beds = {group: Bed() for group in self.others}
+        for i, (group, pressure) in enumerate(handed_on.items()):
+            within = place - self.rolls[passed - 1]
+            w = along(memory["z"][i], memory["deflection"][i], memory["slope"][i], within)
+            beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), offset)
+        return beds, memory
+
+    def _entered(
+        self, passed: int, time: float, profiles: dict[str, Profile], old: Memory
+    ) -> Memory:
+        """What is remembered of a pitch that begins at `time` (s), after so many rolls."""
+        new = {name: np.array(values) for name, values in self.initial().items()}
+        new["pitch"][0] = passed
+        if passed == len(self.rolls):  # beyond the last nothing bulges
+            head = self.core.head(time)
+            new["z"][:] = np.arange(self.nodes)
+            new["stiffness"][:] = head / LEAST_BULGE
+            new["force"][:] = 0.5 * old["load"]
+            return new
+        first, last = self.rolls[passed - 1 : passed + 1]
+        middle = 0.5 * float(first + last)
+        head = self.core.head(self.machine.time_at(middle))
+        share = 1.0 / max(self.core.head(time), 1e-300)
+        for i, probe in enumerate(self.faces.values()):
+            p = head * share * self.core.handed_on(profiles[probe], time)
+            span = Span(float(last - first), p, self.machine.speed(time))
+            bulge, thickness = self._bulge(span, profiles[probe], middle)
+            new["stiffness"][i] = head / max(bulge.largest, LEAST_BULGE)
+            new["thickness"][i], new["largest"][i] = thickness, bulge.largest
+            new["load"][i], new["error"][i] = p * span.length, bulge.error
+            new["z"][i], new["deflection"][i], new["slope"][i] = self._of(bulge, span)
+        new["force"][:] = 0.5 * (old["load"] + new["load"])
+        return new
+
+    def _of(self, bulge: Bulge, span: Span) -> tuple[Array, Array, Array]:
+        """Nodes, deflection and slope; of a strip that does not bulge as many."""
+        if len(bulge.z) == self.nodes:
+            return bulge.z, bulge.deflection, bulge.slope
+        z = span.length * np.linspace(0.0, 1.0, self.nodes)
+        return z, np.zeros(self.nodes), np.zeros(self.nodes)
+
+    def _bulge(self, span: Span, profile: Profile, middle: float) -> tuple[Bulge, float]:
+        """Bulge of a pitch, and the thickness of its shell."""
+        thickness = profile.isotherm_depth(self.front)
+        if thickness <= 0.0:
+            raise RunFailure(
+                f"bulging: there is no shell between the rolls at {middle - 0.5 * span.length:.4g} "
+                f"and {middle + 0.5 * span.length:.4g} m"
+            )
+        shell = Shell(thickness, lambda d: np.interp(d, profile.depth, profile.temperature))
+        if not span.pressure > 0.0:
+            return Bulge.none(span, shell), thickness
+        try:
+            return self.model(middle).bulge(span, shell), thickness
+        except RunFailure as error:
+            raise RunFailure(f"bulging, pitch around {middle:.4g} m: {error}") from None
+
+
+def build_roll_support(
+    case: Case,
+    table: Bulging,
+    machine: Machine,
+    steel: Steel,
+    section: Section,
+    probes: LineProbes,
+    law: Law,
+    liquid: Ferrostatic | None,
+) -> RollSupport:
+    """The support of the wide faces by the rolls of a sound case."""
+    from castfem.case.machine import thickness_of
+
+    rolls = case.machine.pairs() if case.machine is not None else None
+    height = thickness_of(case.section)
+    assert rolls is not None and height is not None, "the case was checked"
+    places = np.array([pair.position for pair in rolls.pairs])
+    apertures = np.array([rolls.aperture(k, height) for k in range(len(places))])
+    faces = {g: _probe(g, probes) for g in section.outer_groups if g.startswith("wide_face")}
+    others = tuple(g for g in section.outer_groups if g not in faces)
+    model, nodes = _model(table, law, case.section.width)  # type: ignore[attr-defined]
+    foundation = PitchByPitch(
+        model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
+        _front(steel, table.solid_fraction), _core(liquid),
+    )  # fmt: skip
+    return RollSupport(
+        on=(*faces, *others),
+        foundation=foundation,
+        position=machine.position,
+        knots=tuple(float(place) for place in places),
+    )
+
+
+def _probe(group: str, probes: LineProbes) -> str:
+    """The line inwards from the middle of a wide face."""
+    if group.endswith("_extrados"):
+        return "mid_face_extrados"
+    return "mid_face_intrados" if "mid_face_intrados" in probes.lines else "mid_face"
+
+
+def _model(table: Bulging, law: Law, width: float) -> tuple[Callable[[float], BulgingModel], int]:
+    """The model by the position of a pitch, and the nodes of its bulges."""
+    from castfem.bulging.elastic import NODES
+
+    if table.model == "creep":
+        strip = CreepingStrip(law)
+        return lambda middle: strip, strip.steps // 2 + 1
+    if table.model == "elastic":
+        elastic = ElasticStrip(law.elasticity)
+        return lambda middle: elastic, NODES
+    if table.largest is None:
+        plate = ThesisPlate(law.elasticity, width)
+        return lambda middle: plate, NODES
+    largest = as_function(table.largest)
+    return lambda middle: ThesisPlate(law.elasticity, width, largest(middle)), NODES
+
+
+def _front(steel: Steel, solid_fraction: float) -> float:
+    """Temperature at which the steel has a solid fraction, K."""
+    if solid_fraction >= 1.0:
+        return steel.solidus
+    if solid_fraction <= 0.0:
+        return steel.liquidus
+
+    def excess(temperature: float) -> float:
+        return float(np.asarray(steel.solid_fraction(np.array([temperature])))[0]) - solid_fraction
+
+    return float(brentq(excess, steel.solidus, steel.liquidus, xtol=1e-6))
+
+
+def _core(liquid: Ferrostatic | None) -> Core:
+    """The pressure within; none where the case leaves it out."""
+    if liquid is None:
+        return Core(lambda time: 0.0, np.zeros_like)
+    return Core(liquid.head, lambda heat: np.asarray(liquid.share(heat)))

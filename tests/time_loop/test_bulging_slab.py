@@ -1,0 +1,231 @@
+"""A slab whose wide faces bulge between their rolls: strip and slice together."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from copy import deepcopy
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from billet_runs import Kept, run_in_memory
+from small_case import small
+
+from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span
+from castfem.case import Case
+from castfem.constitutive.flow_laws import RadialReturn
+from castfem.contact.roll_support import RollSupportState
+from castfem.errors import InputError
+from castfem.results.sample import Sample
+from castfem.simulation.simulation import build
+from castfem.support.progress import Progress
+from castfem.time_loop import loop
+
+ROLLS = (0.9, 1.1, 1.3)
+APERTURES = ("100 mm", "99.8 mm", "99.7 mm")
+SLAB = {
+    "casting": {
+        "speed": "1.2 m/min",
+        "length": "1.35 m",
+        "superheat": "20 K",
+        "start": {"at": "mould_exit"},
+    },
+    "section.width": "400 mm",
+    "section.height": "100 mm",
+    "section.corner_radius": "0 mm",
+    "section.symmetry": "half",
+    "mesh": {"surface_size": "8 mm", "face_size": "40 mm", "core_size": "12 mm"},
+    "cooling": [
+        {
+            "name": "mould",
+            "to": "850 mm",
+            "surface": [{"law": "contact", "coefficient": "1200 W/(m^2 K)", "wall": "160 degC"}],
+        },
+        {
+            "name": "spray",
+            "surface": [
+                {"law": "convection", "coefficient": "400 W/(m^2 K)", "ambient": "25 degC"}
+            ],
+        },
+    ],
+    "machine": {
+        "rolls": {
+            "position": [f"{place} m" for place in ROLLS],
+            "diameter": ["120 mm"] * 3,
+            "aperture": list(APERTURES),
+        }
+    },
+    "mechanics": {"law": "kozlowski_zhu_signed", "bulging": "creep"},
+    "coupling": {"interval": "50 mm"},
+    "thermal": {"time": {"step": "0.5 s"}},
+    "output": {"figures": False, "fields": []},
+    "reference": [],
+}
+
+
+def slab(**changes: object) -> Case:
+    """400 x 100 mm over three pairs of rolls; `a__b=c` replaces what stands at a.b."""
+    given = {key.replace("__", "."): value for key, value in changes.items()}
+    table = deepcopy(SLAB) | given
+    return small({key: value for key, value in table.items() if value is not None})
+
+
+def rolls_of(sample: Sample) -> RollSupportState:
+    mechanical = sample.state.mechanical
+    assert mechanical is not None
+    return next(one for one in mechanical.interactions if isinstance(one, RollSupportState))
+
+
+def offset(position: float) -> float:
+    """Of the rolls from where the first is, m."""
+    return float(np.interp(position, ROLLS, [0.0, -0.1e-3, -0.15e-3]))
+
+
+@pytest.fixture(scope="module")
+def creeping() -> Kept:
+    return run_in_memory(slab())
+
+
+def test_the_middle_of_a_face_is_where_the_strip_is(creeping: Kept) -> None:
+    between = [s for s in creeping.samples if ROLLS[0] < s.position < ROLLS[-1]]
+    assert max(rolls_of(s).memory["largest"].max() for s in between) > 10e-6
+    for sample in between:
+        bed = rolls_of(sample).beds["wide_face_intrados"]
+        assert bed.offset == pytest.approx(offset(sample.position), abs=1e-9)
+        moved = sample.strained.moved["mid_face"]
+        # The face is held by its edges, too, the nearer the narrower it is.
+        assert moved == pytest.approx(bed.bulge + bed.offset, abs=8e-6)
+    assert sum(s.position in ROLLS for s in creeping.samples) == len(ROLLS)
+
+
+def entered(kept: Kept, roll: int) -> Sample:
+    """The first sample beyond a roll."""
+    return next(s for s in kept.samples if s.position > ROLLS[roll] + 1e-6)
+
+
+def shell_of(sample: Sample) -> tuple[Shell, RadialReturn]:
+    """The shell at mid-face, of the undeformed section, and the law of the case."""
+    simulation = build(slab(), MPI.COMM_SELF)
+    try:
+        assert simulation.mechanics is not None
+        law, solidus = simulation.mechanics.problem.slice.law, simulation.steel.solidus
+        profile = simulation.probes.sample(sample.state.thermal.point.temperature)["mid_face"]
+    finally:
+        simulation.destroy()
+    depth, heat = profile.depth, profile.temperature
+    shell = Shell(profile.isotherm_depth(solidus), lambda d: np.interp(d, depth, heat))
+    return shell, law  # type: ignore[return-value]
+
+
+def test_the_bulge_is_that_of_the_strip_with_the_shell_of_the_slice(creeping: Kept) -> None:
+    above, sample = entered(creeping, 0), entered(creeping, 1)
+    state, (shell, law) = rolls_of(sample), shell_of(sample)
+    assert state.memory["thickness"][0] == pytest.approx(shell.thickness, rel=1e-9)
+    pressure = float(state.memory["load"][0]) / (ROLLS[2] - ROLLS[1])
+    assert pressure == pytest.approx(1.2 * 9.81 * 7400.0, rel=0.01)
+    strip = CreepingStrip(law).bulge(Span(ROLLS[2] - ROLLS[1], pressure, 0.02), shell)
+    assert state.memory["largest"][0] == pytest.approx(strip.largest, rel=1e-6)
+    bulge = state.beds["wide_face_intrados"].bulge
+    assert bulge == pytest.approx(float(strip.at(sample.position - ROLLS[1])), rel=1e-6)
+    # Half of the pitch above and half of that below it bear on a roll.
+    loads = [rolls_of(s).memory["load"][0] for s in (above, sample)]
+    assert state.memory["force"][0] == pytest.approx(0.5 * sum(loads), rel=1e-12)
+
+
+def test_elastic_and_thesis_are_the_closed_forms() -> None:
+    elastic, thesis = (
+        entered(run_in_memory(slab(mechanics__bulging=model, casting__length="0.95 m")), 0)
+        for model in ("elastic", "thesis")
+    )
+    length, memory = ROLLS[1] - ROLLS[0], rolls_of(elastic).memory
+    shell, law = shell_of(elastic)
+    span = Span(length, float(memory["load"][0]) / length, 0.02)
+    exact = ElasticStrip(law.elasticity).bulge(span, shell).largest
+    assert memory["largest"][0] == pytest.approx(exact, rel=1e-6)
+    ratio = (0.4 / length) ** 2
+    plate = 384.0 * 4.0 * ratio**2 / (12.0 * np.pi**4 * (ratio**2 + 2.0 / 3.0 * ratio + 1.0))
+    assert rolls_of(thesis).memory["largest"][0] / exact == pytest.approx(plate, rel=1e-6)
+
+
+def test_the_plate_is_amplified_to_a_reference_over_position() -> None:
+    largest = {"position": [0, 2], "position_unit": "m", "value": [1, 3], "unit": "mm"}
+    given = {"model": "thesis", "largest": largest}
+    kept = run_in_memory(slab(mechanics__bulging=given, casting__length="0.95 m"))
+    assert rolls_of(kept.samples[-1]).memory["largest"] == pytest.approx(np.full(2, 2e-3), rel=1e-6)
+
+
+def test_a_half_bulges_as_the_whole(creeping: Kept) -> None:
+    whole = run_in_memory(slab(section__symmetry="whole"))
+    for ours, theirs in zip(creeping.samples, whole.samples, strict=True):
+        one, other = (rolls_of(s).memory["deflection"] for s in (ours, theirs))
+        assert one == pytest.approx(other, abs=1e-8)
+        left, right = (s.strained.moved["mid_face"] for s in (ours, theirs))
+        assert left == pytest.approx(right, abs=1e-7)
+
+
+class Interrupted(Progress):
+    """Ctrl-C after so many steps."""
+
+    def __init__(self, steps: int) -> None:
+        super().__init__(verbosity=-1, terminal=False)
+        self.left = steps
+
+    def update(self, *step: object) -> None:  # type: ignore[override]
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("steps", [2, 4, 6])
+def test_it_resumes_byte_for_byte(tmp_path: Path, steps: int) -> None:
+    """Stopped within a pitch: its bulge is not computed again, from another temperature."""
+    case = slab()
+    loop.run(case, tmp_path / "whole", comm=MPI.COMM_SELF)
+    with pytest.raises(KeyboardInterrupt):
+        loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, progress=Interrupted(steps))
+    loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, resume=True)
+    ours, theirs = ((tmp_path / name / "history.csv").read_bytes() for name in ("cut", "whole"))
+    assert ours == theirs
+    header = ours.splitlines()[0].decode()
+    for column in ("bulge_intrados [mm]", "bulge_extrados [mm]", "bulge_pitch [mm]",
+                   "roll_force [kN/m]"):  # fmt: skip
+        assert column in header
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"machine": None}, r"mechanics\.bulging: needs rolls, the table \[machine\]"),
+        (
+            {"mechanics__bulging": "crep"},
+            r"bulging\.model: not possible; one of creep",
+        ),
+        ({"mechanics__ferrostatic": "off"}, r"mechanics\.bulging: needs the pressure"),
+        (
+            {"mechanics__bulging": {"model": "creep", "largest": "1 mm"}},
+            r'mechanics\.bulging\.largest: is for model = "thesis", not "creep"',
+        ),
+    ],
+)
+def test_what_cannot_bulge_is_refused(changes: dict[str, object], text: str) -> None:
+    with pytest.raises(InputError, match=text):
+        slab(**changes)
+
+
+def test_a_slab_without_bulging_imports_nothing_of_it() -> None:
+    code = (
+        "import sys; sys.path.insert(0, 'tests'); sys.path.insert(0, 'tests/time_loop')\n"
+        "from test_bulging_slab import slab, run_in_memory\n"
+        "for name in [n for n in sys.modules if n.startswith('castfem.bulging')]:\n"
+        "    del sys.modules[name]\n"
+        "run_in_memory(slab(mechanics__bulging='none', mechanics__ferrostatic='off',"
+        " casting__length='0.9 m'))\n"
+        "bad = [n for n in sys.modules if n.startswith('castfem.bulging')]; assert not bad, bad"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=Path(__file__).parents[2], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
