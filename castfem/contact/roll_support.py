@@ -36,8 +36,8 @@ class Bed:
     All are of the slice's place then, the same all over the face.
 
     Attributes:
-        pressure: p that the shell hands on to the rolls where it is at rest, Pa: that of the liquid
-            within, less where the core is mushy, and nothing where it is solid.
+        pressure: p that the shell hands on to the rolls where it is at rest, Pa: that of the core
+            within, as the slice's `Ferrostatic.pressure` gives it; nothing where it is solid.
         stiffness: K, Pa/m: of the order of the pressure over the bulge.
         bulge: w of the middle of the face, outward, m; negative where the shell dips.
         offset: s of the rolls, outward, from the face of the undeformed section, m: half of the
