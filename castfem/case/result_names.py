@@ -45,6 +45,11 @@ WHOLE = {
     "bending_moment": "kN m",
     "bending_work": "kJ/m",
     **dict.fromkeys(("way_I2_max", "way_I2_mechanical_max", "way_I2_pitch_max"), "1/s"),
+    **{
+        f"{phase}_{index}_max": "MPa" if index == "I1" else "1/s"
+        for phase in ("bending", "straightening")
+        for index in ("I1", "I2", "I2_mechanical", "I2_pitch")
+    },
     "way_I1_max": "MPa",
     "way_band_time_max": "s",
     "way_brittle_strain_max": "percent",

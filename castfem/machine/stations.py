@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from castfem.machine.rolls import Rolls
 
 MOULD, BELOW = "mould", "below the mould"
+BENDS = ("bending", "straightening")
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,11 +83,12 @@ class Stations:
         # A roll belongs to what ends there.
         return next((p.kind for p in found if position <= pairs[p.last].position), found[-1].kind)
 
-    def words(self, position: float) -> str:
-        """Position, nearest roll and what it does: "16.73 m (roll 57), straightening"."""
+    def words(self, position: float, time: float | None = None) -> str:
+        """Position, nearest roll, time (s), phase: "16.73 m (roll 57), 836 s, straightening"."""
         near, phase = self.nearest(position), self.phase(position)
         roll = "" if near is None or phase == MOULD else f" (roll {near + 1})"
-        return f"{position:.2f} m{roll}, {phase}"
+        when = "" if time is None else f", {time:.4g} s"
+        return f"{position:.2f} m{roll}{when}, {phase}"
 
     def between(self, start: float, end: float) -> str:
         """From where to where, with the rolls."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -69,6 +70,7 @@ class CrackReport:
         """Names of the indexes that have a worst place."""
         return tuple(name for name in self.maps.names() if name not in _NOT_RANKED)
 
+    @cached_property
     def phases(self) -> list[str]:
         """What is done to the strand at each row."""
         return [self.stations.phase(float(position)) for position in self.maps.position]
@@ -79,7 +81,7 @@ class CrackReport:
         What lies beside a worse place of another face or phase is left out: it is the same place.
         """
         values, line = self.maps[name], self.maps.heading.line
-        phases = np.array(self.phases())
+        phases = np.array(self.phases)
         found = []
         for phase in dict.fromkeys(phases.tolist()):
             rows = np.flatnonzero(phases == phase)
@@ -123,7 +125,8 @@ class CrackReport:
     def words(self, one: Maximum) -> str:
         """Where a maximum is: place, position, roll and phase."""
         place = self.maps.heading.line.words(one.vertex)
-        return f"{place}, {self.stations.words(float(self.maps.position[one.row]))}"
+        when, where = (float(v[one.row]) for v in (self.maps.time, self.maps.position))
+        return f"{place}, {self.stations.words(where, when)}"
 
     def reheats(self) -> Iterator[tuple[str, str]]:
         """What warms up most on the whole way and below the mould's first roll, and where."""

@@ -7,7 +7,8 @@
 
 is all that an index takes. A case with the table [quality] then computes it after each step at all
 vertices; its largest value is a column of history.csv (`tension_max`), the largest on the way a
-result with its place, roll and time (`way_tension_max`), and what lies on the surface is a map in
+result with its place, roll and time (`way_tension_max`; where a machine bends the strand of bending
+and straightening, too), and what lies on the surface is a map in
 surface_maps.h5, in a figure and in the tables of `castfem show`.  Values are in SI.
 
 An index that accumulates finds its own value before the step in `step.value`.
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from castfem.machine.stations import BENDS
 from castfem.results.registry import quantity
 from castfem.values.types import Array, Flags
 
@@ -135,7 +137,7 @@ def crack_index(
             return sample.judged.worst[name].value
 
         def place(sample: Sample) -> str:
-            return sample.judged.words(name)
+            return sample.judged.words(sample.judged.worst[name])
 
         about = (compute.__doc__ or "").strip()
         where = "of the surface" if on == "surface" else "of the section"
@@ -149,10 +151,33 @@ def crack_index(
             f"way_{name}_max", unit=unit, label=f"largest {label} on the way", column=False,
             place=place, needs=together,
         )(on_the_way)  # fmt: skip
+        for phase in () if accumulates else BENDS:
+            _declare_within(phase, name, unit, label, about, compute, together)
         _declared[name] = CrackIndex(name, unit, label, compute, needs, on, accumulates)
         return compute
 
     return declare
+
+
+def _declare_within(
+    phase: str, name: str, unit: str, label: str, about: str, compute: Computed,
+    needs: tuple[str, ...],
+) -> None:  # fmt: skip
+    """Declare the largest value of an index while the strand is bent, or straightened."""
+
+    def largest(sample: Sample) -> float | None:
+        worst = sample.judged.within(phase, name)
+        return None if worst is None else worst.value
+
+    def place(sample: Sample) -> str:
+        return sample.judged.words(sample.judged.within(phase, name))
+
+    largest.__doc__ = f"{about} The largest in {phase}; none before."
+    largest.__module__ = compute.__module__
+    quantity(
+        f"{phase}_{name}_max", unit=unit, label=f"largest {label}, {phase}", column=False,
+        place=place, needs=(*needs[:-1], "bending", "quality"),
+    )(largest)  # fmt: skip
 
 
 def declared_indexes() -> tuple[CrackIndex, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from castfem.case.machine import thickness_of
 from castfem.fem import reductions
-from castfem.machine.stations import Stations
+from castfem.machine.stations import BENDS, Stations
 from castfem.output.summary import si_unit
 from castfem.output.surface_line import SurfaceLine
 from castfem.output.surface_maps import Heading, SurfaceMap
@@ -55,7 +55,8 @@ class QualityState:
         time: s; -1 before the first sample. temperature: At the owned vertices, K.
         motions: Of the planes, from one pitch ago to now.
         values: Of each index at the owned vertices.
-        largest: Of each index here. worst: From the meniscus to here.
+        largest: Of each index here. worst: From the meniscus to here. in_phase: Within bending and
+            straightening, as far as the slice has come there.
         centre: Temperature on the centre line, K; NaN in a section without a probe to it.
         solid_fraction: There; None likewise.
         passed: Solid fraction to the position at which the centre line came to it, m.
@@ -69,20 +70,25 @@ class QualityState:
     values: Mapping[str, Array] = field(default_factory=dict)
     largest: Mapping[str, Worst] = field(default_factory=dict)
     worst: Mapping[str, Worst] = field(default_factory=dict)
+    in_phase: Mapping[str, Mapping[str, Worst]] = field(default_factory=dict)
     centre: float = np.nan
     solid_fraction: float | None = None
     passed: Mapping[float, float] = field(default_factory=dict)
 
-    def words(self, index: str) -> str:
-        """Where an index was worst: place, position, roll, phase; "" where it was always zero."""
-        worst = self.worst[index]
-        if not worst.value > 0.0:
+    def words(self, worst: Worst | None) -> str:
+        """Where an index was worst: place, position, roll, time, phase; "" if always zero."""
+        if worst is None or not worst.value > 0.0:
             return ""
         vertex = self.line.at(worst.x, worst.y)
         off = self.line.place[vertex] - (worst.x, worst.y)
         on = np.abs(off).max() <= _NEAR * np.ptp(self.line.place)
         place = f"x = {1e3 * worst.x:.1f}, y = {1e3 * worst.y:.1f} mm"
-        return f"{self.line.words(vertex) if on else place}, {self.caster.words(worst.position)}"
+        where = self.line.words(vertex) if on else place
+        return f"{where}, {self.caster.words(worst.position, worst.time)}"
+
+    def within(self, phase: str, index: str) -> Worst | None:
+        """The worst of an index within a phase; None before the slice has come there."""
+        return self.in_phase.get(phase, {}).get(index)
 
 
 class QualitySampler:
@@ -138,14 +144,14 @@ class QualitySampler:
             if not (first and index.accumulates):
                 values[index.name] = index.compute(replace(step, value=old.values[index.name]))
         largest = {i.name: self._largest(i, values[i.name], time, position) for i in self.indexes}
-        worst = {
-            name: one if one.value > old.worst[name].value else old.worst[name]
-            for name, one in largest.items()
-        }
+        phase, in_phase = old.caster.phase(position), dict(old.in_phase)
+        if phase in BENDS and not first:
+            in_phase[phase] = _worse(in_phase.get(phase, {}), largest)
         known = np.isfinite(centre)
         self.state = replace(
             old, time=time, temperature=kelvin, motions=motions, values=values, largest=largest,
-            worst=worst, centre=centre, passed=self._passed(centre, time),
+            worst=_worse(old.worst, largest), in_phase=in_phase, centre=centre,
+            passed=self._passed(centre, time),
             solid_fraction=float(self.simulation.steel.solid_fraction(centre)) if known else None,
         )  # fmt: skip
         return self.state
@@ -263,7 +269,8 @@ class QualitySampler:
             "time": state.time,
             "centre": state.centre if np.isfinite(state.centre) else None,
             "motions": [list(motion) for motion in state.motions],
-            "worst": {n: [w.value, w.x, w.y, w.time, w.position] for n, w in state.worst.items()},
+            "worst": _plain(state.worst),
+            "in_phase": {phase: _plain(worst) for phase, worst in state.in_phase.items()},
             "passed": [[fraction, position] for fraction, position in state.passed.items()],
         }
 
@@ -279,9 +286,28 @@ class QualitySampler:
         self.state = replace(
             self.state, time=memory["time"], values=values, motions=tuple(motions),
             centre=np.nan if memory["centre"] is None else memory["centre"],
-            worst={name: Worst(*numbers) for name, numbers in memory["worst"].items()},
+            worst=_named(memory["worst"]),
+            in_phase={phase: _named(worst) for phase, worst in memory["in_phase"].items()},
             passed={float(f): float(position) for f, position in memory["passed"]},
         )  # fmt: skip
+
+
+def _worse(before: Mapping[str, Worst], now: Mapping[str, Worst]) -> dict[str, Worst]:
+    """The larger value of each index; of equal ones the earlier."""
+    return {
+        name: before[name] if name in before and before[name].value >= one.value else one
+        for name, one in now.items()
+    }
+
+
+def _plain(worst: Mapping[str, Worst]) -> dict[str, list[float]]:
+    """As JSON has it."""
+    return {n: [w.value, w.x, w.y, w.time, w.position] for n, w in worst.items()}
+
+
+def _named(stored: Mapping[str, list[float]]) -> dict[str, Worst]:
+    """The inverse of `_plain`."""
+    return {name: Worst(*numbers) for name, numbers in stored.items()}
 
 
 def temperature_at(steel: Steel, fraction: float) -> float:

@@ -28,15 +28,15 @@ def test_the_worst_place_and_how_far_the_next_is(report: CrackReport) -> None:
     assert first.value == pytest.approx(30e6) and second.value == pytest.approx(24e6)
     assert (first.phase, first.face) == ("straightening", "intrados")
     assert (second.phase, second.face) == ("bending", "extrados")
-    assert report.words(first) == "intrados, corner, 2.12 m (roll 8), straightening"
-    assert report.words(second) == "extrados, corner, 1.10 m (roll 4), bending"
+    assert report.words(first) == "intrados, corner, 2.12 m (roll 8), 106.2 s, straightening"
+    assert report.words(second) == "extrados, corner, 1.10 m (roll 4), 55 s, bending"
     rows = list(report.ranking())
     assert [row[0] for row in rows] == ["I1", "", "I2"]
     assert [row[1] for row in rows] == ["30 MPa", "24 MPa", "20e-5 1/s"]
     assert [row[2] for row in rows] == ["worst", "-20 %", "worst"]
     assert (
         rows[2][3]
-        == f"intrados, {500 * WIDE:.0f} mm from the corner, 2.00 m (roll 7), straightening"
+        == f"intrados, {500 * WIDE:.0f} mm from the corner, 2.00 m (roll 7), 100 s, straightening"
     )
 
 
@@ -94,6 +94,6 @@ def test_show_prints_it_of_a_run_that_ended_and_of_one_at_work(tmp_path: Path, e
     stream = io.StringIO()
     show(tmp_path, Console(file=stream, width=120), figures=False)
     text = stream.getvalue()
-    assert "-20 %  extrados, corner, 1.10 m (roll 4), bending" in text
+    assert "-20 %  extrados, corner, 1.10 m (roll 4), 55 s, bending" in text
     assert "solid fraction 1 on the centre line  2.10 m (roll 8), straightening" in text
     assert "0.60 m, 1.30 to 1.90 m, rolls 5 to 7; the rolls take 0.50 mm off there" in text

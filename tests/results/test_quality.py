@@ -152,7 +152,24 @@ def test_the_worst_is_told_with_its_place(cut: Path) -> None:
     assert found["value"] == pytest.approx(rate.max(), rel=1e-6)
     what, _, where = found["label"].partition(" on the way, ")
     assert what == "largest I2, axial strain rate in the band"
-    assert where.partition(" (roll 3), bending")[0] in places
+    assert where.partition(" (roll 3), ")[0] in places and where.endswith(" s, bending")
+
+
+def test_bending_and_straightening_have_a_worst_each(wide: Path) -> None:
+    """Bent to 0.6 m, straightened to 1.35 m: of the maps between, with their faces."""
+    maps = SurfaceMaps(wide)
+    found = json.loads((wide / "summary.json").read_text())["quantities"]
+    for phase, start, end, face in (
+        ("bending", 0.1, 0.6, "extrados"),
+        ("straightening", 0.6, 1.35, "intrados"),
+    ):
+        rows = (maps.position > start + 1e-9) & (maps.position < end + 1e-9)
+        for index in ("I1", "I2", "I2_pitch"):
+            one = found[f"{phase}_{index}_max"]
+            factor = 1e6 if one["unit"] == "MPa" else 1.0
+            assert factor * one["value"] == pytest.approx(maps[index][rows].max(), rel=1e-6)
+        assert face in found[f"{phase}_I2_max"]["label"]
+    assert found["way_I2_max"]["value"] == found["bending_I2_max"]["value"]
 
 
 def break_off(patch: pytest.MonkeyPatch) -> None:

@@ -59,7 +59,7 @@ def declare_mean() -> Callable[[Sample], float]:
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, ...]]:
     """The last sample of a billet with friction, of a strand that has frozen, of one being bent."""
     thin = write_small(tmp_path_factory.mktemp("thin"))
-    curved = bent(quality={"critical_strain": 0.01}).with_({"casting.length": "0.4 m"})
+    curved = bent(quality={"critical_strain": 0.01}).with_({"casting.length": "0.7 m"})
     cases = (billet("taper_1", *FRICTION), load_case(thin, THIN), curved)
     simulations = [build(case, MPI.COMM_SELF) for case in cases]
     yield tuple(TimeLoop(simulation).run() for simulation in simulations)
