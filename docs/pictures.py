@@ -86,7 +86,7 @@ def extraction() -> None:
     table = load_case(HERE.parent / "cases" / "slab1200" / "reference.toml").machine
     rolls = None if table is None else table.pairs()
     assert table is not None and table.extraction is not None and rolls is not None
-    known = known_resistance(table.extraction, rolls)
+    known = known_resistance(table.extraction, table)
     assert known is not None
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "extraction.png"

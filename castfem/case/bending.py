@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from castfem.case.machine import thickness_of
@@ -23,6 +23,11 @@ def axis_position(given: Any, thickness: float) -> float | None:
     if given is None or given == FREE:
         return None
     return AXES[given] * thickness if isinstance(given, str) else float(given)
+
+
+def places_of(given: Any) -> tuple[Any, ...]:
+    """Return the place of a neutral axis as a case has it, or both of a table."""
+    return tuple(given.values()) if isinstance(given, Mapping) else (given,)
 
 
 def check_bending(case: Case) -> Iterator[Problem]:
@@ -76,10 +81,11 @@ def _axis(planes: GeneralizedPlaneStrain, thickness: float | None) -> Iterator[P
     """Yield a neutral axis that lies outside of the strand, or beside a force."""
     if thickness is None:
         return
-    axis = axis_position(planes.neutral_axis, thickness)
-    if axis is None:
+    given = planes.neutral_axis
+    axes = [axis_position(place, thickness) for place in places_of(given)]
+    if None in axes:
         return
-    if abs(axis) > 0.5 * thickness:
+    for axis in (a for a in axes if a is not None and abs(a) > 0.5 * thickness):
         most = format(0.5 * thickness, "m", "mm")
         yield Problem(
             (*_PATH, "neutral_axis"),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,33 +14,55 @@ from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.case.extraction import Extraction
+    from castfem.case.machine import Machine
     from castfem.machine.rolls import Rolls
 
 
 def capacities(rolls: Rolls) -> Array:
     """Capacity of each pair (n,), N: 0 of one that cannot draw, inf of a drive without one."""
-    most = [math.inf if pair.capacity is None else pair.capacity for pair in rolls.pairs]
-    return np.where([pair.driven for pair in rolls.pairs], most, 0.0)
-
-
-def coupled_pairs(table: Extraction, rolls: Rolls) -> Pairs:
-    """The pairs as a coupled resistance needs them."""
-    return Pairs(
-        tuple(range(len(rolls.pairs))),
-        np.array([pair.position for pair in rolls.pairs]),
-        friction(table.friction_axis, table.friction_surface, np.zeros(len(rolls.pairs), bool)),
-        capacities(rolls),
+    return np.array(
+        [
+            0.0
+            if not pair.driven or pair.locked or pair.lost
+            else math.inf
+            if pair.capacity is None
+            else pair.capacity
+            for pair in rolls.pairs
+        ]
     )
 
 
-def known_resistance(table: Extraction, rolls: Rolls) -> KnownResistance | None:
+def coupled_pairs(table: Extraction, rolls: Rolls) -> Pairs:
+    """The pairs that hold the strand, as a coupled resistance needs them."""
+    there = [i for i, pair in enumerate(rolls.pairs) if not pair.lost]
+    pairs = [rolls.pairs[i] for i in there]
+    locked = [pair.locked for pair in pairs]
+    return Pairs(
+        tuple(there),
+        np.array([pair.position for pair in pairs]),
+        friction(table.friction_axis, table.friction_surface, locked),
+        capacities(rolls)[there],
+    )
+
+
+def known_resistance(table: Extraction, machine: Machine) -> KnownResistance | None:
     """Resistance of a maker's curve, shared by the drives; None where it comes with the run.
+
+    The curve is that of a machine in order: each defect says what becomes of it.
+
+    Args:
+        table: What the rolls resist with.
+        machine: With its rolls and their defects.
 
     Raises:
         StrandStopsError: The drives are weaker than the rolls.
     """
-    if not isinstance(table.resistance, Table):
+    normal, rolls = machine.normal(), machine.pairs()
+    if not isinstance(table.resistance, Table) or normal is None or rolls is None:
         return None
     places = [pair.position for pair in rolls.pairs]
-    curve: Callable[[Array], Array] = table.resistance
-    return KnownResistance(places, steps_of(curve, places), capacities(rolls))
+    steps = steps_of(table.resistance, places)
+    turning, sliding = friction(table.friction_axis, table.friction_surface, [False, True])
+    for defect in machine.defect or ():
+        steps = defect.resisting(steps, normal, rolls, float(sliding / turning))
+    return KnownResistance(places, steps, capacities(rolls))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from castfem.case.base import TableModel
+from castfem.case.defects import Defect
 from castfem.case.extraction import Extraction
 from castfem.case.problems import Problem
 from castfem.case.section import Strip
@@ -116,8 +117,21 @@ class Machine(TableModel):
         None, description="resistance of the rolls, shared by the drives; left out: no effort of it"
     )
 
+    defect: tuple[Defect, ...] | None = Field(
+        None, description="what is wrong with the machine; left out: nothing"
+    )
+
     def pairs(self) -> Rolls | None:
-        """Return the rolls; None while what is needed for them is missing."""
+        """Return the rolls with their defects; None while what is needed for them is missing."""
+        rolls = self.normal()
+        if rolls is None or not self.defect:
+            return rolls
+        from castfem.case.defects import with_defects
+
+        return with_defects(rolls, self.defect)
+
+    def normal(self) -> Rolls | None:
+        """Return the rolls without defects; None while what is needed for them is missing."""
         if self.rolls is not None or not self.segment or self.first is None:
             found: Rolls | None = self.rolls
             return found
@@ -202,8 +216,8 @@ def machine_doubts(case: Case) -> Iterator[Problem]:
             f"{math.degrees(angle):.4g} degrees to the vertical, not at 90; are radii, positions "
             "and the face of the radii right?",
         )
-    tightest = min(rolls.pairs, key=lambda pair: pair.radius)
-    strain = 0.5 * thickness / tightest.radius
+    tightest = min(rolls.pairs, key=lambda pair: abs(pair.radius))
+    strain = 0.5 * thickness / abs(tightest.radius)
     if strain > _STRAINED:
         yield Problem(
             ("machine", key),

@@ -5,6 +5,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -53,6 +54,8 @@ Gradient = Annotated[
 
 AXES = {"intrados": 0.5, "centre": 0.0, "extrados": -0.5}
 """Places of a neutral axis by name: from the middle towards the intrados, over the thickness."""
+BENT = ("bending", "straightening")
+"""What the rolls do to the strand where a neutral axis may be imposed in two places."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +64,21 @@ class AxisMark(Notation):
 
     takes: str = (
         '`"free"`, `"intrados"`, `"centre"`, `"extrados"`, or distance from the middle towards '
-        'the intrados: `"20 mm"`'
+        'the intrados: `"20 mm"`; or one of them in `{ bending, straightening }` each'
     )
 
     def read(self, given: object) -> Any:
-        """Return the word, or the distance in m; raise ValueError if it is neither."""
+        """Return the word, the distance in m, or both of a table; raise ValueError otherwise."""
+        if isinstance(given, Mapping):
+            if set(given) != set(BENT):
+                raise ValueError(
+                    f"a table has the keys {' and '.join(BENT)}, where the axis lies while the "
+                    "strand is bent and while it is straightened"
+                )
+            found = {name: self.read(given[name]) for name in BENT}
+            if any(place is None or place == FREE for place in found.values()):
+                raise ValueError(f'"{FREE}" goes with the whole way of the strand, or not at all')
+            return found
         if given is None or given == FREE or given in AXES:
             return given
         try:
@@ -75,12 +88,21 @@ class AxisMark(Notation):
 
     def write(self, value: Any) -> Any:
         """Return what reads back to the same place."""
+        if isinstance(value, Mapping):
+            return {name: self.write(place) for name, place in value.items()}
         return _DISTANCE.write(value) if isinstance(value, float) else value
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        return {"anyOf": [{"enum": [FREE, *AXES]}, _DISTANCE.json_schema()]}
+        place = {"anyOf": [{"enum": list(AXES)}, _DISTANCE.json_schema()]}
+        both = {
+            "type": "object",
+            "properties": {name: place for name in BENT},
+            "required": list(BENT),
+            "additionalProperties": False,
+        }
+        return {"anyOf": [{"enum": [FREE, *AXES]}, _DISTANCE.json_schema(), both]}
 
 
 class GeneralizedPlaneStrain(TableModel):

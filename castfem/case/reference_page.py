@@ -16,6 +16,7 @@ from castfem.case.bulging import Bulging
 from castfem.case.casting import Casting, Output, Reference, Start, Steel
 from castfem.case.coefficient_table import NozzleTable
 from castfem.case.cooling import HeatLaw, Zone
+from castfem.case.defects import Defect
 from castfem.case.extraction import Extraction
 from castfem.case.machine import Machine, RollSegment, RollTable
 from castfem.case.mechanics import (
@@ -122,6 +123,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[machine]", Machine),
     ("[[machine.segment]]", RollSegment),
     ("[machine.extraction]", Extraction),
+    ("[[machine.defect]]", Defect),
     ("[secondary]", Secondary),
     ("[secondary.contact]", RollContact),
     ("[[secondary.nozzle]]", NozzleModel),

@@ -235,10 +235,10 @@ class Secondary(TableModel):
         return mine, stretches(contacts, mine, 0.0, end, gathers=gathers)
 
     def contacts(self, rolls: Rolls) -> tuple[tuple[float, float], ...]:
-        """Return where a wide face touches each roll, m from the meniscus."""
+        """Return where a wide face touches each roll, m; a length of nothing for a lost one."""
         angle = 0.0 if self.contact is None else self.contact.angle
+        halves = [0.0 if pair.lost else 0.25 * angle * pair.diameter for pair in rolls.pairs]
         return tuple(
-            (pair.position - 0.25 * angle * pair.diameter,
-             pair.position + 0.25 * angle * pair.diameter)
-            for pair in rolls.pairs
-        )  # fmt: skip
+            (pair.position - half, pair.position + half)
+            for pair, half in zip(rolls.pairs, halves, strict=True)
+        )

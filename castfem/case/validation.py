@@ -17,6 +17,7 @@ from castfem.case.bulging import check_bulging
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
 from castfem.case.check_secondary import check_secondary
 from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
+from castfem.case.defects import check_defects
 from castfem.case.extraction import check_extraction
 from castfem.case.machine import check_machine
 from castfem.case.mechanics import GeneralizedPlaneStrain
@@ -51,6 +52,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _mould_and_zones(case)
     yield from check_machine(case)
     yield from check_bulging(case)
+    yield from check_defects(case)
     yield from check_bending(case)
     yield from check_secondary(case)
     yield from check_extraction(case)

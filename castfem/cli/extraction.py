@@ -33,7 +33,7 @@ def tell_of_drives(case: Case, rolls: Rolls, picture: Path) -> None:
         StrandStopsError: The drives are weaker than the rolls.
     """
     assert case.machine is not None and case.machine.extraction is not None
-    known = known_resistance(case.machine.extraction, rolls)
+    known = known_resistance(case.machine.extraction, case.machine)
     if known is None:
         print("\nresistance: coupled, from the forces of a run; its history has it")
         return

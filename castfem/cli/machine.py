@@ -166,6 +166,7 @@ def roll_lines(rolls: Rolls, thickness: float) -> list[str]:
     head = (
         "roll", "position [m]", "pitch [mm]", "diameter [mm]", "clear [mm]", "aperture [mm]",
         f"R {rolls.face} [m]", "angle [deg]", "height [m]", "drive [kN]",
+        "defect" if any(pair.defect for pair in rolls.pairs) else "",
     )  # fmt: skip
     line, rows = rolls.line(thickness), [head]
     for i, pair in enumerate(rolls.pairs):
@@ -183,6 +184,7 @@ def roll_lines(rolls: Rolls, thickness: float) -> list[str]:
                 f"{math.degrees(line.inclination(pair.position)):.2f}",
                 f"{line.height(pair.position):.3f}",
                 drive if pair.driven else "",
+                pair.defect,
             )
         )
     return aligned(rows)

@@ -71,6 +71,8 @@ FIGURES = (
         "contact_sticking", "Share of the surface that sticks", "share", True, span=_PERCENT
     ),
     Definition("axial_strain", "Axial strain", "strain"),
+    Definition("axial_stress", "Axial stress at the surface", "stress"),
+    Definition("effort", "Axial effort between rolls and drives", "effort"),
     Definition("axial_force", "Axial force, modelled part", "force"),
     Definition("friction_force", "Friction on the modelled part", "force per length"),
     Definition("mould_friction", "Friction of the mould on the strand", "force per length"),

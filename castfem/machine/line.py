@@ -28,12 +28,13 @@ class Bent:
 
     Args:
         positions: Of the pairs of rolls, increasing, m from the meniscus along `face`.
-        radii: R of that face there, m; inf where the strand is straight.
+        radii: R of that face there, m; inf where the strand is straight, negative where it is
+            bent the other way.
         thickness: Of the strand there, m.
         face: Of which the radii are, and along which positions and speed are measured.
 
     Raises:
-        ValueError: They are not as many, do not increase, or a radius is not positive.
+        ValueError: They are not as many, do not increase, or a radius is zero.
     """
 
     def __init__(
@@ -49,8 +50,8 @@ class Bent:
             raise ValueError("positions of rolls must increase")
         if not positions[0] >= 0.0:
             raise ValueError("positions of rolls are measured from the meniscus on")
-        if any(not radius > 0.0 for radius in radii):
-            raise ValueError("a radius of curvature must be positive")
+        if any(not abs(radius) > 0.0 for radius in radii):
+            raise ValueError("a radius of curvature must not be zero")
         self.face = face
         self._rolls = np.asarray(positions, float)
         self._curvatures = 1.0 / np.asarray(radii, float)
@@ -71,7 +72,8 @@ class Bent:
         found = [ends[:1]]
         for before, after in itertools.pairwise(ends):
             chi = np.interp((before, after), rolls, self._curvatures)
-            count = max(1, int(np.ceil(0.5 * float(chi.sum()) * (after - before) / _TURN)))
+            turn = 0.5 * float(np.abs(chi).sum()) * (after - before)
+            count = max(1, int(np.ceil(turn / _TURN)))
             found.append(np.linspace(before, after, count + 1)[1:])
         return np.concatenate(found)
 
@@ -121,7 +123,7 @@ class Bent:
     def _fall(self, i: int, length: float) -> float:
         """What the line of reference falls over a length from the beginning of a piece, m."""
         chi = float(self._chi[i])
-        if i == len(self._ends) - 1 and chi > 0.0:  # below the last roll, however far
+        if i == len(self._ends) - 1 and chi != 0.0:  # below the last roll, however far
             return float(np.sin(self._angles[i] + chi * length) - np.sin(self._angles[i])) / chi
         along = 0.5 * length * (_POINTS + 1.0)
         return float(0.5 * length * _WEIGHTS @ np.cos(self._angle(i, along)))

@@ -42,7 +42,7 @@ def phases(rolls: Rolls) -> list[Phase]:
 
 def _kind(chi: Sequence[float], i: int, straightened: bool) -> Kind:
     """What happens between a pair and the one before."""
-    hair = _SAME * max(chi)
+    hair = _SAME * max(abs(k) for k in chi)
     change = chi[i] - chi[i - 1]
     if abs(change) > hair:
         return "bending" if change > 0.0 else "straightening"

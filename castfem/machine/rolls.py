@@ -39,6 +39,9 @@ class Pair:
         aperture: Between its rolls, m; None for the thickness of the section.
         driven: Whether it draws the strand.
         capacity: With what force at most, N; None if that is not given.
+        offset: How far it is off towards the centre of curvature, m.
+        locked: Whether it does not turn.
+        lost: Whether it is not there; the radius is that of the strand all the same.
     """
 
     position: float
@@ -47,6 +50,16 @@ class Pair:
     aperture: float | None = None
     driven: bool = False
     capacity: float | None = None
+    offset: float = 0.0
+    locked: bool = False
+    lost: bool = False
+
+    @property
+    def defect(self) -> str:
+        """What is wrong with it, in words; empty for nothing."""
+        off = f"{1e3 * self.offset:g} mm off" if self.offset else ""
+        told = (off, "locked" if self.locked else "", "lost" if self.lost else "")
+        return ", ".join(word for word in told if word)
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,7 +248,10 @@ def _flag(cell: Any) -> bool:
 
 
 def columns_of(rolls: Rolls) -> dict[str, Any]:
-    """Return the columns from which `read_rolls` reads the same rolls."""
+    """Return the columns from which `read_rolls` reads the same rolls, but for their defects.
+
+    A roll where the strand is bent the other way has no radius that could be written: none is.
+    """
     pairs, radius = rolls.pairs, KINDS["radius"]
     found: dict[str, Any] = {
         name: [KINDS[name].write(getattr(pair, name)) for pair in pairs]
@@ -246,7 +262,7 @@ def columns_of(rolls: Rolls) -> dict[str, Any]:
         if any(value is not None for value in values):
             found[name] = ["" if v is None else KINDS[name].write(v) for v in values]
     found[f"radius_{rolls.face}"] = [
-        STRAIGHT if math.isinf(pair.radius) else radius.write(pair.radius) for pair in pairs
+        radius.write(pair.radius) if 0.0 < pair.radius < math.inf else STRAIGHT for pair in pairs
     ]
     if any(pair.driven for pair in pairs):
         found["driven"] = [pair.driven for pair in pairs]
@@ -307,7 +323,7 @@ def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[str]:
     """Yield a radius within which the rolls of the intrados have no room."""
     pair = rolls.pairs[index]
     inner = (1.0 - INWARD[rolls.face]) * rolls.aperture(index, thickness) + pair.diameter
-    if pair.radius <= inner:
+    if abs(pair.radius) <= inner:
         yield (
             f"radius_{rolls.face} ({pair.radius:g} m) is below the possible: the rolls of the "
             f"intrados would reach {inner:.4g} m from that face, beyond the centre of curvature; "
@@ -326,7 +342,7 @@ def _after(rolls: Rolls, index: int, thickness: float) -> Iterator[str]:
         )
         return
     clear = rolls.clearance(index, thickness)
-    if clear < 0.0:
+    if clear < 0.0 and not (pair.lost or before.lost):
         yield (
             f"diameter ({1e3 * pair.diameter:g} mm) overlaps the roll before by "
             f"{-1e3 * clear:.3g} mm at the intrados, {1e3 * pitch:.4g} mm below it; make the rolls "

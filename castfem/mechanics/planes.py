@@ -22,6 +22,7 @@ import numpy as np
 
 from castfem.errors import InputError
 from castfem.forms.mechanics import MODES
+from castfem.mechanics.imposed_axis import UNCHANGED, ImposedAxis
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -29,8 +30,6 @@ if TYPE_CHECKING:
 
 TimeHistory = Callable[[float], float]
 """A quantity over time, s."""
-
-UNCHANGED = 1e-9  # of a curvature: how much it changes by rounding alone
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,7 +285,8 @@ class BentPlanes:
     Attributes:
         curvature: 1/R over time, 1/m; linear between the rolls (`castfem.machine`).
         half_thickness: h/2, m.
-        neutral_axis: y1, m; None to let equilibrium find it.
+        neutral_axis: y1, m, where the slice stays 1 thick, or where it stays as thick as it is,
+            from one instant to the next; None to let equilibrium find it.
         force: External axial force F over time, N.
         test_direction: Test direction, so what F balances: N - k M, "tangential", or N, "axial".
         contains_work: F has the work of bending in it, as a measured effort has: it is not taken
@@ -298,7 +298,7 @@ class BentPlanes:
 
     curvature: TimeHistory
     half_thickness: float
-    neutral_axis: float | None = None
+    neutral_axis: float | ImposedAxis | None = None
     force: TimeHistory = _zero
     test_direction: Literal["tangential", "axial"] = "tangential"
     contains_work: bool = False
@@ -328,7 +328,9 @@ class BentPlanes:
         if self.neutral_axis is None:
             direction = np.array([[1.0], [0.0], [-k], [0.0]])
             return np.array([0.0, 0.0, -k, 0.0]), direction, self._test(k)
-        thickness = 1.0 / (1.0 - k * self.neutral_axis)
+        axis = self.neutral_axis
+        place, there = axis.at(time) if isinstance(axis, ImposedAxis) else (axis, 1.0)
+        thickness = there / (1.0 - k * place)
         none = np.zeros((4, 0))
         return np.array([thickness - 1.0, 0.0, -k * thickness, 0.0]), none, none
 

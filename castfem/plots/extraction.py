@@ -38,7 +38,7 @@ def draw(
         figure = new_figure(9.0, 8.4)
         total, effort, drives = figure.subplots(3)
         _cumulated(total, place, steps, shares, capacities)
-        _effort(effort, place, shares)
+        _effort(effort, place, shares, rolls)
         _loads(drives, shares, capacities)
         total.set_title(title)
         figure.savefig(path, dpi=130)
@@ -60,12 +60,18 @@ def _cumulated(axes: Axes, place: Array, steps: Array, shares: Shares, capacitie
     axes.legend()
 
 
-def _effort(axes: Axes, place: Array, shares: Shares) -> None:
-    """Axial effort, down at each drive."""
+def _effort(axes: Axes, place: Array, shares: Shares, rolls: Rolls) -> None:
+    """Axial effort, down at each drive; rolls with a defect are marked."""
     at = np.repeat(place, 2)
     value = np.column_stack([shares.effort, shares.effort - shares.drive]).ravel()
     axes.plot(at, 1e-3 * value, color=_EFFORT)
     axes.fill_between(at, 1e-3 * value, color=_EFFORT, alpha=0.15, linewidth=0.0)
+    for i, pair in enumerate(rolls.pairs):
+        if pair.defect:
+            axes.axvline(pair.position, color=_RESISTANCE, linewidth=0.9, linestyle="--")
+            axes.annotate(f"#{i + 1} {pair.defect}", (pair.position, 0.97), (-3, 0),
+                          xycoords=axes.get_xaxis_transform(), textcoords="offset points",
+                          ha="right", va="top", rotation=90, fontsize=8)  # fmt: skip
     axes.axhline(0.0, color="0.5", linewidth=0.8)
     axes.set_ylabel("effort in the strand [kN]")
     axes.set_xlabel("position [m]")

@@ -26,6 +26,7 @@ _COLOURS = {
     "straight": "#d9d9d9",
 }
 _COPPER, _ROLL, _DRIVEN, _WATER = "#b87333", "#9aa5b1", "#1f4e79", "#2f9bd8"
+_DEFECT = "#c1121f"
 _WIDTH = 11.0  # inches
 
 
@@ -119,13 +120,17 @@ def _rolls(ax: Axes, side: Side) -> None:
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle, Patch
 
-    drawn: dict[bool, list[Patch]] = {False: [], True: []}
+    drawn: dict[str, list[Patch]] = {"rolls": [], "driven rolls": [], "rolls with a defect": []}
     for pair in side.rolls.pairs:
+        kind = "driven rolls" if pair.driven else "rolls"
         for centre in side.across(pair.position, 0.5 * pair.diameter):
-            drawn[pair.driven].append(Circle(tuple(centre), 0.5 * pair.diameter))
-    for driven, circles in drawn.items():
+            if not pair.lost:
+                circle = Circle(tuple(centre), 0.5 * pair.diameter)
+                drawn["rolls with a defect" if pair.defect else kind].append(circle)
+    colours = {"rolls": _ROLL, "driven rolls": _DRIVEN, "rolls with a defect": _DEFECT}
+    for label, circles in drawn.items():
         if circles:
-            colour, label = (_DRIVEN, "driven rolls") if driven else (_ROLL, "rolls")
+            colour = colours[label]
             ax.add_collection(PatchCollection(circles, facecolor=colour, edgecolor="none"))
             ax.plot([], [], "o", color=colour, label=label)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ from dolfinx import fem, la
 
 from castfem.case.build_extraction import coupled_pairs, known_resistance
 from castfem.case.machine import thickness_of
-from castfem.extraction.effort import CoupledResistance, Effort, RollForces
+from castfem.extraction.effort import CoupledResistance, Effort, Pairs, RollForces
 from castfem.extraction.resistance import pressed, tributary_lengths
 from castfem.fem import reductions
 from castfem.fem.section import Section
@@ -46,13 +46,13 @@ def build_effort(
         return None
     rolls = case.machine.pairs()
     assert rolls is not None, "the case has been checked"
-    known = known_resistance(table, rolls)
+    known = known_resistance(table, case.machine)
     if known is not None:
         return known
     pairs = coupled_pairs(table, rolls)
     return CoupledResistance(
         pairs,
-        pressed_rolls(case, pairs.places, machine, steel, section),
+        pressed_rolls(case, pairs, machine, steel, section),
         table.bending,
         pays_work=given.closing != "axial",
     )
@@ -65,31 +65,33 @@ class PressedRolls:
     That is statics: it holds whatever the shell does between them.
 
     Attributes:
-        pressure: Of the liquid in the middle of the strand at each pair (n,), Pa.
-        lengths: Of the strand that each pair carries (n,), m.
+        loads: By the index of each pair the pressure of the liquid in the middle of the strand
+            there, Pa, and the length of strand that the pair carries, m.
         width: Of the liquid behind a wide face, m, of temperatures at the owned vertices
             (collective).
     """
 
-    pressure: Array
-    lengths: Array
+    loads: Mapping[int, tuple[float, float]]
     width: Callable[[Array], float]
 
     def on_pair(self, index: int, temperature: Array) -> float:
         """See `castfem.extraction.effort.RollForces`."""
-        return float(pressed(self.pressure[index], self.lengths[index], self.width(temperature)))
+        return float(pressed(*self.loads[index], self.width(temperature)))
 
 
 def pressed_rolls(
-    case: Case, places: Array, machine: Machine, steel: Steel, section: Section
+    case: Case, pairs: Pairs, machine: Machine, steel: Steel, section: Section
 ) -> RollForces:
     """Forces of bulging by statics."""
-    density = float(steel.density(steel.liquidus + _LIQUID))
+    density, places = float(steel.density(steel.liquidus + _LIQUID)), pairs.places
     pressure = [density * GRAVITY * machine.height(float(place)) for place in places]
     thickness = thickness_of(case.section)
     assert thickness is not None, "a strand that is bent has a thickness"
     core = LiquidWidth(section, thickness, steel.solid_fraction)
-    return PressedRolls(np.array(pressure), tributary_lengths(places), core)
+    lengths = tributary_lengths(places)
+    return PressedRolls(
+        dict(zip(pairs.numbers, zip(pressure, lengths, strict=True), strict=True)), core
+    )
 
 
 class LiquidWidth:

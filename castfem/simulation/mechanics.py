@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from castfem.case import mechanics as given
-from castfem.case.bending import axis_position
+from castfem.case.bending import axis_position, places_of
 from castfem.case.build_mould import build_mould
 from castfem.case.machine import thickness_of
 from castfem.contact.settings import Contact
@@ -18,6 +19,7 @@ from castfem.fem.line_probes import LineProbes
 from castfem.fem.section import Section
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
+from castfem.mechanics.imposed_axis import ImposedAxis
 from castfem.mechanics.planes import (
     BentPlanes,
     PlainPlanes,
@@ -192,10 +194,11 @@ def _bent(
     """Planes that follow the curvature of the machine."""
     thickness = thickness_of(case.section)
     assert thickness is not None, "a strand that can be bent has a thickness"
-    return BentPlanes(
+    axis = table.neutral_axis
+    planes = BentPlanes(
         curvature=lambda time: machine.curvature(machine.position(time), "extrados"),
         half_thickness=0.5 * thickness,
-        neutral_axis=axis_position(table.neutral_axis, thickness),
+        neutral_axis=None if isinstance(axis, Mapping) else axis_position(axis, thickness),
         force=force,
         test_direction=table.closing or "tangential",
         contains_work=effort.contains_work if effort else bool(table.force_contains_bending),
@@ -203,6 +206,12 @@ def _bent(
         position=machine.position,
         parts=parts,
     )
+    if not isinstance(axis, Mapping):
+        return planes
+    places = [axis_position(place, thickness) or 0.0 for place in places_of(axis)]
+    times = (0.0, *(machine.time_at(position) for position in machine.bends))
+    imposed = ImposedAxis.alternating(planes.middle, times, *places)
+    return replace(planes, neutral_axis=imposed)
 
 
 def _held(one: given.GivenDisplacement) -> PrescribedDisplacement:

@@ -29,7 +29,10 @@ def rows_of(case: Case) -> tuple[Row, ...]:
     """Return the rows of nozzles of a sound case with [secondary], as it has them."""
     rolls = None if case.machine is None else case.machine.pairs()
     assert case.secondary is not None and rolls is not None
-    return case.secondary.rows(rolls, case.section.height)  # type: ignore[attr-defined]
+    rows = case.secondary.rows(rolls, case.section.height)  # type: ignore[attr-defined]
+    for defect in case.machine.defect or ():  # type: ignore[union-attr]
+        rows = defect.watered(rows)
+    return rows
 
 
 class SecondaryCooling:

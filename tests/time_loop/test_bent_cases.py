@@ -73,6 +73,21 @@ def test_an_imposed_neutral_axis(given: str, axis: float) -> None:
     assert a2 == pytest.approx(-1.0 / (radius - HALF - axis), rel=1e-12)
 
 
+def test_a_neutral_axis_on_the_face_that_would_be_compressed(tmp_path: Path) -> None:
+    """Intrados in bending, extrados in straightening; the resolved case has both."""
+    given = {"bending": "intrados", "straightening": "-50 mm"}
+    case = bent(mechanics__planes={"neutral_axis": given}, casting__length="1.5 m")
+    planes, position = planes_of(case)
+    middle = 1.0 / (RADIUS - HALF)
+    time = 1.45 / 0.06
+    assert position(time) == pytest.approx(1.45, rel=1e-12)
+    a0, _, a2, _ = planes.at(time)[0]
+    assert 1.0 + a0 == pytest.approx((1.0 + middle * HALF) / (1.0 - middle * HALF), rel=1e-12)
+    assert a2 == 0.0
+    (tmp_path / "case.toml").write_text(case.resolved_toml())
+    assert load_case(tmp_path / "case.toml").physics_hash() == case.physics_hash()
+
+
 def test_an_effort_from_a_file(tmp_path: Path) -> None:
     """Over position, of the whole strand; the resolved case has its rows."""
     path = tmp_path / "effort.csv"
@@ -149,6 +164,21 @@ REFUSED = {
         {"mechanics__planes": {"neutral_axis": "middle"}},
         "planes.neutral_axis",
         'or "free", intrados, centre, extrados',
+    ),
+    "one of two axes outside": (
+        {"mechanics__planes": {"neutral_axis": {"bending": "51 mm", "straightening": "0 mm"}}},
+        "planes.neutral_axis",
+        "(51 mm) lies outside of the strand",
+    ),
+    "one of two axes": (
+        {"mechanics__planes": {"neutral_axis": {"bending": "intrados"}}},
+        "planes.neutral_axis",
+        "a table has the keys bending and straightening",
+    ),
+    "half free": (
+        {"mechanics__planes": {"neutral_axis": {"bending": "free", "straightening": "0 mm"}}},
+        "planes.neutral_axis",
+        "goes with the whole way of the strand",
     ),
     "axis and force": (
         {"mechanics__planes": {"neutral_axis": "centre", "force": "1 kN"}},

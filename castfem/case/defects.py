@@ -1,0 +1,220 @@
+"""The array of tables [[machine.defect]]: what is wrong with the rolls of a machine (VI.4).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from castfem.case.problems import Problem
+from castfem.case.variants import Variants
+from castfem.values.quantities import Kind
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from castfem.case.model import Case
+    from castfem.machine.rolls import Pair, Rolls
+    from castfem.machine.sprays import Row
+    from castfem.values.types import Array
+
+Offset = Annotated[float, Kind("m", "mm", label="distance", sample="2 mm")]
+WaterShare = Annotated[float, Kind("1", "percent", least=0.0, label="share", sample="66 percent")]
+ExtraForce = Annotated[float, Kind("N", "kN", least=0.0, label="force", sample="120 kN")]
+
+
+class Defect(Variants):
+    """What every kind of defect has; a new one is a subclass with its own `kind`.
+
+    It says what becomes of the rolls, of what they resist, of the rows of nozzles: what it leaves
+    alone it need not name.
+    """
+
+    tag_key = "kind"
+    kinds: ClassVar[dict[str, Any]] = {}
+
+    def on(self, pairs: list[Pair]) -> None:
+        """Change the pairs that have the defect; what a faulty case does not tell is left."""
+
+    def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
+        """Return the rows of nozzles."""
+        return rows
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """Yield key and fault of a defect that a machine with so many pairs cannot have."""
+        yield from ()
+
+    def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
+        """Return the resistance of each pair (n,), N, out of that of a maker's curve.
+
+        Args:
+            steps: Without this defect (n,), N.
+            normal: The rolls without defects.
+            rolls: With all of them.
+            sliding: What a locked roll resists with, over what one that turns does.
+        """
+        return steps
+
+
+class RollDefect(Defect):
+    """A defect of one pair."""
+
+    roll: int = Field(ge=1, strict=True, description="number of the pair, from 1", examples=[48])
+
+    @abstractmethod
+    def changed(self, pair: Pair) -> Pair:
+        """Return the pair that has the defect."""
+
+    def on(self, pairs: list[Pair]) -> None:
+        """See `Defect`."""
+        if self.roll is not None and self.roll <= len(pairs):
+            pairs[self.roll - 1] = self.changed(pairs[self.roll - 1])
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """See `Defect`."""
+        if self.roll is not None and self.roll > pairs:
+            yield "roll", f"({self.roll}): the machine has {pairs} pairs, numbered from 1"
+
+
+class Locked(RollDefect):
+    """A pair that does not turn: the strand slides on it, and it draws no more (eq. 327)."""
+
+    kind: Literal["locked"]
+
+    def changed(self, pair: Pair) -> Pair:
+        """See `RollDefect`."""
+        return replace(pair, locked=True)
+
+    def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
+        """Return the steps with that of the pair as many times as high (328)."""
+        found = steps.copy()
+        found[self.roll - 1] *= sliding
+        return found
+
+
+class Misaligned(RollDefect):
+    """A pair that is off: the strand is bent there and back, with new radii (eq. 329)."""
+
+    kind: Literal["misaligned"]
+    by: Offset = Field(
+        description="distance towards the centre of curvature; negative: away from it",
+        examples=["2 mm"],
+    )
+    resistance: ExtraForce | None = Field(
+        None,
+        description="what a maker's curve of the resistance grows by, as a coupled run tells it, "
+        "over the pairs where the strand is bent more than before; left out: nothing",
+    )
+
+    def changed(self, pair: Pair) -> Pair:
+        """See `RollDefect`."""
+        return replace(pair, offset=pair.offset + (self.by or 0.0))
+
+    def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
+        """Return the steps with the extra resistance, shared as the extra bending is."""
+        import numpy as np
+
+        bends = [
+            np.abs(np.diff([1.0 / pair.radius for pair in these.pairs], prepend=0.0))
+            for these in (rolls, normal)
+        ]
+        more = np.maximum(bends[0] - bends[1], 0.0)
+        near = np.abs(np.arange(len(more)) - self.roll) <= 2  # from its pair above to two below
+        more = np.where(near, more, 0.0)
+        total = float(more.sum())
+        return steps if total == 0.0 else steps + (self.resistance or 0.0) * more / total
+
+
+class Lost(RollDefect):
+    """A pair that is not there: those beside it hold the strand, and carry what it did."""
+
+    kind: Literal["lost"]
+
+    def changed(self, pair: Pair) -> Pair:
+        """See `RollDefect`."""
+        return replace(pair, lost=True)
+
+    def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
+        """Return the steps with that of the pair on those beside it."""
+        found, i = steps.copy(), self.roll - 1
+        held = [j for j, pair in enumerate(rolls.pairs) if not pair.lost]
+        above, below = [j for j in held if j < i], [j for j in held if j > i]
+        taking = above[-1:] + below[:1]
+        for j in taking:
+            found[j] += found[i] / len(taking)
+        found[i] = 0.0
+        return found
+
+
+class Nozzles(Defect):
+    """Nozzles of a circuit that bring less, or more, water than they are meant to (VI.4.1)."""
+
+    kind: Literal["nozzles"]
+    circuit: str = Field(description="name of the circuit of [secondary]", examples=["bender"])
+    rolls: tuple[int, int] = Field(
+        description="numbers of the roll above the first row of nozzles and of that below the last",
+        examples=[[47, 52]],
+    )
+    share: WaterShare = Field(description="of their water", examples=["66 percent"])
+
+    def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
+        """See `Defect`."""
+        from castfem.machine.sprays import scale_water
+
+        return scale_water(rows, self.circuit, *self.rolls, self.share)
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """See `Defect`."""
+        if None in (self.circuit, self.rolls):
+            return
+        circuits = [] if case.secondary is None else [c for c in case.secondary.circuit if c]
+        found = [circuit for circuit in circuits if circuit.name == self.circuit]
+        if not found:
+            known = ", ".join(f'"{circuit.name}"' for circuit in circuits) or "no [secondary]"
+            yield "circuit", f'("{self.circuit}") is not there; the case has {known}'
+            return
+        first, last = max(self.rolls[0], found[0].rolls[0]), min(self.rolls[1], found[0].rolls[1])
+        if first >= last:
+            yield (
+                "rolls",
+                f'(from {self.rolls[0]} to {self.rolls[1]}) meet no nozzles of "{self.circuit}", '
+                f"which goes from roll {found[0].rolls[0]} to {found[0].rolls[1]}",
+            )
+
+
+def with_defects(rolls: Rolls, defects: Sequence[Defect | None]) -> Rolls:
+    """Return the rolls with their defects."""
+    from castfem.machine.defects import settled
+
+    pairs = list(rolls.pairs)
+    for defect in defects:
+        if defect is not None:
+            defect.on(pairs)
+    return settled(replace(rolls, pairs=tuple(pairs)))
+
+
+def check_defects(case: Case) -> Iterator[Problem]:
+    """Yield defects that a machine cannot have."""
+    table = case.machine
+    normal = None if table is None else table.normal()
+    if table is None or normal is None or not table.defect:
+        return
+    seen: list[dict[str, Any]] = []
+    for i, defect in enumerate(table.defect):
+        if defect is None:
+            continue
+        path = ("machine", "defect", i)
+        for key, fault in defect.problems(case, len(normal.pairs)):
+            yield Problem((*path, key), fault)
+        if (told := defect.model_dump()) in seen:
+            yield Problem(path, "stands there twice; leave one of the two out")
+        seen.append(told)
+    lost = [pair.lost for pair in with_defects(normal, table.defect).pairs]
+    if len(lost) - sum(lost) < 2:
+        yield Problem(("machine", "defect"), "leave fewer than two pairs that hold the strand")

@@ -1,0 +1,80 @@
+"""Rolls that are not where they should be, do not turn, or are not there (thesis VI.4).
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from castfem.machine.line import Bent
+from castfem.machine.rolls import Pair, Rolls
+from castfem.values.types import Array
+
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+def circle(before: Array, here: Array, after: Array) -> float:
+    """Curvature of the circle through three points (2,), 1/m: 1/R = 4 S/(a b c) (329).
+
+    Positive where it turns to the left.
+    """
+    a, b, c = after - here, after - before, here - before
+    twice = float(c[0] * b[1] - c[1] * b[0])
+    return 2.0 * twice / math.prod(float(np.hypot(*side)) for side in (a, b, c))
+
+
+def settled(rolls: Rolls) -> Rolls:
+    """Return the rolls with the radii that those which are off, or lost, leave to the strand.
+
+    At a roll that is off and at the two beside it the curvature changes by what the circle through
+    three rolls changes by (329); it stays where the rolls stay, straightener or not. A lost pair
+    leaves the strand to those beside it, between which the curvature is linear.
+    """
+    pairs = list(rolls.pairs)
+    if not any(pair.offset or pair.lost for pair in pairs):
+        return rolls
+    held = [i for i, pair in enumerate(pairs) if not pair.lost]
+    moved = {i for i in held if pairs[i].offset}
+    if moved:
+        points, inward = _places(rolls)
+        off = points + np.array([[pair.offset] for pair in pairs]) * inward
+        for before, here, after in zip(held, held[1:], held[2:], strict=False):
+            three = (before, here, after)
+            if moved.intersection(three):
+                change = circle(*(off[i] for i in three)) - circle(*(points[i] for i in three))
+                pairs[here] = _curved(pairs[here], 1.0 / pairs[here].radius + change)
+    places = [pairs[i].position for i in held]
+    chi = [1.0 / pairs[i].radius for i in held]
+    for i, pair in enumerate(pairs):
+        if pair.lost:
+            pairs[i] = _curved(pair, float(np.interp(pair.position, places, chi)))
+    return replace(rolls, pairs=tuple(pairs))
+
+
+def _curved(pair: Pair, curvature: float) -> Pair:
+    """The pair where the strand has a curvature, 1/m; negative: bent to the extrados."""
+    return replace(pair, radius=1.0 / curvature if curvature else math.inf)
+
+
+def _places(rolls: Rolls) -> tuple[Array, Array]:
+    """Points of the line between the rolls (n, 2), m, and its normals towards the intrados.
+
+    The strand comes down along -y; the intrados lies at larger x.
+    """
+    places = [pair.position for pair in rolls.pairs]
+    radii = [pair.radius for pair in rolls.pairs]
+    line = Bent(places, radii, [0.0] * len(places), rolls.face)
+    ends = [0.0, *places]
+    points = np.zeros((len(ends), 2))
+    for i, (start, end) in enumerate(itertools.pairwise(ends)):
+        s = start + 0.5 * (end - start) * (_POINTS + 1.0)
+        angle = np.array([line.inclination(float(x)) for x in s])
+        along = np.column_stack([np.sin(angle), -np.cos(angle)])
+        points[i + 1] = points[i] + 0.5 * (end - start) * (_WEIGHTS @ along)
+    angle = np.array([line.inclination(s) for s in places])
+    return points[1:], np.column_stack([np.cos(angle), np.sin(angle)])
