@@ -14,10 +14,13 @@ from mpi4py import MPI
 
 import pandas
 import pytest
-from bent_case import bent
 from ranks import needs_mpirun, python_on
 from small_case import write_small
-from time_loop.billet_runs import billet
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "time_loop"))
+from billet_runs import billet
+from test_bulging_slab import slab
+from test_drawn_cases import drawn
 
 from castfem.case import load_case
 from castfem.fem import reductions
@@ -35,6 +38,7 @@ from castfem.time_loop import loop
 from castfem.time_loop.loop import TimeLoop
 
 ROOT = Path(__file__).parents[2]
+OTHERS = {"bending", "quality", "extraction", "bulging"}  # what a billet in its mould has not
 FRICTION = ("mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "casting.length=150 mm")
 THIN = (
     "section.width=20 mm", "section.height=20 mm", "section.corner_radius=2 mm",
@@ -57,10 +61,14 @@ def declare_mean() -> Callable[[Sample], float]:
 
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, ...]]:
-    """The last sample of a billet with friction, of a strand that has frozen, of one being bent."""
+    """The last sample of a billet with friction, and of three strands.
+
+    One has frozen, one is bent and drawn, one bulges between its rolls.
+    """
     thin = write_small(tmp_path_factory.mktemp("thin"))
-    curved = bent(quality={"critical_strain": 0.01}).with_({"casting.length": "0.7 m"})
-    cases = (billet("taper_1", *FRICTION), load_case(thin, THIN), curved)
+    curved = drawn(quality={"critical_strain": 0.01}, casting__length="0.7 m")
+    rolled = slab(mechanics__bulging="elastic", casting__length="0.95 m")
+    cases = (billet("taper_1", *FRICTION), load_case(thin, THIN), curved, rolled)
     simulations = [build(case, MPI.COMM_SELF) for case in cases]
     yield tuple(TimeLoop(simulation).run() for simulation in simulations)
     for simulation in simulations:
@@ -76,9 +84,10 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
     assert d.label and ("{}" in d.label) == bool(d.each)
     assert d.about.endswith((".", ")")) and len(d.about) > 10
     assert [e.name for e in declared() if e.label == d.label] == [d.name]
-    strained, frozen, curved = samples
+    strained, frozen, curved, rolled = samples
     sample = frozen if d.name == "metallurgical_length" else strained
-    sample = curved if {"bending", "quality"} & set(d.needs) else sample
+    sample = curved if {"bending", "quality", "extraction"} & set(d.needs) else sample
+    sample = rolled if "bulging" in d.needs else sample
     assert d.is_of(sample.simulation)
     probes = {"": ("",), "probe": sample.profiles, "centred_probe": ("mid_face", "corner")}[d.each]
     for probe in probes:
@@ -92,14 +101,14 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
 
 
 def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, ...]) -> None:
-    strained, frozen, _ = samples
+    strained, frozen, *_ = samples
     thermal = {d.name for d, _ in registry.columns_of(frozen.simulation)}
     assert "shell" in thermal and not thermal & {"von_mises", "gap_max", "mould_pull"}
     assert {d.name for d, _ in registry.columns_of(strained.simulation)} == {
-        d.name for d in declared() if d.column and not {"bending", "quality"} & set(d.needs)
+        d.name for d in declared() if d.column and not OTHERS & set(d.needs)
     }
     assert {d.name for d, _ in registry.results_of(strained.simulation)} == {
-        d.name for d in in_summary_order() if not {"bending", "quality"} & set(d.needs)
+        d.name for d in in_summary_order() if not OTHERS & set(d.needs)
     }
 
 
