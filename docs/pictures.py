@@ -104,6 +104,15 @@ def slab() -> None:
             shrink(Image.open(drawn[name]).convert("RGB"), f"slab_{name}")
 
 
+def roll_to_roll() -> None:
+    """Draw the surface temperatures of slab1200/sprays above what its faces meet."""
+    case = load_case(HERE.parent / "cases" / "slab1200" / "sprays.toml")
+    with tempfile.TemporaryDirectory() as folder:
+        loop.run(case, folder)
+        drawn = {path.stem: path for path in draw_figures(folder)}
+        shrink(Image.open(drawn["roll_to_roll"]).convert("RGB"), "roll_to_roll")
+
+
 def cycles() -> None:
     """Draw the peak tension of 80 cycles of temperature, with both kinds of hardening."""
     figure = new_figure(9.0, 3.4)
@@ -146,6 +155,7 @@ def main() -> None:
         "mould": mould,
         "machine": machine,
         "extraction": extraction,
+        "roll_to_roll": roll_to_roll,
         "slab": slab,
         "cycles": cycles,
     }

@@ -18,6 +18,11 @@ from castfem.case.problems import Problem
 from castfem.case.tensile import TensileCase
 from castfem.errors import InputError
 
+_NAMED = (
+    (("cooling",), "zone"),
+    (("secondary", "circuit"), "circuit"),
+    (("secondary", "nozzle"), "nozzle"),
+)
 AnyCase = Case | TensileCase
 """A strand, or a tensile test."""
 
@@ -180,10 +185,12 @@ def _mend(data: dict[str, Any], problem: problems.Problem) -> None:
 
 
 def _line(written: document.Document, problem: problems.Problem) -> str:
-    """Return "file: dotted.key: text"; entries of [[cooling]] are also told by their name."""
+    """Return "file: dotted.key: text"; zones, circuits and nozzles by their names, too."""
     where = problems.dotted(problem.path)
-    if problem.path[:1] == ("cooling",) and len(problem.path) > 1:
-        name = problems.at(written.data, (*problem.path[:2], "name"))
-        where += f' (zone "{name}")' if isinstance(name, str) else ""
+    for array, what in _NAMED:
+        entry = problem.path[: len(array) + 1]
+        if entry[:-1] == array and len(entry) > len(array):
+            name = problems.at(written.data, (*entry, "name"))
+            where += f' ({what} "{name}")' if isinstance(name, str) else ""
     parts = [written.origin(problem.path), where, problem.text]
     return ": ".join(part for part in parts if part)

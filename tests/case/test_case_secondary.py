@@ -45,7 +45,7 @@ def of(**changes: Any) -> str:
         ({"nozzle": [FLAT, FLAT]}, '("flat") is used twice'),
         ({"circuit": [circuit(nozzle="flap")]}, "no model of nozzle; there are"),
         ({"circuit": [circuit(), circuit()]}, '("all") is used twice'),
-        ({"circuit": [circuit(across=[])]}, "across: must not be empty"),
+        ({"circuit": [circuit(across=[])]}, "(circuit \"all\"): must not be empty"),
         ({"circuit": [circuit(across=["90 mm", "-90 mm"])]}, "stands outside of the face"),
         ({"circuit": [circuit(across=["0 mm", "0 mm"])]}, "two nozzles stand at 0 mm"),
         ({"circuit": [circuit(across=["20 mm"])]}, "not mirrored at the middle"),

@@ -1,4 +1,4 @@
-"""Rolls that are off or lost: radii by (329), the line of the strand, what a case may say."""
+"""Rolls that are off or lost: radii by [Pascon2003] (329), the line, what a case may say."""
 
 from __future__ import annotations
 
