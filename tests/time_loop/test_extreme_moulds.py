@@ -134,7 +134,7 @@ def test_friction_up_to_the_pressure() -> None:
     """The wall draws on the strand and lengthens it; no friction is friction of coefficient 0."""
     found = {
         mu: sound(
-            run_in_memory(billet("taper_1", 'casting.length="150 mm"', f"mould.friction={law}"))
+            run_in_memory(shipped("taper_1", 'casting.length="150 mm"', f"mould.friction={law}"))
         )
         for mu, law in (
             (None, "none"),
@@ -152,7 +152,7 @@ def test_friction_up_to_the_pressure() -> None:
 
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_nearly_sharp_corner(name: str) -> None:
-    kept = sound(run_in_memory(billet(name, "section.corner_radius=0.5 mm", SHORT)))
+    kept = sound(run_in_memory(shipped(name, "section.corner_radius=0.5 mm", SHORT)))
     gap = kept.value("gap_corner")
     assert (gap > 5e-5) == (name == "taper_0")
 
@@ -198,8 +198,8 @@ def test_a_gap_that_hardly_conducts() -> None:
 
 
 def test_cold_mould() -> None:
-    cold = sound(run_in_memory(billet("taper_1", SHORT, "cooling.mould.surface.0.wall=20 degC")))
-    warm = run_in_memory(billet("taper_1", SHORT))
+    cold = sound(run_in_memory(shipped("taper_1", SHORT, "cooling.mould.surface.0.wall=20 degC")))
+    warm = run_in_memory(shipped("taper_1", SHORT))
     assert cold.value("heat_removed") > 1.05 * warm.value("heat_removed")
 
 
