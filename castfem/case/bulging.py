@@ -44,6 +44,12 @@ class Bulging(TableModel):
         examples=["0.5 mm"],
     )
 
+    axial_strain: bool = Field(
+        False,
+        description="whether the axial strain of the strip is added to that of the slice, in the "
+        "shell between the edges of the wide faces",
+    )
+
     @property
     def bears(self) -> bool:
         """Whether rolls bear the wide faces."""

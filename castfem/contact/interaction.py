@@ -101,6 +101,10 @@ class Interaction(ABC):
         """
         self._old = old
 
+    def axial_strain(self, places: Array) -> Array | None:
+        """Axial strain (n,) that it adds in the step begun at places (n, 2), m; None for none."""
+        return None
+
     def refusal(self) -> str:
         """Why the step that was begun cannot be taken; empty if it can (collective)."""
         return ""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, field
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import ufl
@@ -95,6 +95,24 @@ class Foundation(Protocol):
 
         Returns:
             A bed for each name in `RollSupport.on`, by that name, the same on every rank.
+        """
+
+
+@runtime_checkable
+class StretchingFoundation(Foundation, Protocol):
+    """A foundation whose bulge strains the slice along the strand, too."""
+
+    def axial_strain(
+        self, memory: Memory, new: Memory, start: float, end: float, places: Array
+    ) -> Array | None:
+        """Axial strain (n,) that bulging adds to the slice in a step; None for none.
+
+        Args:
+            memory: As the committed state has it.
+            new: As `beds` made it.
+            start: Of the step, s.
+            end: Of the step, s.
+            places: In the undeformed section (n, 2), m.
         """
 
 
@@ -251,12 +269,19 @@ class WinklerFoundation(Interaction):
         """See `Interaction`."""
         super().begin(old, start, end, before, after)
         self._beds: Mapping[str, Bed] = {name: Bed() for name in self._faces}
-        self._memory = old.memory
+        self._memory, self._times = old.memory, (start, end)
         if self.given.active(end):
             self._beds, self._memory = self.given.foundation.beds(old.memory, start, end, after)
             if missing := [name for name in self._faces if name not in self._beds]:
                 raise InputError(f"{', '.join(missing)}: rolls are to bear it, and it has no bed")
         self._take(self._beds)
+
+    def axial_strain(self, places: Array) -> Array | None:
+        """See `Interaction`."""
+        foundation, (start, end) = self.given.foundation, self._times
+        if not (self.given.active(end) and isinstance(foundation, StretchingFoundation)):
+            return None
+        return foundation.axial_strain(self._old.memory, self._memory, start, end, places)
 
     def _take(self, beds: Mapping[str, Bed]) -> None:
         for name, value in self._values.items():

@@ -73,6 +73,11 @@ class Interactions:
         for one, state in self.with_states(old.interactions):
             one.begin(state, old.time, time, old.temperature, temperature)
 
+    def axial_strain(self, places: Array) -> Array | None:
+        """Axial strain (n,) that they add in the step begun at places (n, 2), m; None for none."""
+        found = [part for one in self._each if (part := one.axial_strain(places)) is not None]
+        return sum(found[1:], found[0]) if found else None
+
     def refusal(self) -> str:
         """Why the step that was begun cannot be taken; empty if it can (collective)."""
         return next((reason for one in self._each if (reason := one.refusal())), "")

@@ -39,6 +39,7 @@ from castfem.mechanics.supports import SPRING, Constraints, symmetry_supports
 from castfem.support.stopwatch import Stopwatch
 from castfem.values.types import Array
 
+AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
 STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
 LEAST_YOUNG = 1e-6  # the same over that of the solid at the solidus, where nothing presses
@@ -179,6 +180,7 @@ class MechanicalProblem:
                 liquid.x.array[: self.section.owned] = pressure
                 liquid.x.scatter_forward()
         self.interactions.begin(old, time, temperature)
+        self._added = self.interactions.axial_strain(self.points.position)
         self._loads.set(time)
         self.constraints.set(time, self._target)
         if self.liquid is not None:
@@ -278,6 +280,8 @@ class MechanicalProblem:
         fields.modes.value[:] = modes
         with self.watch.section("kinematics"):
             strain, angle = self.kinematics.increments()
+            if self._added is not None:
+                strain = strain + np.outer(self._added, AXIAL)
         with self.watch.section("law"):
             stress_old, internal = self.old.stress, self.old.internal
             if angle is not None:

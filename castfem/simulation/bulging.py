@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 Memory = Mapping[str, Array]
 LEAST_BULGE = 50e-6  # m: a bed is no stiffer than the pressure over this
+EDGE = 0.32  # of the pitch: from the narrow face to where a clamped plate bulges as a strip
 MOULD_PLAY = 1e-3  # m: what a face moves in the mould under a change of the pressure by itself
 
 
@@ -76,6 +77,7 @@ class PitchByPitch:
         probes: Have those lines.
         front: Temperature at the inside of the shell, K.
         core: The liquid.
+        half_width: Of the section, m; None to leave the strip's axial strain out of the slice.
     """
 
     model: Callable[[float], BulgingModel]
@@ -88,13 +90,14 @@ class PitchByPitch:
     probes: LineProbes
     front: float
     core: Core
+    half_width: float | None = None
 
     def initial(self) -> Memory:
         """See `Foundation`: `pitch` counts the rolls that were passed, the rest is its bulge's."""
         many = len(self.faces)
-        names = ("stiffness", "thickness", "largest", "force", "load", "error")
+        names = ("stiffness", "thickness", "neutral", "largest", "force", "load", "error")
         found: dict[str, Array] = {name: np.zeros(many) for name in names}
-        for name in ("z", "deflection", "slope"):
+        for name in ("z", "deflection", "slope", "curvature", "axial_strain"):
             found[name] = np.zeros((many, self.nodes))
         return found | {"pitch": np.zeros(1)}
 
@@ -143,16 +146,36 @@ class PitchByPitch:
             new["stiffness"][i] = head / max(bulge.largest, LEAST_BULGE)
             new["thickness"][i], new["largest"][i] = thickness, bulge.largest
             new["load"][i], new["error"][i] = p * span.length, bulge.error
-            new["z"][i], new["deflection"][i], new["slope"][i] = self._of(bulge, span)
+            new["neutral"][i] = bulge.neutral
+            new["z"][i] = span.length * np.linspace(0.0, 1.0, self.nodes)
+            if len(bulge.z) == self.nodes:  # else it does not bulge
+                for name in ("z", "deflection", "slope", "curvature", "axial_strain"):
+                    new[name][i] = getattr(bulge, name)
         new["force"][:] = 0.5 * (old["load"] + new["load"])
         return new
 
-    def _of(self, bulge: Bulge, span: Span) -> tuple[Array, Array, Array]:
-        """Nodes, deflection and slope; of a strip that does not bulge as many."""
-        if len(bulge.z) == self.nodes:
-            return bulge.z, bulge.deflection, bulge.slope
-        z = span.length * np.linspace(0.0, 1.0, self.nodes)
-        return z, np.zeros(self.nodes), np.zeros(self.nodes)
+    def axial_strain(
+        self, memory: Memory, new: Memory, start: float, end: float, places: Array
+    ) -> Array | None:
+        """See `StretchingFoundation`: of the strip, fading towards the narrow faces."""
+        passed = int(new["pitch"][0])
+        if self.half_width is None or not 0 < passed < len(self.rolls):
+            return None
+        roll, length = self.rolls[passed - 1], float(new["z"][0, -1])
+        begun = start if int(memory["pitch"][0]) == passed else self.machine.time_at(float(roll))
+        way = np.array([self.machine.position(time) for time in (begun, end)]) - roll
+        edge = np.clip((self.half_width - np.abs(places[:, 0])) / (EDGE * length), 0.0, 1.0)
+        found = np.zeros(len(places))
+        for i, probe in enumerate(self.faces.values()):
+            surface = float(self.probes.lines[probe][0][1])
+            depth = abs(surface) - np.sign(surface) * places[:, 1]
+            bent, stretched = (
+                float(np.diff(np.interp(way, new["z"][i], new[name][i]))[0])
+                for name in ("curvature", "axial_strain")
+            )
+            part = stretched + bent * (new["neutral"][i] - depth)
+            found += np.where(depth < new["thickness"][i], edge * part, 0.0)
+        return found
 
     def _bulge(self, span: Span, profile: Profile, middle: float) -> tuple[Bulge, float]:
         """Bulge of a pitch, and the thickness of its shell."""
@@ -191,10 +214,12 @@ def build_roll_support(
     apertures = np.array([rolls.aperture(k, height) for k in range(len(places))])
     faces = {g: _probe(g, probes) for g in section.outer_groups if g.startswith("wide_face")}
     others = tuple(g for g in section.outer_groups if g not in faces)
-    model, nodes = _model(table, law, case.section.width)  # type: ignore[attr-defined]
+    width = float(case.section.width)  # type: ignore[attr-defined]
+    model, nodes = _model(table, law, width)
     foundation = PitchByPitch(
         model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
         _front(steel, table.solid_fraction), _core(liquid),
+        0.5 * width if table.axial_strain else None,
     )  # fmt: skip
     return RollSupport(
         on=(*faces, *others),

@@ -166,6 +166,57 @@ def test_a_half_bulges_as_the_whole(creeping: Kept) -> None:
         assert left == pytest.approx(right, abs=1e-7)
 
 
+def test_axial_strain_of_the_strip_is_added_to_the_shell(creeping: Kept) -> None:
+    """At mid-width that of the strip at its depth; none in the core, nor at the narrow face."""
+    with_strain = slab(mechanics__bulging={"model": "creep", "axial_strain": True})
+    simulation = build(with_strain, MPI.COMM_SELF)
+    try:
+        assert simulation.mechanics is not None
+        (rolls,) = simulation.mechanics.problem.slice.interactions
+        foundation, memory = rolls.foundation, rolls_of(entered(creeping, 0)).memory
+        begun, end = (simulation.machine.time_at(ROLLS[0] + way) for way in (0.05, 0.1))
+        thickness = float(memory["thickness"][0])
+        depth = np.array([0.0, 0.5 * thickness, 0.049])
+        places = np.array([[x, side * (0.05 - d)] for side in (1, -1) for x in (0.0, 0.2)
+                           for d in depth])  # fmt: skip
+        found = foundation.axial_strain(memory, memory, begun, end, places).reshape(2, 2, 3)
+    finally:
+        simulation.destroy()
+    ends = [np.interp([0.05, 0.1], memory["z"][0], memory[name][0]) for name in
+            ("axial_strain", "curvature")]  # fmt: skip
+    stretched, bent = (float(b - a) for a, b in ends)
+    middle = stretched + bent * (memory["neutral"][0] - depth)
+    assert found[:, 0, :2] == pytest.approx(np.tile(middle[:2], (2, 1)), rel=1e-6)
+    assert abs(middle[0]) > 1e-6 and middle[0] * middle[1] != 0.0
+    assert not found[:, 0, 2].any() and not found[:, 1].any()
+
+
+def test_axial_strain_of_the_strip_stresses_the_face(creeping: Kept) -> None:
+    kept = run_in_memory(slab(mechanics__bulging={"model": "creep", "axial_strain": True}))
+    at = [s.position for s in creeping.samples]
+    assert at == pytest.approx([s.position for s in kept.samples])
+    simulation = build(slab(), MPI.COMM_SELF)
+    try:
+        assert simulation.mechanics is not None
+        points = simulation.mechanics.problem.points
+        x, y = points.position[: points.deviator_points].T
+    finally:
+        simulation.destroy()
+    near = np.flatnonzero((x < 0.04) & (y > 0.047))
+    stresses = []
+    for run in (creeping, kept):
+        states = [state.mechanical for state in run.states]
+        stresses.append([s.stress[near, 2].mean() for s in states if s is not None])
+    plain, bent = np.array(stresses)
+    balances = [s.strained.balance for s in kept.samples[1:]]
+    assert max(abs(b.axial_error) for b in balances if b is not None) < 1e-6
+    # The surface is stretched towards the middle of a pitch, and pressed from there on.
+    middle = [k for k, z in enumerate(at) if any(abs(z - r - 0.1) < 1e-6 for r in ROLLS[:2])]
+    assert len(middle) == 2
+    assert np.all((bent - plain)[middle] > 2e6)
+    assert plain[:2] == pytest.approx(bent[:2])
+
+
 class Interrupted(Progress):
     """Ctrl-C after so many steps."""
 
@@ -182,7 +233,7 @@ class Interrupted(Progress):
 @pytest.mark.parametrize("steps", [2, 4, 6])
 def test_it_resumes_byte_for_byte(tmp_path: Path, steps: int) -> None:
     """Stopped within a pitch: its bulge is not computed again, from another temperature."""
-    case = slab()
+    case = slab(mechanics__bulging={"model": "creep", "axial_strain": steps == 4})
     loop.run(case, tmp_path / "whole", comm=MPI.COMM_SELF)
     with pytest.raises(KeyboardInterrupt):
         loop.run(case, tmp_path / "cut", comm=MPI.COMM_SELF, progress=Interrupted(steps))
