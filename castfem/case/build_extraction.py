@@ -34,14 +34,14 @@ def capacities(rolls: Rolls) -> Array:
 
 def coupled_pairs(table: Extraction, rolls: Rolls) -> Pairs:
     """The pairs that hold the strand, as a coupled resistance needs them."""
-    there = [i for i, pair in enumerate(rolls.pairs) if not pair.lost]
+    there = rolls.there
     pairs = [rolls.pairs[i] for i in there]
     locked = [pair.locked for pair in pairs]
     return Pairs(
-        tuple(there),
+        there,
         np.array([pair.position for pair in pairs]),
         friction(table.friction_axis, table.friction_surface, locked),
-        capacities(rolls)[there],
+        capacities(rolls)[list(there)],
     )
 
 

@@ -143,8 +143,7 @@ class Lost(RollDefect):
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
         """Return the steps with that of the pair on those beside it."""
         found, i = steps.copy(), self.roll - 1
-        held = [j for j, pair in enumerate(rolls.pairs) if not pair.lost]
-        above, below = [j for j in held if j < i], [j for j in held if j > i]
+        above, below = ([j for j in rolls.there if (j > i) == later] for later in (False, True))
         taking = above[-1:] + below[:1]
         for j in taking:
             found[j] += found[i] / len(taking)

@@ -38,7 +38,7 @@ def settled(rolls: Rolls) -> Rolls:
     pairs = list(rolls.pairs)
     if not any(pair.offset or pair.lost for pair in pairs):
         return rolls
-    held = [i for i, pair in enumerate(pairs) if not pair.lost]
+    held = rolls.there
     moved = {i for i in held if pairs[i].offset}
     if moved:
         points, inward = _places(rolls)

@@ -80,6 +80,11 @@ class Rolls:
         """Where a pair was written, for messages."""
         return self.places[index] if index < len(self.places) else f"roll {index + 1}"
 
+    @property
+    def there(self) -> tuple[int, ...]:
+        """Indices of the pairs that hold the strand: of all but those that are lost."""
+        return tuple(i for i, pair in enumerate(self.pairs) if not pair.lost)
+
     def aperture(self, index: int, thickness: float) -> float:
         """Aperture of a pair, the section's thickness where none is given, m."""
         given = self.pairs[index].aperture

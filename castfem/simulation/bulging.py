@@ -210,8 +210,8 @@ def build_roll_support(
     rolls = case.machine.pairs() if case.machine is not None else None
     height = thickness_of(case.section)
     assert rolls is not None and height is not None, "the case was checked"
-    places = np.array([pair.position for pair in rolls.pairs])
-    apertures = np.array([rolls.aperture(k, height) for k in range(len(places))])
+    places = np.array([rolls.pairs[i].position for i in rolls.there])
+    apertures = np.array([rolls.aperture(i, height) for i in rolls.there])
     faces = {g: _probe(g, probes) for g in section.outer_groups if g.startswith("wide_face")}
     others = tuple(g for g in section.outer_groups if g not in faces)
     width = float(case.section.width)  # type: ignore[attr-defined]

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from castfem.case import Case, load_case
-from castfem.case.build_extraction import known_resistance
+from castfem.case.build_extraction import coupled_pairs, known_resistance
 from castfem.case.defects import Defect, RollDefect
 from castfem.errors import InputError
+from castfem.extraction.resistance import tributary_lengths
 from castfem.machine.defects import circle, settled
 from castfem.machine.rolls import Pair, Rolls
 from castfem.values.types import Array
@@ -146,6 +147,36 @@ def test_a_lost_pair() -> None:
     assert steps.sum() == pytest.approx(normal.sum())
     assert steps[52] == 0.0
     assert steps[[51, 53]] == pytest.approx(1.5 * normal[51], rel=1e-6)
+
+
+def test_no_face_rests_on_a_lost_pair() -> None:
+    """The strip between the rolls, and the resistance of a coupled run, go over it."""
+    from mpi4py import MPI
+
+    from castfem.contact.roll_support import RollSupport
+    from castfem.simulation.simulation import build
+
+    case = load_case(FOLDER / "bulging.toml").with_(
+        {"machine.defect": [{"kind": "lost", "roll": 30}], "mesh.core_size": "50 mm"}
+    )
+    simulation = build(case, MPI.COMM_SELF)
+    try:
+        assert simulation.mechanics is not None
+        (support,) = [
+            one
+            for one in simulation.mechanics.problem.slice.interactions
+            if isinstance(one, RollSupport)
+        ]
+    finally:
+        simulation.destroy()
+    places = [pair.position for pair in rolls_of(REFERENCE).pairs]
+    assert support.knots == (*places[:29], *places[30:])
+    table = slab({"kind": "lost", "roll": 30}).machine
+    assert table is not None and table.extraction is not None
+    pairs = coupled_pairs(table.extraction, rolls_of(slab({"kind": "lost", "roll": 30})))
+    assert pairs.numbers == (*range(29), *range(30, 87))
+    lengths = tributary_lengths(pairs.places)
+    assert lengths[28] == pytest.approx(0.5 * (places[30] - places[27]))
 
 
 def test_the_roll_beside_a_lost_one_is_off() -> None:
