@@ -37,6 +37,7 @@ BENCHMARKS = {
     "before_shell": "benchmarks.before_shell",
     "liquid": "benchmarks.liquid",
     "order": "benchmarks.order",
+    "bulging": "benchmarks.bulging",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -57,6 +58,7 @@ PAGES = {
     "before_shell": "mechanics.md",
     "liquid": "mechanics.md",
     "order": "coupling.md",
+    "bulging": "slab.md",
 }
 """Pages of those whose tables do not stand in the first."""
 
