@@ -18,7 +18,7 @@ from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span
 from castfem.case import Case
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.contact.roll_support import RollSupportState
-from castfem.errors import InputError
+from castfem.errors import InputError, RunFailure
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import build
 from castfem.support.progress import Progress
@@ -217,6 +217,17 @@ def test_axial_strain_of_the_strip_stresses_the_face(creeping: Kept) -> None:
     assert plain[:2] == pytest.approx(bent[:2])
 
 
+@pytest.mark.mpi
+def test_ranks_bulge_alike() -> None:
+    given = slab(mechanics__bulging={"model": "creep", "axial_strain": True})
+    one, several = (run_in_memory(given, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    for ours, theirs in zip(one.samples, several.samples, strict=True):
+        both = [rolls_of(s).memory["deflection"] for s in (ours, theirs)]
+        assert both[0] == pytest.approx(both[1], rel=1e-6, abs=1e-10)
+        moved = [s.strained.moved["mid_face"] for s in (ours, theirs)]
+        assert moved[0] == pytest.approx(moved[1], rel=1e-5, abs=1e-9)
+
+
 class Interrupted(Progress):
     """Ctrl-C after so many steps."""
 
@@ -280,3 +291,22 @@ def test_a_slab_without_bulging_imports_nothing_of_it() -> None:
         [sys.executable, "-c", code], cwd=Path(__file__).parents[2], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_a_solid_core_neither_bulges_nor_is_pressed_in() -> None:
+    profile = {"depth": [0, 50], "depth_unit": "mm", "value": [950, 1250], "unit": "degC"}
+    solid = {**SLAB["casting"], "start": {"at": "mould_exit", "profile": profile}}  # type: ignore[dict-item]
+    kept = run_in_memory(slab(casting=solid, machine__rolls__aperture=["100 mm"] * 3))
+    for sample in kept.samples[1:]:
+        state = rolls_of(sample)
+        assert not state.memory["largest"].any() and not state.memory["force"].any()
+        assert state.beds["wide_face_intrados"].pressure == 0.0
+    last = rolls_of(kept.samples[-1])
+    assert last.beds["wide_face_extrados"].stiffness > 1e9
+
+
+def test_a_strand_without_a_shell_ends_the_run() -> None:
+    hot = deepcopy(SLAB["cooling"])
+    hot[0]["surface"][0]["coefficient"] = "1 W/(m^2 K)"  # type: ignore[index]
+    with pytest.raises(RunFailure, match=r"there is no shell between the rolls at 0\.9 and 1\.1 m"):
+        run_in_memory(slab(cooling=hot))
