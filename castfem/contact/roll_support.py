@@ -152,6 +152,8 @@ class RollSupport(SurfaceInteraction):
         between: First and last roll, m: a step that ends beyond the first, or at the last, is
             borne. Without ends it holds the section in every step, and no point is held beside it.
         knots: Further positions at which a coupling window has to end, m: rolls, say.
+        loose: Groups of `on` whose beds have no stiffness in some of the steps: what they alone
+            would hold is left to points.
 
     Raises:
         InputError: If the range is empty.
@@ -162,6 +164,7 @@ class RollSupport(SurfaceInteraction):
     position: Callable[[float], float] = _still
     between: tuple[float, float] = ALWAYS
     knots: tuple[float, ...] = ()
+    loose: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the range."""
@@ -252,9 +255,10 @@ class WinklerFoundation(Interaction):
 
     def always_held(self) -> tuple[Array, Array]:
         """See `Interaction`: only rolls without a first and a last one hold in every step."""
-        if self.given.between != ALWAYS:
+        firm = tuple(name for name in self.given.on if name not in self.given.loose)
+        if self.given.between != ALWAYS or not firm:
             return super().always_held()
-        facets = Facets(self.section, self.tags, 2)
+        facets = Facets(self.section, self.section.required(firm), 2)
         return facets.position, facets.normal
 
     def initial(self) -> RollSupportState:

@@ -226,6 +226,7 @@ def build_roll_support(
         foundation=foundation,
         position=machine.position,
         knots=tuple(float(place) for place in places),
+        loose=others,
     )
 
 

@@ -288,6 +288,14 @@ def test_rolls_that_hold_always_leave_no_points_to_hold() -> None:
     assert points == [0, 1]  # with a line of symmetry none is left, and a spring of rolls at times
 
 
+def test_what_a_bed_holds_at_times_is_left_to_a_point() -> None:
+    """Of four faces on rolls two have no bed in some steps: sideways nothing else holds then."""
+    beds = {name: (lambda t: Bed(0.0, 1e10)) for name in GROUPS}
+    for loose, points in (((), 0), (("left", "right"), 1), (GROUPS, 3)):
+        support = RollSupport(GROUPS, GivenFoundation(beds), loose=loose)
+        assert len(block(support, springs=1e-7).problem.constraints.dofs) == points
+
+
 def test_a_problem_takes_springs_where_something_holds_the_section() -> None:
     """And points where nothing does, unless it is told otherwise."""
     for interactions, sprung in ((on_both(between=(0.0, 1.0)),), True), ((), False):

@@ -157,6 +157,17 @@ def test_the_plate_is_amplified_to_a_reference_over_position() -> None:
     assert rolls_of(kept.samples[-1]).memory["largest"] == pytest.approx(np.full(2, 2e-3), rel=1e-6)
 
 
+def test_a_whole_strand_does_not_drift_between_its_narrow_faces() -> None:
+    """Below the mould nothing bears these: sideways it is held by a weak spring alone."""
+    whole = run_in_memory(
+        slab(section__symmetry="whole", mechanics__bulging="elastic", casting__length="1 m")
+    )
+    below = [s.strained.moved for s in whole.samples if s.position > ROLLS[0] + 1e-6]
+    assert len(below) > 1 and all(moved["narrow_face"] > 1e-6 for moved in below)
+    for moved in below:
+        assert moved["narrow_face_left"] == pytest.approx(moved["narrow_face"], abs=1e-9)
+
+
 def test_a_half_bulges_as_the_whole(creeping: Kept) -> None:
     whole = run_in_memory(slab(section__symmetry="whole"))
     for ours, theirs in zip(creeping.samples, whole.samples, strict=True):
