@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -92,6 +93,21 @@ class Machine:
     def speed(self, time: float) -> float:
         """Casting speed at `time` (s), m/s."""
         return self.travel.speed(time)
+
+    def speed_between(self, first: float, last: float) -> float:
+        """Mean casting speed between two positions (m), m/s, of a slice that comes beyond the first.
+
+        Where it stands for good before the second, that is the mean until it stands.
+        """
+        if isinstance(self.travel, Steady):
+            return self.travel.speed(0.0)
+        start, end = self.time_at(first), self.time_near(last)
+        return (self.position(end) - first) / (end - start)
+
+    def time_near(self, position: float) -> float:
+        """Time at which the slice comes to `position` (m), or stands for good short of it, s."""
+        time = self.time_at(position)
+        return time if time < math.inf else self.kinks[-1]
 
     def mean_speed(self, time: float) -> float:
         """Mean casting speed from the meniscus to `time` (s), m/s."""

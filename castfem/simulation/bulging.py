@@ -63,8 +63,10 @@ class Core:
 class PitchByPitch:
     """Foundation of the wide faces: a bulge for each pitch, from the shell that enters it.
 
-    A pitch begins with the first step that ends beyond its roll.  Above the first roll the mould
-    holds all faces against the pressure, softly: its taper is that of the shell.
+    A pitch begins with the first step that ends beyond its roll, and its strip goes at the mean
+    speed of the slice from roll to roll: where the strand stops in between it creeps for longer.
+    Above the first roll the mould holds all faces against the pressure, softly: its taper is that
+    of the shell.
 
     Attributes:
         model: Makes a bulge of a shell and a pitch, by the position of the pitch's middle, m.
@@ -109,7 +111,7 @@ class PitchByPitch:
         passed = sum(not same_or_before(place, float(roll)) for roll in self.rolls)
         handed_on = {g: self.core.handed_on(profiles[p], end) for g, p in self.faces.items()}
         if passed == 0:
-            soft = self.core.head(self.machine.time_at(float(self.rolls[0]))) / MOULD_PLAY
+            soft = self.core.head(self.machine.time_near(float(self.rolls[0]))) / MOULD_PLAY
             beds = {group: Bed(p, soft) for group, p in handed_on.items()}
             most = max(handed_on.values())
             return beds | {group: Bed(most, soft) for group in self.others}, memory
@@ -137,11 +139,12 @@ class PitchByPitch:
             return new
         first, last = self.rolls[passed - 1 : passed + 1]
         middle = 0.5 * float(first + last)
-        head = self.core.head(self.machine.time_at(middle))
+        head = self.core.head(self.machine.time_near(middle))
+        speed = self.machine.speed_between(float(first), float(last))
         share = 1.0 / max(self.core.head(time), 1e-300)
         for i, probe in enumerate(self.faces.values()):
             p = head * share * self.core.handed_on(profiles[probe], time)
-            span = Span(float(last - first), p, self.machine.speed(time))
+            span = Span(float(last - first), p, speed)
             bulge, thickness = self._bulge(span, profiles[probe], middle)
             new["stiffness"][i] = head / max(bulge.largest, LEAST_BULGE)
             new["thickness"][i], new["largest"][i] = thickness, bulge.largest

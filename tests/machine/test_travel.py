@@ -113,6 +113,17 @@ def test_the_head_of_a_vertical_machine_goes_with_the_position() -> None:
     assert machine.curvature(3.0) == machine.inclination(3.0) == 0.0
 
 
+def test_the_speed_between_two_places_is_the_mean_on_the_way() -> None:
+    """Of a strand that stands for good between them, until it stands."""
+    assert Machine(Steady(0.02)).speed_between(0.9, 1.1) == 0.02
+    stopping = Machine(Changing([10.0, 12.0, 72.0, 74.0], [0.02, 0.0, 0.0, 0.02]))
+    # 0.2 m is met at 10 s, it stands at 0.22 m from 12 to 72 s, and 0.24 m is met at 74 s.
+    assert stopping.speed_between(0.2, 0.24) == pytest.approx(0.04 / 64.0, rel=1e-12)
+    ended = Machine(Changing([10.0, 12.0], [0.02, 0.0]))
+    assert ended.time_near(0.3) == 12.0 and ended.time_near(0.1) == pytest.approx(5.0)
+    assert ended.speed_between(0.2, 0.3) == pytest.approx(0.01, rel=1e-12)
+
+
 def test_windows_by_length() -> None:
     """Of equal lengths; where the strand stands, of ten times what they take at full speed."""
     assert Machine(Steady(0.06)).window(3.7, 0.006) == pytest.approx(0.1, rel=1e-12)

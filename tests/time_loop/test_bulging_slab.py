@@ -150,6 +150,22 @@ def test_elastic_and_thesis_are_the_closed_forms() -> None:
     assert rolls_of(thesis).memory["largest"][0] / exact == pytest.approx(plate, rel=1e-6)
 
 
+def test_a_strand_that_stops_just_below_a_roll_bulges_by_its_mean_speed() -> None:
+    """It stands for 10 s from 5 mm below the first roll on, where its speed is 0."""
+    stop = {"time": [44.75, 45.75, 55.75, 56.75], "time_unit": "s", "value": [1.2, 0, 0, 1.2],
+            "unit": "m/min"}  # fmt: skip
+    kept = run_in_memory(slab(casting__speed=stop, casting__length="0.92 m"))
+    stopped = next(s for s in kept.samples if s.position > ROLLS[0] + 1e-6)
+    assert stopped.position == pytest.approx(0.905) and stopped.time == pytest.approx(45.75)
+    shell, law = shell_of(stopped)
+    memory, length = rolls_of(stopped).memory, ROLLS[1] - ROLLS[0]
+    # It comes to 0.9 m while it brakes, and to 1.1 m at 56.75 s + (1.1 - 0.915) m / 0.02 m/s.
+    passage = 66.0 - (45.75 - np.sqrt(0.5))
+    span = Span(length, float(memory["load"][0]) / length, length / passage)
+    bulge = CreepingStrip(law).bulge(span, shell)
+    assert memory["largest"][0] == pytest.approx(bulge.largest, rel=1e-3)
+
+
 def test_the_plate_is_amplified_to_a_reference_over_position() -> None:
     largest = {"position": [0, 2], "position_unit": "m", "value": [1, 3], "unit": "mm"}
     given = {"model": "thesis", "largest": largest}
@@ -292,11 +308,12 @@ def test_a_slab_without_bulging_imports_nothing_of_it() -> None:
     code = (
         "import sys; sys.path.insert(0, 'tests'); sys.path.insert(0, 'tests/time_loop')\n"
         "from test_bulging_slab import slab, run_in_memory\n"
-        "for name in [n for n in sys.modules if n.startswith('castfem.bulging')]:\n"
+        "its = 'castfem.bulging', 'castfem.simulation.bulging'\n"
+        "for name in [n for n in sys.modules if n.startswith(its)]:\n"
         "    del sys.modules[name]\n"
         "run_in_memory(slab(mechanics__bulging='none', mechanics__ferrostatic='off',"
         " casting__length='0.9 m'))\n"
-        "bad = [n for n in sys.modules if n.startswith('castfem.bulging')]; assert not bad, bad"
+        "bad = [n for n in sys.modules if n.startswith(its)]; assert not bad, bad"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=Path(__file__).parents[2], capture_output=True, text=True
