@@ -98,8 +98,20 @@ def check_bulging(case: Case) -> Iterator[Problem]:
             _KEY,
             'needs the pressure of the liquid, and ferrostatic is "off"; leave one of both out',
         )
+    for index, held in enumerate(mechanics.held or ()):
+        if held is not None and held.component == "y" and any(map(_is_wide, held.on or ())):
+            yield Problem(
+                ("mechanics", "held", index),
+                "moves the wide faces, which the rolls bear where they bulge; leave one of the two "
+                "out (held = [])",
+            )
     if table.largest is not None and table.model != "thesis":
         yield Problem((*_KEY, "largest"), f'is for model = "thesis", not "{table.model}"')
     pairs = case.machine.pairs()
     if pairs is not None and len(pairs.pairs) < 2:
         yield Problem(_KEY, "needs two pairs of rolls at least")
+
+
+def _is_wide(name: str) -> bool:
+    """Whether the name of a group stands for a wide face, too."""
+    return name.startswith("wide_face") or "wide_face".startswith(name)

@@ -294,6 +294,10 @@ def test_it_resumes_byte_for_byte(tmp_path: Path, steps: int) -> None:
         ),
         ({"mechanics__ferrostatic": "off"}, r"mechanics\.bulging: needs the pressure"),
         (
+            {"mechanics__held": [{"on": ["wide_face_intrados"], "component": "y"}]},
+            r"mechanics\.held\.0: moves the wide faces, which the rolls bear",
+        ),
+        (
             {"mechanics__bulging": {"model": "creep", "largest": "1 mm"}},
             r'mechanics\.bulging\.largest: is for model = "thesis", not "creep"',
         ),
