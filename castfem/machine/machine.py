@@ -95,7 +95,7 @@ class Machine:
         return self.travel.speed(time)
 
     def speed_between(self, first: float, last: float) -> float:
-        """Mean casting speed between two positions (m), m/s, of a slice that comes beyond the first.
+        """Mean casting speed between two positions (m), m/s; the slice must come beyond the first.
 
         Where it stands for good before the second, that is the mean until it stands.
         """

@@ -119,8 +119,8 @@ class SecondaryCooling:
         return found
 
     def _speeds_met(self, speeds: tuple[float, ...]) -> list[float]:
-        """Instants at which the casting speed comes to given ones, m/s, between its kinks."""
-        times, found = self._machine.kinks, []
+        """Instants at which the casting speed comes to given ones, m/s, up to its last kink."""
+        times, found = (0.0, *self._machine.kinks), []
         for before, after in itertools.pairwise(times):
             begun, ended = self._machine.speed(before), self._machine.speed(after)
             if begun == ended:

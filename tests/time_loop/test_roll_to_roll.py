@@ -147,6 +147,16 @@ def test_water_follows_speed_and_time() -> None:
     assert sprayed(timed, 12.5)[0] == pytest.approx(2.5 * sprayed(timed, 5.0)[0])
 
 
+def test_speeds_of_the_water_are_met_from_the_meniscus_on() -> None:
+    """In a table whose first row is that of time 0."""
+    speed = {"time": [0, 10], "time_unit": "s", "value": [1.0, 2.0], "unit": "m/min"}
+    flow = {"speed": [1.0, 1.5, 2.0], "speed_unit": "m/min", "value": [6, 10, 20], "unit": "L/min"}
+    case = rolled(secondary=secondary(circuit=[circuit(flow=flow)]), casting__speed=speed)
+    cooling, simulation = cooling_of(case)
+    simulation.destroy()
+    assert cooling.changes == pytest.approx([5.0])
+
+
 def test_water_falls_off_the_extrados() -> None:
     """Where the strand lies it stays on the intrados alone."""
     segment = SECONDARY | {"falls_off": "20 deg", "run_off": "900 W/(m^2 K)"}
