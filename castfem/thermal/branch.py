@@ -61,7 +61,10 @@ class Branch:
         return self._bound(warming, self._on_the_way(old.temperature, new.temperature, time))
 
     def _look_at(self, cooling: Cooling, time: float) -> None:
-        """Find whether and where a flux may fall; only one without a constant coefficient does."""
+        """Find whether and where a flux may fall; only one without a constant coefficient does.
+
+        Water may fall on the vertices of some ranks alone: all must come to the same answer.
+        """
         knots = self._problem.curve.knots
         grid = np.arange(knots[0], knots[-1], SPACING)
         steepest, falls = np.zeros_like(self._problem.area), False
@@ -69,6 +72,7 @@ class Branch:
             least = np.minimum(least_rise(law, grid, time), 0.0)
             steepest[patch.dofs] += patch.weights * least
             falls = falls or bool(np.any(least < 0.0))
+        falls = reductions.any_of(self._problem.section.comm, falls)
         self._cooling, self._steepest = cooling, steepest if falls else None
 
     def _on_the_way(self, old: Array, new: Array, time: float) -> Array:

@@ -8,6 +8,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from ranks import needs_mpirun, python_on
 
 from castfem.thermal.flux_laws import Convection, Radiation
 from castfem.thermal.spray_water import (
@@ -117,6 +118,41 @@ def test_a_roll_takes_its_share_of_the_pitch() -> None:
     taken = roll.length * roll.flux(SURFACE, 0.0)[0]
     rest = sum(length * law.flux(SURFACE, 0.0)[0] for length, law in roll.beside)
     assert taken / (taken + rest) == pytest.approx(0.08)
+
+
+ON_ONE_RANK = """
+from mpi4py import MPI
+import numpy as np
+from castfem import meshes
+from castfem.thermal.boundary import Cooling
+from castfem.thermal.branch import Branch
+from castfem.thermal.spray_water import CoefficientTable, Share, SprayWater
+from thermal.setups import ThermalSetup, constant_steel
+mesh = meshes.build(shape="strip", length=0.02, width=0.002, surface_size=1e-3, core_size=2e-3,
+                    cell="quadrilateral", order=1)
+comm = MPI.COMM_WORLD
+setup = ThermalSetup(mesh, constant_steel(1723.15, 1773.15), 1273.15, comm=comm)
+problem, section = setup.problem, setup.section
+patch = setup.surface.patch(section.matching(["surface"]))
+table = CoefficientTable((823.15, 873.15), (0.0, 10.0), ((0.0, 9000.0), (0.0, 600.0)))
+water = Share(np.full(len(patch.dofs), 5.0), lambda time: 1.0, 1.0, table)
+problem.set_cooling(Cooling([(patch, SprayWater((water,), 298.15))], []))
+hot, cold = (problem.curve.at(problem.curve.enthalpy(np.full_like(problem.area, t)))
+             for t in (870.0, 830.0))
+longest = Branch(problem).longest_stage(hot, cold, 0.0, np.inf)
+told = comm.gather((len(patch.dofs), longest))
+if comm.rank == 0:
+    sprayed, lengths = zip(*told)
+    assert min(sprayed) == 0 < max(sprayed), sprayed
+    assert len(set(lengths)) == 1 and 0.0 < lengths[0] < np.inf, lengths
+"""
+
+
+@needs_mpirun
+def test_water_on_the_vertices_of_one_rank_bounds_the_step_of_all() -> None:
+    """A flux that falls there is asked for together: else the ranks wait for one another."""
+    done = python_on(2, "-c", ON_ONE_RANK, folder=Path(__file__).parents[1], timeout=60.0)
+    assert done.returncode == 0, done.stderr
 
 
 def script() -> ModuleType:
