@@ -27,6 +27,7 @@ from castfem.values.types import Array
 
 STEPS = 64
 PASSES = 30
+VIRGIN_PITCHES = 4  # of a law that cannot become periodic
 TOLERANCE = 3e-4  # of the deflection, from pass to pass
 GAP = 5e-3  # of the range of the curvature: what may be missing to its repetition
 GRADING = 0.6  # how much shorter steps are at the rolls, where the moment has its peaks
@@ -88,7 +89,7 @@ class CreepingStrip:
     law: Law
     steps: int = STEPS
     layers: int = LAYERS
-    pitches: int = 4
+    pitches: int = VIRGIN_PITCHES
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:
         """See `BulgingModel`."""

@@ -34,7 +34,10 @@ _MANY_SIDED: tuple[Keys, ...] = (("mechanics",),)
 # What may be written in several ways that do not mix.
 _UNDIVIDED: tuple[Keys, ...] = (("mould", "taper"), ("machine", "rolls"))
 # A table that one word may stand for, and the key that the word is the value of.
-_ONE_WORD: dict[Keys, str] = {("mould", "contact"): "method"}
+_ONE_WORD: dict[Keys, str] = {
+    ("mould", "contact"): "method",
+    ("mechanics", "bulging"): "model",
+}
 PROPERTY_FILES: tuple[tuple[str, str], ...] = (
     ("steel", "name"),
     ("mechanics", "law"),

@@ -27,6 +27,7 @@ from castfem.values.tables import Curve, Table
 from castfem.values.units import convert, format
 
 if TYPE_CHECKING:
+    from castfem.constitutive.base import Law
     from castfem.materials import Steel
 
 _FASTEST = 20.0 / 60.0  # m/s; billets are cast at some 6 m/min, thin slabs at some 8
@@ -35,6 +36,9 @@ _USUAL_TAPER = 0.03  # 1/m, single
 _ROUGHEST = 2.0  # friction coefficient
 _COLDEST = 200.0  # K
 _SAME_CARBON = 0.03  # wt%
+_SIGNED = {
+    name: f"{name}_signed" for name in ("kozlowski_zhu", "norton_hoff_kozlowski")
+}  # the same law with signed hardening
 
 
 def warnings(case: Case) -> Iterator[Problem]:
@@ -63,13 +67,16 @@ def warnings(case: Case) -> Iterator[Problem]:
         start = case.casting.length if zone.to is None else zone.to
 
 
-def doubts_with(case: Case, steel: Steel, law_carbon: float | None = None) -> Iterator[Problem]:
+def doubts_with(
+    case: Case, steel: Steel, law_carbon: float | None = None, law: Law | None = None
+) -> Iterator[Problem]:
     """Yield what a sound case has that does not fit its steel.
 
     Args:
         case: The case.
         steel: Its steel.
         law_carbon: wt% C of the steel whose numbers its mechanical law has; None if none is stated.
+        law: That law; None without mechanics.
     """
     if steel.left_out:
         names = ", ".join(steel.left_out)
@@ -85,6 +92,8 @@ def doubts_with(case: Case, steel: Steel, law_carbon: float | None = None) -> It
             f"({convert(steel.liquidus, 'K', 'degC'):.6g} degC): the slice begins with "
             f"{100.0 * float(steel.solid_fraction(start)):.3g} % of solid",
         )
+    if law is not None:
+        yield from _hardens_for_good(case, law)
     # A steel computed from its carbon is meant by it; a set of fixed numbers stands for a class.
     carbon = case.steel.composition.get("C")
     if case.mechanics is None or carbon is None or law_carbon is None:
@@ -95,6 +104,25 @@ def doubts_with(case: Case, steel: Steel, law_carbon: float | None = None) -> It
             ("mechanics", "law"),
             f'("{name}") has the numbers of a steel of {law_carbon:g} %C, {steel.name} has '
             f'{carbon:g} %C; "kozlowski_zhu" goes by the carbon of the steel',
+        )
+
+
+def _hardens_for_good(case: Case, law: Law) -> Iterator[Problem]:
+    """Yield a law with which a strip that creeps from roll to roll never repeats itself."""
+    bulging = None if case.mechanics is None else case.mechanics.bulging
+    if case.mechanics is None or bulging is None or bulging.model != "creep":
+        return
+    from castfem.bulging.creep import VIRGIN_PITCHES, accumulates
+
+    if accumulates(law):
+        name = str(case.mechanics.law).rpartition("/")[2]
+        mend = _SIGNED.get(name.removesuffix(".toml").removesuffix("_p1"))
+        yield Problem(
+            ("mechanics", "law"),
+            f'("{name}") hardens further in each pitch: the bulge is what {VIRGIN_PITCHES} pitches '
+            "make of virgin steel; "
+            + (f'give "{mend}"' if mend else 'give it hardening = "signed"')
+            + ', or bulging = "elastic"',
         )
 
 

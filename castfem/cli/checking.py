@@ -13,6 +13,7 @@ from castfem.values.tables import Table
 from castfem.values.units import convert
 
 if TYPE_CHECKING:
+    from castfem.constitutive.base import Law
     from castfem.materials import Steel
 
 
@@ -26,25 +27,27 @@ def problems_of(
     """
     reading = read_case(path, overrides)
     problems = list(reading.problems)
-    steel, law_carbon = None, None
+    steel, law, law_carbon = None, None, None
     try:
         if isinstance(reading.case, TensileCase):
             _try_law(reading, reading.case)
         else:
             steel = _steel(reading)
-            law_carbon = _try_mechanics(reading, steel)
+            law, law_carbon = _try_mechanics(reading, steel)
     except InputError as error:
         problems += error.problems
     if not problems:
-        _tell_doubts(reading, steel, law_carbon)
+        _tell_doubts(reading, steel, law, law_carbon)
     return (None if problems else reading.case), steel, problems
 
 
-def _tell_doubts(reading: Reading, steel: Steel | None, law_carbon: float | None) -> None:
+def _tell_doubts(
+    reading: Reading, steel: Steel | None, law: Law | None, law_carbon: float | None
+) -> None:
     """Log what a sound case has that was probably not meant."""
     warnings = list(reading.warnings)
     if isinstance(reading.case, Case) and steel is not None:
-        found = plausibility.doubts_with(reading.case, steel, law_carbon)
+        found = plausibility.doubts_with(reading.case, steel, law_carbon, law)
         warnings += [reading.line(problem) for problem in found]
     for warning in warnings:
         log.logger.warning("%s", warning)
@@ -67,16 +70,18 @@ def _steel(reading: Reading) -> Steel | None:
     )
 
 
-def _try_mechanics(reading: Reading, steel: Steel | None) -> float | None:
-    """Make the law of the slice, if the case has one and all is sound; return its carbon, wt%."""
+def _try_mechanics(
+    reading: Reading, steel: Steel | None
+) -> tuple[Law, float | None] | tuple[None, None]:
+    """Make the law of the slice, if the case has one and all is sound; with its carbon, wt%."""
     table = reading.case.mechanics if isinstance(reading.case, Case) else None
     if table is None or steel is None or reading.problems:
-        return None
+        return None, None
     from castfem.constitutive.parameters import law_carbon
     from castfem.simulation.law import build_law
 
-    build_law(table, steel, reading.law, reading.elasticity)
-    return law_carbon(table.law)
+    law = build_law(table, steel, reading.law, reading.elasticity)
+    return law, law_carbon(table.law)
 
 
 def _try_law(reading: Reading, case: TensileCase) -> None:

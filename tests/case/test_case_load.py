@@ -9,6 +9,7 @@ import tomllib
 import pytest
 
 from castfem.case import Adaptive, Contact, from_document, load_case
+from castfem.case.shipped_cases import shipped
 from castfem.errors import InputError
 
 MOULD = ("mould.length=600 mm", "mechanics.law=norton_hoff_kozlowski", "mesh.order=2",
@@ -201,6 +202,16 @@ def test_bad_override(write, assignment, said):
 
 
 MOULD_WORD = "[mould]\ncontact = %s\n"
+
+
+def test_keys_join_the_model_of_bulging_that_one_word_gave():
+    case = shipped()["slab1200/bulging"]
+    bulging = load_case(case, ["mechanics.bulging.axial_strain=true"]).mechanics.bulging
+    assert bulging.model == "creep" and bulging.axial_strain
+    assert load_case(case, ["mechanics.bulging.model=elastic"]).mechanics.bulging.model == "elastic"
+    again = ["mechanics.bulging.axial_strain=true", "mechanics.bulging=elastic"]
+    bulging = load_case(case, again).mechanics.bulging
+    assert bulging.model == "elastic" and not bulging.axial_strain
 
 
 def test_keys_join_the_method_of_contact_that_one_word_gave(write, tmp_path):

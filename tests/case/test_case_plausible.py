@@ -146,6 +146,36 @@ def _with(steel: dict[str, object], law_carbon: float | None, *changes: str) -> 
     return [problem.text for problem in doubts_with(reading.case, made, law_carbon)]
 
 
+@pytest.mark.parametrize(
+    ("changes", "mend"),
+    [
+        ([], None),
+        (["mechanics.law=kozlowski_zhu"], 'give "kozlowski_zhu_signed"'),
+        (["mechanics.law=norton_hoff_kozlowski"], 'give "norton_hoff_kozlowski_signed"'),
+        (["mechanics.law=norton_hoff_kozlowski_p1"], 'give "norton_hoff_kozlowski_signed"'),
+        (["mechanics.law=%s"], 'give it hardening = "signed"'),
+        (["mechanics.law=kozlowski_zhu", "mechanics.bulging=elastic"], None),
+        (["mechanics.law=weiner_boley"], None),
+    ],
+)
+def test_a_strip_whose_law_hardens_for_good_is_told_once(
+    changes: list[str], mend: str | None, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    from castfem.cli.checking import check_case
+    from castfem.constitutive import parameters
+
+    own = tmp_path / "own.toml"
+    own.write_text((Path(parameters.__file__).parent / "data" / "kozlowski_zhu.toml").read_text())
+    given = [change.replace("%s", str(own)) for change in changes]
+    check_case("slab", TAPERED.parents[1] / "slab1200" / "bulging.toml", given)
+    out, err = capfd.readouterr()
+    told = [line for line in (out + err).splitlines() if "hardens further" in line]
+    assert len(told) == (mend is not None)
+    if mend is not None:
+        assert "mechanics.law: (" in told[0] and "what 4 pitches make of virgin steel" in told[0]
+        assert mend in told[0]
+
+
 def test_what_does_not_fit_the_steel_is_told() -> None:
     assert _with({"C": 0.1}, 0.1) == []
     assert _with({"C": 0.2}, None) == []
