@@ -17,10 +17,10 @@ CONVERGENCE: dict[str, tuple[tuple[Any, ...], Choice, Any]] = {
     "mesh [mm]": (
         (1.2, 0.8, 0.5, 0.35), lambda v: (*mesh(v), every(0.2)), 0.8,
     ),
-    "interval [s]": (
+    "window [s]": (
         (0.4, 0.2, 0.1, 0.05, 0.025), lambda v: (*mesh(1.2), every(v)), 0.1,
     ),
-    "gap settled to [K]": (
+    "gap converged to [K]": (
         (1000, 1, 0.01),
         lambda v: (*COARSE, f"coupling.settled={v} K", "coupling.passes=20"), 1,
     ),
@@ -55,7 +55,7 @@ def show_convergence(output: Output, mould: str, rows: Sequence[Mapping[str, Any
         "penetration": "penetration [µm]",
         "cells": "cells",
         "newton": "Newton iterations",
-        "cut": "intervals cut back",
+        "cut": "windows cut back",
         "seconds": "time [s]",
     }
     forms = {k: form for k, (_, form) in SHOWN.items()} | {"gap_max": ".3f", "seconds": ".0f"}

@@ -1,6 +1,6 @@
 """The error of every headline number of the billets as shipped; and of the pressure on the wall.
 
-Writes tables of docs/billet.md: the shipped defaults against finer cells and shorter intervals.
+Writes tables of docs/billet.md: the shipped defaults against finer cells and shorter windows.
 """
 
 from __future__ import annotations

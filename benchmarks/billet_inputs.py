@@ -119,15 +119,19 @@ def _of_the_liquid() -> list[Variant]:
             )
         ),
         Variant("liquid elastic, as in the ideal mould", (*elastic, *soft), REAL, liquid=True),
-        Variant("modulus of the mush linear in the solid", ("mechanics.mush=linear",), liquid=True),
         Variant(
-            "modulus of the mush geometric in the solid",
+            "modulus of the mushy zone linear in the solid", ("mechanics.mush=linear",), liquid=True
+        ),
+        Variant(
+            "modulus of the mushy zone geometric in the solid",
             ("mechanics.mush=geometric",),
             REAL,
             liquid=True,
         ),
         Variant(
-            "mush as soft as the liquid to 50 % solid", ("mechanics.coherency=0.5",), liquid=True
+            "mushy zone as soft as the liquid to 50 % solid",
+            ("mechanics.coherency=0.5",),
+            liquid=True,
         ),
         Variant(
             "pressure full until all is solid", ("mechanics.ferrostatic=full",), IDEAL, liquid=True
@@ -154,7 +158,7 @@ def _for_the_corner() -> list[Variant]:
     return [
         Variant("gap conducts 0.45 W/(m K)", (gap.format(0.45),), ("taper_0",)),
         Variant(
-            "gap conducts 0.3 W/(m K), modulus of the mush linear in the solid",
+            "gap conducts 0.3 W/(m K), modulus of the mushy zone linear in the solid",
             (gap.format(0.3), "mechanics.mush=linear"),
             ("taper_0",),
         ),

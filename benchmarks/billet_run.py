@@ -67,9 +67,9 @@ def mesh(size: float) -> tuple[str, ...]:
     )
 
 
-def every(interval: float) -> str:
-    """Intervals of `interval` s."""
-    return f"coupling.interval={interval:g} s"
+def every(window: float) -> str:
+    """Coupling windows of `window` s."""
+    return f"coupling.interval={window:g} s"
 
 
 def touch(method: str, factor: float) -> str:
@@ -83,15 +83,15 @@ class Late(CastfemError):
 
 @dataclass
 class Listener:
-    """Sits where a recorder does: looks at the clock and at every interval.
+    """Sits where a recorder does: looks at the clock and at every window.
 
     Attributes:
-        deadline: When to give up, s of `process_time`. penetration: Largest of all intervals, m.
+        deadline: When to give up, s of `process_time`. penetration: Largest of all windows, m.
         unbalanced: Largest error of the forces.
-        force: Of the wall on half a face at the last interval, N per m of strand.
+        force: Of the wall on half a face at the last window, N per m of strand.
         pressure: On the mid-face then, Pa.
         tracks: Position [m], gap [mm] and surface temperature [K] by probe, diagonal [m], of
-            every interval.
+            every window.
     """
 
     deadline: float
@@ -102,7 +102,7 @@ class Listener:
     tracks: dict[str, list[float]] = field(default_factory=dict)
 
     def step(self, run: RunState, sample: Sample) -> None:
-        """Look at a committed interval.
+        """Look at a committed window.
 
         Raises:
             Late: The time is over.
@@ -160,9 +160,9 @@ class Found:
 
     Attributes:
         values: Results at the exit of the mould by name, in the units of the tables.
-        seconds: Processor time of the march. cells: Of the mesh.
+        seconds: Processor time of the time loop. cells: Of the mesh.
         failure: Why it has not come to its end, empty if it has.
-        cut: Intervals that were tried in vain. newton: Mechanical iterations.
+        cut: Windows that were tried in vain. newton: Mechanical iterations.
         labels: What the values of the summary are called there, with where they were found.
         units: Theirs.
     """
@@ -178,7 +178,7 @@ class Found:
 
 
 def run(mould: str, changes: Iterable[str] = (), patience: float = PATIENCE) -> Found:
-    """March one billet with some keys changed."""
+    """Run one billet with some keys changed."""
     case = load_case(CASES / f"{mould}.toml", (*QUIET, *changes))
     simulation = build(case, MPI.COMM_SELF)
     listener = Listener(process_time() + patience)

@@ -51,7 +51,7 @@ MORE = {
     "force": ("force of the wall on half a face [kN/m]", ".2f"),
     "axial_strain": ("axial strain [%]", ".3f"),
     "penetration": ("largest penetration [µm]", ".3f"),
-    "newton": ("Newton iterations an interval", ".1f"),
+    "newton": ("Newton iterations a window", ".1f"),
     "seconds": ("processor time [s]", ".0f"),
 }
 
@@ -140,7 +140,7 @@ def columns(first: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 STARTS: dict[str, tuple[str, ...]] = {
     "as shipped": (),
-    "cells of 0.35 mm, intervals of 0.02 s": (*mesh(0.35), every(0.02)),
+    "cells of 0.35 mm, windows of 0.02 s": (*mesh(0.35), every(0.02)),
     "cells of 2 mm": mesh(2.0),
     "solidus 20 K lower": ('steel.overrides.solidus.value="1432 degC"',),
     "superheat 60 K": ("casting.superheat=60 K",),

@@ -1,4 +1,4 @@
-"""Error against run time of the coupled billet: cells x interval x passes x way of contact.
+"""Error against run time of the coupled billet: cells, coupling windows, iterations, contact.
 
 Writes tables and a figure of docs/billet.md. All runs of a mould are compared with one finer one,
 that of `billet_error`.
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 MOULDS = ("taper_1", "taper_0")
 SIZES = (1.2, 0.8, 0.5)  # mm
-INTERVALS = (0.2, 0.1, 0.05)  # s
-SETTLED = 8  # passes allowed in the default
+WINDOWS = (0.2, 0.1, 0.05)  # s
+ITERATIONS = 8  # allowed in the default
 PATIENCE = 900.0  # s
 FACTOR = 10
 
@@ -38,23 +38,23 @@ COMPARED = {
 
 @dataclass(frozen=True)
 class Setting:
-    """One way to run a mould: cells [mm], interval [s], passes, way of contact."""
+    """One way to run a mould: cells [mm], coupling window [s], iterations, way of contact."""
 
     size: float
-    interval: float
-    passes: int = SETTLED
+    window: float
+    iterations: int = ITERATIONS
     contact: str = "penalty"
 
     @property
     def keys(self) -> tuple[str, ...]:
         """Of the case."""
-        passes = f"coupling.passes={self.passes}"
-        return (*mesh(self.size), every(self.interval), passes, touch(self.contact, FACTOR))
+        allowed = f"coupling.passes={self.iterations}"
+        return (*mesh(self.size), every(self.window), allowed, touch(self.contact, FACTOR))
 
     @property
     def kind(self) -> str:
         """What a point of the figure is coloured by."""
-        return f"{self.contact}, {'1 pass' if self.passes == 1 else 'settled'}"
+        return f"{self.contact}, {'1 iteration' if self.iterations == 1 else 'converged'}"
 
 
 DEFAULT = Setting(0.8, 0.1)
@@ -69,16 +69,16 @@ def reference(mould: str) -> dict[str, float]:
 
 
 def settings(quick: bool) -> Iterator[Setting]:
-    """All cells with all intervals; Nitsche's method and one pass with the shipped cells alone."""
+    """All cells with all windows; Nitsche's method and one iteration with those shipped alone."""
     sizes = (2.0,) if quick else SIZES
-    intervals = (0.5,) if quick else INTERVALS
+    windows = (0.5,) if quick else WINDOWS
     for size in sizes:
-        for interval in intervals:
-            yield Setting(size, interval)
-            if (size, interval) == (DEFAULT.size, DEFAULT.interval):
-                yield Setting(size, interval, contact="nitsche")
-            if size == DEFAULT.size and interval >= DEFAULT.interval:
-                yield Setting(size, interval, passes=1)
+        for window in windows:
+            yield Setting(size, window)
+            if (size, window) == (DEFAULT.size, DEFAULT.window):
+                yield Setting(size, window, contact="nitsche")
+            if size == DEFAULT.size and window >= DEFAULT.window:
+                yield Setting(size, window, iterations=1)
 
 
 def errors(values: Mapping[str, float], exact: Mapping[str, float]) -> dict[str, float]:
@@ -94,7 +94,7 @@ def measure(mould: str, quick: bool) -> list[dict[str, Any]]:
         found = run(mould, one.keys, PATIENCE)
         rows.append(
             {
-                "kind": one.kind, "size": one.size, "interval": one.interval,
+                "kind": one.kind, "size": one.size, "window": one.window,
                 "cells": found.cells, "newton": found.newton, "cut": found.cut,
                 "seconds": found.seconds, **{k: found.values[k] for k in COMPARED},
                 "default": one == DEFAULT, "failure": found.failure,
@@ -104,8 +104,10 @@ def measure(mould: str, quick: bool) -> list[dict[str, Any]]:
 
 
 COLOURS = {
-    "penalty, settled": "#0072b2", "penalty, 1 pass": "#009e73", "nitsche, settled": "#d55e00",
-}  # fmt: skip
+    "penalty, converged": "#0072b2",
+    "penalty, 1 iteration": "#009e73",
+    "nitsche, converged": "#d55e00",
+}
 MARKERS = {0.5: "v", 0.2: "v", 0.1: "o", 0.05: "^"}
 DRAWN = ("worst", "von_mises_max")
 
@@ -123,7 +125,7 @@ def draw(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
                 axis.plot(*front(rows, key), "-", color="#777777", linewidth=1.0)
                 for row in rows:
                     size = 3.0 + 2.5 / row["size"]
-                    marker, colour = MARKERS[row["interval"]], COLOURS[row["kind"]]
+                    marker, colour = MARKERS[row["window"]], COLOURS[row["kind"]]
                     axis.plot(row["seconds"], row[key], marker, color=colour, markersize=size)
                     if row["default"]:
                         axis.plot(
@@ -139,7 +141,7 @@ def draw(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> Figure:
             *(figure.axes[0].plot([], [], "s", color=c, label=k)[0] for k, c in COLOURS.items()),
             *(
                 figure.axes[0].plot([], [], MARKERS[i], color="#777777", label=f"{i:g} s")[0]
-                for i in INTERVALS
+                for i in WINDOWS
             ),
             *(
                 figure.axes[0].plot(
@@ -161,7 +163,7 @@ def show(output: Output) -> None:
 def show_mould(output: Output, mould: str, rows: Sequence[dict[str, Any]]) -> None:
     """Write the table of one mould, of rows with errors."""
     lines = [r | {"kind": f"**{r['kind']}**"} if r["default"] else r for r in rows]
-    head = {"kind": "contact, turns", "size": "cells [mm]", "interval": "interval [s]"}
+    head = {"kind": "contact, gap", "size": "cells [mm]", "window": "window [s]"}
     head |= {"newton": "Newton iterations", "cut": "cut back", "seconds": "time [s]"}
     head |= {k: label for k, (label, _) in COMPARED.items()} | {"worst": "largest"}
     forms = dict.fromkeys(COMPARED, ".2g") | {"seconds": ".1f", "worst": ".1f"}

@@ -20,7 +20,7 @@ def listener(**tracks: list[float]) -> Listener:
     return Listener(np.inf, tracks={name.replace("_", " ", 1): t for name, t in tracks.items()})
 
 
-def test_places_are_found_between_two_intervals() -> None:
+def test_places_are_found_between_two_windows() -> None:
     heard = listener(
         position=[0.0, 0.1, 0.2], surface_corner=[1800.0, 1700.0, 1600.0],
         gap_mid_face=[0.0, 0.0, 0.0], gap_corner=[0.0, 0.0, 0.004],

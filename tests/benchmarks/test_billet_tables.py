@@ -75,7 +75,7 @@ def test_every_mould_is_run_as_shipped_and_compared_with_the_reference() -> None
 
 def test_figure_rings_the_default() -> None:
     rows = [
-        {"kind": one.kind, "size": one.size, "interval": one.interval, "seconds": 1.0 / one.size}
+        {"kind": one.kind, "size": one.size, "window": one.window, "seconds": 1.0 / one.size}
         | {"worst": one.size, "von_mises_max": one.size, "default": one == billet_trade.DEFAULT}
         for one in billet_trade.settings(quick=False)
     ]
