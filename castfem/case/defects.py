@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
+from castfem.case.extraction import COUPLED
 from castfem.case.problems import Problem
 from castfem.case.variants import Variants
 from castfem.values.quantities import Kind
@@ -91,6 +92,16 @@ class Locked(RollDefect):
         """See `RollDefect`."""
         return replace(pair, locked=True)
 
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """See `Defect`."""
+        yield from super().problems(case, pairs)
+        if case.machine is not None and "extraction" not in case.machine.model_fields_set:
+            yield (
+                "kind",
+                '("locked") has no effect without [machine.extraction], which has what rolls '
+                "resist; add it, or leave the defect out",
+            )
+
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
         """Return the steps with that of the pair as many times as high (328)."""
         found = steps.copy()
@@ -115,6 +126,20 @@ class Misaligned(RollDefect):
     def changed(self, pair: Pair) -> Pair:
         """See `RollDefect`."""
         return replace(pair, offset=pair.offset + (self.by or 0.0))
+
+    def problems(self, case: Case, pairs: int) -> Iterator[tuple[str, str]]:
+        """See `Defect`."""
+        yield from super().problems(case, pairs)
+        machine = case.machine
+        if self.resistance is None or machine is None:
+            return
+        table, given = machine.extraction, "extraction" in machine.model_fields_set
+        if not given or (table is not None and table.resistance == COUPLED):
+            yield (
+                "resistance",
+                "has no effect without a maker's curve, machine.extraction.resistance, that it "
+                "would be added to; leave it out",
+            )
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:
         """Return the steps with the extra resistance, shared as the extra bending is."""

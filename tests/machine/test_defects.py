@@ -232,6 +232,22 @@ def test_what_is_refused(given: dict[str, Any], key: str, words: str) -> None:
     assert key in problem and words in problem
 
 
+def test_a_defect_that_would_change_nothing_is_refused() -> None:
+    """What it changes is the resistance of the rolls, of which the case has none, or no curve."""
+    plain, locked = load_case(FOLDER / "coarse.toml"), {"kind": "locked", "roll": 48}
+    coupled = load_case(FOLDER / "reference.toml").with_(
+        {"machine.extraction.resistance": "coupled"}
+    )
+    with pytest.raises(InputError, match=r"defect\.0\.kind.* without \[machine\.extraction\]"):
+        plain.with_({"machine.defect": [locked]})
+    coupled.with_({"machine.defect": [locked]})
+    off = {"kind": "misaligned", "roll": 48, "by": "2 mm"}
+    for case in (plain, coupled):
+        case.with_({"machine.defect": [off]})
+        with pytest.raises(InputError, match=r"defect\.0\.resistance.* without a maker's curve"):
+            case.with_({"machine.defect": [off | {"resistance": "118 kN"}]})
+
+
 def test_two_of_the_same_and_no_roll_left() -> None:
     locked = {"kind": "locked", "roll": 48}
     with pytest.raises(InputError, match=r"machine\.defect\.1: stands there twice"):
