@@ -67,7 +67,7 @@ def test_pressure_within_that_the_bed_bears_leaves_the_face_at_rest(large: bool)
         loads=(SurfacePressure(("top",), lambda t: p),),
         large_strain=large,
     )
-    assert not setup.problem.constraints.dofs.size or setup.problem.constraints.springs is None
+    assert len(setup.problem.constraints.dofs) == 1  # across; the bed holds the rest
     setup.step(1.0)
     assert outward(setup) == pytest.approx(np.full_like(outward(setup), 2e-4), rel=1e-9)
     (state,) = setup.state.interactions
@@ -173,7 +173,7 @@ def test_work_of_the_rolls_is_stored_in_block_and_bed() -> None:
         foundation += 0.5 * k * squared(along, moved)
     assert u.x.array.any()
     assert stored + foundation == pytest.approx(work, rel=1e-9)
-    assert foundation > 0.01 * work < stored * 100
+    assert min(foundation, stored) > 0.01 * work
 
 
 def squared(x: Array, values: Array) -> float:
