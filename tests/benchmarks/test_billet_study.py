@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from benchmarks import billet_convergence, billet_sensitivity, billet_study
-from benchmarks.billet_run import Found, Listener, every, mesh, run
+from benchmarks.billet_inputs import variants
+from benchmarks.billet_run import CASES, COARSE, Found, Listener, every, mesh, run
 from benchmarks.report import Output
+from castfem.case import load_case
 
 SMALL = (*mesh(3.0), every(0.25), "casting.length=150 mm")
 
@@ -29,6 +31,21 @@ def test_places_are_found_between_two_windows() -> None:
     assert np.isnan(heard.cools_to("corner", 1500.0))
     assert heard.lost() == pytest.approx(125.0)  # a quarter of 4 um is where contact is lost
     assert np.isnan(listener(position=[0.0, 0.1], gap_corner=[0.0, 0.0]).lost())
+
+
+@pytest.mark.parametrize("mould", billet_sensitivity.STUDIED)
+def test_every_input_that_is_varied_is_accepted_and_changes_its_mould(
+    mould: str, tmp_path: Path
+) -> None:
+    shipped = load_case(CASES / f"{mould}.toml", COARSE).model_dump()
+    known = {"as shipped": shipped}
+    for one in variants(tmp_path):
+        if not one.moulds or mould in one.moulds:
+            varied = load_case(CASES / f"{mould}.toml", (*COARSE, *one.changes)).model_dump()
+            same = [label for label, case in known.items() if case == varied]
+            assert not same, f"{one.label}: the case is that of {same[0]}"
+            known[one.label] = varied
+    assert len(known) > 20
 
 
 @pytest.fixture(scope="module")
