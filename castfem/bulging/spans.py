@@ -75,8 +75,8 @@ def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
         RunFailure: If the shell cannot carry the pressure, or the moments cannot be found.
     """
     layers = Layers(strip.law, shell.points(strip.layers, shell.breaks(strip.law)))
-    coarse = _Spans(strip, rolls, layers, strip.steps // 2).solved()
-    fine = _Spans(strip, rolls, layers, strip.steps).solved()
+    coarse, found = _Spans(strip, rolls, layers, strip.steps // 2).solved()
+    fine, _ = _Spans(strip, rolls, layers, strip.steps).solved(found)
     w, slope = 2.0 * fine.deflection[:, ::2] - coarse.deflection
     return Bulge(
         z=coarse.z,
@@ -154,16 +154,28 @@ class _Spans:
         rows = -self._sunk(by_moment)[1][:, self._at]
         return np.vstack([rows, self._z[self._at] - self._z[0]]).T
 
-    def solved(self) -> Pitch:
-        """Find moments and slope by Newton's method, its matrix improved by Broyden's."""
+    def solved(self, guess: tuple[Array, Array] | None = None) -> tuple[Pitch, tuple[Array, Array]]:
+        """Find moments and slope by Newton's method, its matrix improved by Broyden's.
+
+        Args:
+            guess: What a strip of other steps has found, the unknowns and the matrix; None to begin
+                with the moment of the periodic pitch.
+
+        Returns:
+            The strip, and unknowns and matrix.
+        """
         count = len(self._at)
-        unknown = np.append(np.full(count - 1, self._in.moment[0]), self._in.deflection[1, 0])
-        found, missed = self._advanced(unknown)
-        matrix = self._slopes(found.history)
+        if guess is None:
+            unknown = np.append(np.full(count - 1, self._in.moment[0]), self._in.deflection[1, 0])
+            found, missed = self._advanced(unknown)
+            matrix = self._slopes(found.history)
+        else:
+            unknown, matrix = guess
+            found, missed = self._advanced(unknown)
         for _ in range(ITERATIONS):
             size = max(found.size, LEAST_SIZE)
             if float(np.abs(missed).max()) <= TOLERANCE * size:
-                return found
+                return found, (unknown, matrix)
             step = -np.linalg.solve(matrix, missed)
             before = missed
             found, missed = self._advanced(unknown + step)

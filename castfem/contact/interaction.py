@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import ufl
@@ -28,6 +28,22 @@ class InteractionState(Protocol):
     @property
     def withdrawal_resistance(self) -> Array:
         """Axial force of its friction on the strand so far, N, and moments, N m, (3,)."""
+
+
+NOTHING_ADDED = (0.0, 0.0)
+
+
+@runtime_checkable
+class BearsRolls(Protocol):
+    """State of an interaction of rolls, which know what they bear."""
+
+    @property
+    def added(self) -> tuple[float, float]:
+        """What the pair at the end of this pitch and the next bear where rolls are not alike.
+
+        On both faces, beyond the pressure of the length of strand that is theirs, N per metre of
+        width.
+        """
 
 
 @dataclass(frozen=True, slots=True)

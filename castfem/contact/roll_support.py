@@ -14,7 +14,7 @@ import ufl
 from dolfinx import fem
 
 from castfem.contact.facets import Facets
-from castfem.contact.interaction import Interaction
+from castfem.contact.interaction import NOTHING_ADDED, Interaction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.surface_interaction import ALWAYS, SurfaceInteraction
 from castfem.errors import InputError
@@ -197,6 +197,14 @@ class RollSupportState:
     force: Array
     moved: Array
     withdrawal_resistance: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def added(self) -> tuple[float, float]:
+        """See `castfem.contact.interaction.BearsRolls`."""
+        if "added" not in self.memory:
+            return NOTHING_ADDED
+        lower, after = self.memory["added"][:, 1:].sum(axis=0)
+        return float(lower), float(after)
 
 
 class WinklerFoundation(Interaction):

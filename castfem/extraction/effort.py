@@ -69,22 +69,27 @@ class Passing:
     Attributes:
         moment: M, N m. work: Int M dk so far, J/m; bending takes less than zero.
         temperature: At the owned vertices (owned,), K.
+        added: What rolls that are not alike bear on both faces beyond the pressure of the length
+            that is theirs: the pair that the slice comes to and the next, N per metre of width.
     """
 
     moment: float
     work: float
     temperature: Array
+    added: tuple[float, float] = (0.0, 0.0)
 
 
 class RollForces(Protocol):
     """Forces of bulging on the rolls."""
 
-    def on_pair(self, index: int, temperature: Array) -> float:
+    def on_pair(self, index: int, temperature: Array, added: float) -> float:
         """Force on both rolls of a pair of the whole strand, N (collective).
 
         Args:
             index: Of the pair, from 0.
             temperature: Of the slice as it comes to it, at the owned vertices (owned,), K.
+            added: What both bear beyond the pressure of the length that is theirs, N per metre of
+                width.
         """
 
 
@@ -242,14 +247,16 @@ class CoupledResistance:
 
     def _passed(self, past: Withdrawal, i: int, passing: Passing) -> Withdrawal:
         """The state as the slice leaves a pair."""
-        pairs, heat = self._pairs, passing.temperature
+        pairs, heat, added = self._pairs, passing.temperature, passing.added
         moments = (*past.moments, passing.moment)
-        friction = past.friction + self._bulged(i, heat) + self._bent(i, moments)
+        friction = past.friction + self._bulged(i, heat, added[0]) + self._bent(i, moments)
         resistance = friction - self._work(passing)
         refuse_standstill(resistance, pairs.capacities)
         above = past.aim[1]
         drives = above + taken(resistance - above, float(pairs.capacities[i]))
-        foreseen = friction + (self._bulged(i + 1, heat) if i + 1 < len(pairs.places) else 0.0)
+        foreseen = friction
+        if i + 1 < len(pairs.places):
+            foreseen += self._bulged(i + 1, heat, added[1])
         return replace(
             past,
             pairs=i + 1,
@@ -259,9 +266,9 @@ class CoupledResistance:
             moments=moments[1:],
         )
 
-    def _bulged(self, i: int, temperature: Array) -> float:
+    def _bulged(self, i: int, temperature: Array, added: float) -> float:
         """Resistance of a pair by bulging, N."""
-        force = self._bulging.on_pair(self._pairs.numbers[i], temperature)
+        force = self._bulging.on_pair(self._pairs.numbers[i], temperature, added)
         return float(resistance.pair_resistances(self._pairs.frictions[i], force, 0.0))
 
     def _bent(self, i: int, moments: tuple[float, float, float]) -> float:

@@ -56,6 +56,42 @@ def settled(rolls: Rolls) -> Rolls:
     return replace(rolls, pairs=tuple(pairs))
 
 
+def out_of_line(normal: Rolls, rolls: Rolls) -> Array:
+    """Return how far rolls that are off leave the line that their strand follows (n,), m.
+
+    Of all pairs that are there, towards the centre of curvature. With 1/R linear between the rolls
+    the strand goes part of the way to a roll that is off, and off those beside it: the shell has to
+    take what is left between line and roll. Beyond the second pair to each side it is nothing.
+
+    Args:
+        normal: The rolls without defects.
+        rolls: The same with their defects, as `settled` gives them.
+    """
+    held, found = rolls.there, np.zeros(len(rolls.there))
+    plain = [
+        replace(pair, lost=other.lost)
+        for pair, other in zip(normal.pairs, rolls.pairs, strict=True)
+    ]
+    base = settled(replace(rolls, pairs=tuple(plain)))
+    places = np.array([rolls.pairs[i].position for i in held])
+    gaps = np.diff(places)
+    for k, i in enumerate(held):
+        if not rolls.pairs[i].offset:
+            continue
+        alone = list(plain)
+        alone[i] = replace(alone[i], offset=rolls.pairs[i].offset)
+        bent = settled(replace(rolls, pairs=tuple(alone)))
+        change = np.array([1.0 / bent.pairs[j].radius - 1.0 / base.pairs[j].radius for j in held])
+        turn = np.concatenate([[0.0], np.cumsum(0.5 * gaps * (change[1:] + change[:-1]))])
+        rise = gaps * turn[:-1] + gaps**2 / 6.0 * (2.0 * change[:-1] + change[1:])
+        line = np.concatenate([[0.0], np.cumsum(rise)])
+        first, last = max(k - 2, 0), min(k + 2, len(held) - 1)
+        line -= np.interp(places, places[[first, last]], line[[first, last]])
+        line[k] -= rolls.pairs[i].offset
+        found[first : last + 1] -= line[first : last + 1]
+    return found
+
+
 def _curved(pair: Pair, curvature: float) -> Pair:
     """The pair where the strand has a curvature, 1/m; negative: bent to the extrados."""
     return replace(pair, radius=1.0 / curvature if curvature else math.inf)

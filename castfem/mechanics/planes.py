@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
+from castfem.contact.interaction import NOTHING_ADDED
 from castfem.errors import InputError
 from castfem.forms.mechanics import MODES
 from castfem.mechanics.imposed_axis import UNCHANGED, ImposedAxis
@@ -92,6 +93,7 @@ class Planes(Protocol):
         moment: Callable[[], float],
         change: Array,
         temperature: Array,
+        added: tuple[float, float] = NOTHING_ADDED,
     ) -> Bending:
         """The bending after a step to `time` (s).
 
@@ -101,6 +103,7 @@ class Planes(Protocol):
             moment: Computes M at its end, N m; called only for planes that are bent.
             change: Of the generalized strains over the step (4,).
             temperature: At its end, at the owned vertices (owned,), K.
+            added: To the forces of the next two pairs of rolls (`BearsRolls.added`), N/m.
         """
 
     def bending_force(self, now: Bending) -> float:
@@ -248,6 +251,7 @@ class PlainPlanes:
         moment: Callable[[], float],
         change: Array,
         temperature: Array,
+        added: tuple[float, float] = NOTHING_ADDED,
     ) -> Bending:
         """See `Planes`."""
         return past
@@ -374,6 +378,7 @@ class BentPlanes:
         moment: Callable[[], float],
         change: Array,
         temperature: Array,
+        added: tuple[float, float] = NOTHING_ADDED,
     ) -> Bending:
         """See `Planes`."""
         k, now = self.middle(time), moment()
@@ -381,17 +386,24 @@ class BentPlanes:
         unchanged = abs(change_of_k) <= UNCHANGED * max(abs(k), abs(past.curvature))
         axis = None if unchanged else -float(change[0] / change[2])
         work = past.work + 0.5 * change_of_k * (past.moment + now)
-        return Bending(k, now, work, axis, self._withdrawn(past, time, now, work, temperature))
+        withdrawal = self._withdrawn(past, time, (now, work), temperature, added)
+        return Bending(k, now, work, axis, withdrawal)
 
     def _withdrawn(
-        self, past: Bending, time: float, moment: float, work: float, temperature: Array
+        self,
+        past: Bending,
+        time: float,
+        bent: tuple[float, float],
+        temperature: Array,
+        added: tuple[float, float],
     ) -> Withdrawal | None:
         """What rolls and drives have done after a step."""
         if self.effort is None or past.withdrawal is None:
             return None
         from castfem.extraction.effort import Passing
 
-        passing = Passing(self.parts * moment, self.parts * work, temperature)
+        moment, work = (self.parts * value for value in bent)
+        passing = Passing(moment, work, temperature, added)
         return self.effort.after(past.withdrawal, self.position(time), passing)
 
     def bending_force(self, now: Bending) -> float:

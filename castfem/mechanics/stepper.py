@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from castfem.contact.interaction import NOTHING_ADDED, BearsRolls
 from castfem.fem import reductions
 from castfem.mechanics.planes import loads_at
 from castfem.mechanics.problem import MechanicalProblem
@@ -113,6 +114,8 @@ class MechanicalStepper:
         scalars = problem.free_scalars(residual_state.local)
         owned = slice(0, problem.owned)
         rate = np.asarray((displacement[owned] - old.displacement[owned]) / problem.dt)
+        interactions = problem.interactions.states()
+        added = next((s.added for s in interactions if isinstance(s, BearsRolls)), NOTHING_ADDED)
         return MechanicalState(
             time=time,
             displacement=displacement,
@@ -125,9 +128,14 @@ class MechanicalStepper:
             stress=problem.response.stress.copy(),
             internal=problem.response.state.copy(),
             pressure=problem.pressure,
-            interactions=problem.interactions.states(),
+            interactions=interactions,
             bending=problem.slice.planes.bending_after(
-                old.bending, time, self._moment, residual_state.modes - old.modes, temperature
+                old.bending,
+                time,
+                self._moment,
+                residual_state.modes - old.modes,
+                temperature,
+                added,
             ),
         )
 

@@ -28,6 +28,7 @@ from castfem.values.tables import as_function
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
+    from castfem.bulging.uneven import UnevenRolls
     from castfem.case import Case
     from castfem.constitutive.base import Law
     from castfem.fem.section import Section
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from castfem.mechanics.ferrostatic import Ferrostatic
 
 Memory = Mapping[str, Array]
+FORESEEN = 3  # rolls whose forces are remembered where they are not alike, see `UnevenPitch`
 LEAST_BULGE = 50e-6  # m: a bed is no stiffer than the pressure over this
 EDGE = 0.32  # of the pitch: from the narrow face to where a clamped plate bulges as a strip
 MOULD_PLAY = 1e-3  # m: what a face moves in the mould under a change of the pressure by itself
@@ -80,6 +82,8 @@ class PitchByPitch:
         front: Temperature at the inside of the shell, K.
         core: The liquid.
         half_width: Of the section, m; None to leave the strip's axial strain out of the slice.
+        uneven: Rolls that are not alike; None where none is lost or off.
+        lines: Rolls from the line of the strand, towards the centre of curvature, m.
     """
 
     model: Callable[[float], BulgingModel]
@@ -93,6 +97,8 @@ class PitchByPitch:
     front: float
     core: Core
     half_width: float | None = None
+    uneven: UnevenRolls | None = None
+    lines: Array | None = None
 
     def initial(self) -> Memory:
         """See `Foundation`: `pitch` counts the rolls that were passed, the rest is its bulge's."""
@@ -101,6 +107,8 @@ class PitchByPitch:
         found: dict[str, Array] = {name: np.zeros(many) for name in names}
         for name in ("z", "deflection", "slope", "curvature", "axial_strain"):
             found[name] = np.zeros((many, self.nodes))
+        if self.uneven is not None:
+            found["added"] = np.zeros((many, FORESEEN))
         return found | {"pitch": np.zeros(1)}
 
     def beds(
@@ -122,7 +130,10 @@ class PitchByPitch:
         for i, (group, pressure) in enumerate(handed_on.items()):
             within = place - self.rolls[passed - 1]
             w = along(memory["z"][i], memory["deflection"][i], memory["slope"][i], within)
-            beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), offset)
+            out = offset
+            if self.lines is not None:
+                out += _outward(group) * float(np.interp(place, self.rolls, self.lines))
+            beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), out)
         return beds, memory
 
     def _entered(
@@ -142,19 +153,21 @@ class PitchByPitch:
         head = self.core.head(self.machine.time_near(middle))
         speed = self.machine.speed_between(float(first), float(last))
         share = 1.0 / max(self.core.head(time), 1e-300)
-        for i, probe in enumerate(self.faces.values()):
+        for i, (group, probe) in enumerate(self.faces.items()):
             p = head * share * self.core.handed_on(profiles[probe], time)
             span = Span(float(last - first), p, speed)
-            bulge, thickness = self._bulge(span, profiles[probe], middle)
+            bulge, added = self._bulge(passed - 1, _outward(group), span, profiles[probe])
             new["stiffness"][i] = head / max(bulge.largest, LEAST_BULGE)
-            new["thickness"][i], new["largest"][i] = thickness, bulge.largest
+            new["thickness"][i], new["largest"][i] = bulge.thickness, bulge.largest
             new["load"][i], new["error"][i] = p * span.length, bulge.error
+            new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])
+            if added is not None:
+                new["force"][i], new["added"][i] = bulge.roll_force[0], added
             new["neutral"][i] = bulge.neutral
             new["z"][i] = span.length * np.linspace(0.0, 1.0, self.nodes)
             if len(bulge.z) == self.nodes:  # else it does not bulge
                 for name in ("z", "deflection", "slope", "curvature", "axial_strain"):
                     new[name][i] = getattr(bulge, name)
-        new["force"][:] = 0.5 * (old["load"] + new["load"])
         return new
 
     def axial_strain(
@@ -180,19 +193,24 @@ class PitchByPitch:
             found += np.where(depth < new["thickness"][i], edge * part, 0.0)
         return found
 
-    def _bulge(self, span: Span, profile: Profile, middle: float) -> tuple[Bulge, float]:
-        """Bulge of a pitch, and the thickness of its shell."""
-        thickness = profile.isotherm_depth(self.front)
+    def _bulge(
+        self, pitch: int, outward: float, span: Span, profile: Profile
+    ) -> tuple[Bulge, Array | None]:
+        """Bulge of a pitch, and what its rolls bear besides if they are not alike."""
+        first, last = self.rolls[pitch : pitch + 2]
+        middle, thickness = 0.5 * float(first + last), profile.isotherm_depth(self.front)
         if thickness <= 0.0:
             raise RunFailure(
-                f"bulging: there is no shell between the rolls at {middle - 0.5 * span.length:.4g} "
-                f"and {middle + 0.5 * span.length:.4g} m"
+                f"bulging: there is no shell between the rolls at {first:.4g} and {last:.4g} m"
             )
         shell = Shell(thickness, lambda d: np.interp(d, profile.depth, profile.temperature))
         if not span.pressure > 0.0:
-            return Bulge.none(span, shell), thickness
+            return Bulge.none(span, shell), None
         try:
-            return self.model(middle).bulge(span, shell), thickness
+            if self.uneven is not None and self.uneven.near(pitch):
+                found = self.uneven.bulge(pitch, span, shell, outward)
+                return found.bulge, found.added
+            return self.model(middle).bulge(span, shell), None
         except RunFailure as error:
             raise RunFailure(f"bulging, pitch around {middle:.4g} m: {error}") from None
 
@@ -219,10 +237,15 @@ def build_roll_support(
     others = tuple(g for g in section.outer_groups if g not in faces)
     width = float(case.section.width)  # type: ignore[attr-defined]
     model, nodes = _model(table, law, width)
+    uneven, lines = None, None
+    if any(pair.lost or pair.offset for pair in rolls.pairs):
+        from castfem.simulation.uneven_rolls import build_uneven_rolls
+
+        uneven, lines = build_uneven_rolls(case, table, rolls, law, nodes)
     foundation = PitchByPitch(
         model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
         _front(steel, table.solid_fraction), _core(liquid),
-        0.5 * width if table.axial_strain else None,
+        0.5 * width if table.axial_strain else None, uneven, lines,
     )  # fmt: skip
     return RollSupport(
         on=(*faces, *others),
@@ -231,6 +254,11 @@ def build_roll_support(
         knots=tuple(float(place) for place in places),
         loose=others,
     )
+
+
+def _outward(group: str) -> float:
+    """1 of a face to the centre of curvature, -1 of the other."""
+    return -1.0 if group.endswith("_extrados") else 1.0
 
 
 def _probe(group: str, probes: LineProbes) -> str:

@@ -62,7 +62,8 @@ def build_effort(
 class PressedRolls:
     """Rolls that carry the pressure of the liquid over the length of strand that is theirs.
 
-    That is statics: it holds whatever the shell does between them.
+    That is statics: it holds whatever the shell does between rolls that are alike. What rolls that
+    are not bear besides, the strip tells of a run whose faces bulge.
 
     Attributes:
         loads: By the index of each pair the pressure of the liquid in the middle of the strand
@@ -74,9 +75,10 @@ class PressedRolls:
     loads: Mapping[int, tuple[float, float]]
     width: Callable[[Array], float]
 
-    def on_pair(self, index: int, temperature: Array) -> float:
+    def on_pair(self, index: int, temperature: Array, added: float) -> float:
         """See `castfem.extraction.effort.RollForces`."""
-        return float(pressed(*self.loads[index], self.width(temperature)))
+        width = self.width(temperature)
+        return float(pressed(*self.loads[index], width)) + added * width
 
 
 def pressed_rolls(

@@ -48,9 +48,9 @@ class Rolls:
     forces: list[float]
     asked: list[tuple[int, float]] = field(default_factory=list)
 
-    def on_pair(self, index: int, temperature: Array) -> float:
+    def on_pair(self, index: int, temperature: Array, added: float) -> float:
         self.asked.append((index, float(temperature[0])))
-        return self.forces[index]
+        return self.forces[index] + added
 
 
 def coupled(

@@ -15,7 +15,7 @@ from castfem.case.build_extraction import coupled_pairs, known_resistance
 from castfem.case.defects import Defect, RollDefect
 from castfem.errors import InputError
 from castfem.extraction.resistance import tributary_lengths
-from castfem.machine.defects import circle, settled
+from castfem.machine.defects import circle, out_of_line, settled
 from castfem.machine.rolls import Pair, Rolls
 from castfem.values.types import Array
 
@@ -307,3 +307,18 @@ def test_a_new_kind_of_defect() -> None:
         assert 'kind = "worn"' in case.resolved_toml()
     finally:
         del Defect.kinds["worn"]
+
+
+def test_what_the_line_leaves_of_a_roll_that_is_off() -> None:
+    """A third of it at the roll, and a sixth the other way beside: rolls less the line above."""
+    normal, off = rolls_of(REFERENCE), rolls_of(slab(OFF))
+    found = 1e3 * out_of_line(normal, off)
+    assert found[45:50] == pytest.approx([0.0, -1 / 3, 2 / 3, -1 / 3, 0.0], abs=0.02)
+    assert np.flatnonzero(np.abs(found) > 1e-9).tolist() == [46, 47, 48]
+    away = 1e3 * out_of_line(normal, rolls_of(slab(OFF | {"by": "-2 mm"})))
+    # The circle turns with the strand: it is linear in the offset but for 0.4 %.
+    assert away == pytest.approx(-found, abs=4e-3 * np.abs(found).max())
+    lost = {"kind": "lost", "roll": 30}
+    beside = 1e3 * out_of_line(normal, rolls_of(slab(OFF, lost)))
+    assert beside == pytest.approx(np.delete(found, 29), abs=1e-6)
+    assert not out_of_line(normal, rolls_of(slab(lost))).any()
