@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from castfem.results.mechanical import MechanicalSampler
     from castfem.results.quality import QualitySampler
     from castfem.results.sample import MechanicalSample
+    from castfem.results.spray_range import SprayRange
 
 
 @dataclass(slots=True)
@@ -35,6 +36,7 @@ class Sampler:
         extremes: What the slice has met in its mould; None without one.
         largest_stress: Where its stress was largest.
         quality: Follows the crack indexes; None in a case without [quality].
+        sprays: Compares sprayed surfaces with the tables of their nozzles; None without any.
     """
 
     simulation: Simulation
@@ -45,6 +47,7 @@ class Sampler:
     largest_stress: LargestStress = field(default_factory=LargestStress)
     beyond_data: BeyondData = field(default_factory=BeyondData)
     quality: QualitySampler | None = None
+    sprays: SprayRange | None = None
     _hottest: float = np.inf
     _time: float = 0.0
     _surface: dict[str, int] = field(default_factory=dict)
@@ -63,6 +66,11 @@ class Sampler:
             from castfem.results.quality import QualitySampler
 
             self.quality = QualitySampler(self.simulation, self.mechanics)
+        secondary = self.simulation.case.secondary
+        if secondary is not None and any(model.table is not None for model in secondary.nozzle):
+            from castfem.results.spray_range import SprayRange
+
+            self.sprays = SprayRange(self.simulation)
         section = self.simulation.section
         space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
         on_surface = self.simulation.zones.surface_vertices()
@@ -127,6 +135,8 @@ class Sampler:
             sample.extremes = replace(self.extremes)
         if self.quality is not None:
             sample.quality = self.quality.note(strand, sample.position, self._centre(sample))
+        if self.sprays is not None:
+            self.sprays.note(state.time, state.point.temperature)
         return sample
 
     def _read_mechanics(

@@ -15,6 +15,7 @@ from castfem.case import Case
 from castfem.machine.sprays import footprint, scale_water
 from castfem.simulation.secondary import SecondaryCooling, rows_of
 from castfem.simulation.simulation import Simulation, build
+from castfem.support import log
 from castfem.support.progress import Progress
 from castfem.thermal.boundary import Surface
 from castfem.thermal.spray_water import RollShare, SprayWater
@@ -216,3 +217,45 @@ def test_it_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     run_case(case, tmp_path / "parts", resume=True)
     whole, parts = ((tmp_path / n / "history.csv").read_bytes() for n in ("whole", "parts"))
     assert whole == parts and whole.count(b"\n") > 80
+
+
+def _table(low: float, high: float) -> dict[str, Any]:
+    """A model of nozzle whose h is 400 W/m2K at 10 L/(m2 s), known between two temperatures."""
+    columns = {
+        "temperature": [low, low, high, high], "temperature_unit": "degC",
+        "water": [0, 50, 0, 50], "water_unit": "L/(m^2 s)",
+        "value": [0, 2000, 0, 2000], "unit": "W/(m^2 K)",
+    }  # fmt: skip
+    return {"name": "flat", "angle": "120 deg", "angle_along": "20 deg", "table": columns}
+
+
+@pytest.mark.parametrize(
+    ("range_", "sides"),
+    [((20.0, 1600.0), []), ((1300.0, 1600.0), ["to 1600"]), ((20.0, 500.0), ["to 500"]),
+     ((1300.0, 1310.0), ["to 1310", "to 1310"])],
+)  # fmt: skip
+def test_a_surface_beyond_the_table_of_its_nozzles_is_told_once(
+    range_: tuple[float, float], sides: list[str], caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(log.logger, "propagate", True)
+    case = rolled(secondary=secondary(nozzle=[_table(*range_)]), casting__length="0.75 m")
+    with caplog.at_level("WARNING"):
+        cooled(case)
+    told = [one.getMessage() for one in caplog.records if "its coefficient is known" in one.message]
+    assert len(told) == len(sides)
+    for line, side in zip(told, sides, strict=True):
+        assert line.startswith("secondary.nozzle.0.table: the surface under 'flat' has ")
+        assert side in line and "beyond, it is that of its end" in line
+
+
+@pytest.mark.mpi
+def test_ranks_tell_of_the_same_surface(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(log.logger, "propagate", True)
+    case = rolled(secondary=secondary(nozzle=[_table(1300.0, 1600.0)]), casting__length="0.6 m")
+    with caplog.at_level("WARNING"):
+        cooled(case)
+    told = [one.getMessage() for one in caplog.records if "its coefficient is known" in one.message]
+    assert len(told) == 1 and len(set(MPI.COMM_WORLD.allgather(told[0]))) == 1
