@@ -19,10 +19,10 @@ import numpy as np
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET, touch
 from benchmarks.report import Output, table
 from castfem.case import load_case
+from castfem.mechanics import problem as mechanical_problem
 from castfem.results.run_state import RunState
 from castfem.results.sample import MechanicalSample, Sample
 from castfem.results.summary import summarise
-from castfem.simulation import mechanics as build_mechanics
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
 from castfem.values.types import Array
@@ -227,12 +227,12 @@ SPRINGS: tuple[float | None, ...] = (None, 1e-3, 1e-5, 1e-7, 1e-9, 1e-11)
 @contextmanager
 def sprung(stiffness: float | None) -> Any:
     """Let a slice have springs of another stiffness, or points held rigidly."""
-    shipped = build_mechanics.SPRING
-    build_mechanics.SPRING = stiffness  # type: ignore[assignment]
+    shipped = mechanical_problem.SPRING
+    mechanical_problem.SPRING = stiffness  # type: ignore[assignment]
     try:
         yield
     finally:
-        build_mechanics.SPRING = shipped
+        mechanical_problem.SPRING = shipped
 
 
 def springs(output: Output, quick: bool) -> None:
