@@ -56,6 +56,8 @@ class WallAction:
         by_strain: -dp / d strain (4,), Mandel, Pa: Nitsche's share; None with the penalty.
         by_turn: -dp / d angle at which the stress turns with the material, Pa; None likewise, and
             at small strain.
+        pool: Pressure of liquid at the surface, which `traction` has along the strand's own normal,
+            Pa; None where that does not turn, or no liquid is fed.
     """
 
     traction: Expr
@@ -65,6 +67,7 @@ class WallAction:
     stiffness: Expr
     by_strain: Expr | None = None
     by_turn: Expr | None = None
+    pool: Expr | None = None
 
 
 class Surface(Protocol):
@@ -84,6 +87,9 @@ class Surface(Protocol):
 
     def thickness_change(self, by: Direction) -> Expr:
         """Derivative of the thickness along a motion."""
+
+    def normal_change(self, by: Direction) -> Expr:
+        """Derivative of the strand's unit normal along a motion, (2,)."""
 
     def place_change(self, by: Direction) -> Expr:
         """Motion of the place: 0 where geometry is that of the undeformed slice."""
@@ -117,6 +123,10 @@ class Undeformed:
     def thickness_change(self, by: Direction) -> Expr:
         """See `Surface`."""
         return 0.0
+
+    def normal_change(self, by: Direction) -> Expr:
+        """See `Surface`."""
+        return ufl.as_vector([0.0, 0.0])
 
     def place_change(self, by: Direction) -> Expr:
         """See `Surface`."""
@@ -165,6 +175,13 @@ class Deformed:
     def thickness_change(self, by: Direction) -> Expr:
         """See `Surface`."""
         return finite_strain.thickening(self.now, by)
+
+    def normal_change(self, by: Direction) -> Expr:
+        """See `Surface`: -(I - n n) (grad v)^T n."""
+        normal = self._normal()
+        normal /= ufl.sqrt(ufl.dot(normal, normal))
+        turned = ufl.transpose(by.gradient * ufl.inv(self.now.gradient)) * normal
+        return ufl.dot(normal, turned) * normal - turned
 
     def place_change(self, by: Direction) -> Expr:
         """See `Surface`."""
@@ -241,6 +258,8 @@ def stiffness(
     area = length * surface.thickness()
     larger = longer * surface.thickness() + length * surface.thickness_change(by)
     work = area * ufl.dot(in_plane(change), shift) + larger * ufl.dot(in_plane(traction), shift)
+    if action.pool is not None:
+        work -= area * action.pool * ufl.dot(surface.normal_change(by), shift)
 
     thicker = thickening(surface.place(), virtual)
     tilting = virtual.modes[1] * moved[0] + virtual.modes[2] * moved[1]

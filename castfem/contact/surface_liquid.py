@@ -33,6 +33,7 @@ class SurfaceLiquid:
         at_vertices: Operator from vertex values to the points.
         temperatures: At the points (n,), at the start and the end of the step, K.
         molten: Points that bear no friction (n,); of a step without friction none is told.
+        fed: Whether the liquid is.
         pool: Pressure of fed liquid that is at the surface (n,), Pa; 0 elsewhere.
     """
 
@@ -40,8 +41,8 @@ class SurfaceLiquid:
         self.section, self._facets, self._solid, self._rubs = section, facets, solid, rubs
         space = section.vertex_space
         self.at_vertices = facets.operator(ufl.TrialFunction(space), space)
-        self._fed = solid.liquid == "fed"
-        if self._fed and rubs:
+        self.fed = solid.liquid == "fed"
+        if self.fed and rubs:
             self._slopes = facets.operator(ufl.grad(ufl.TrialFunction(space)), space)
         nothing: Array = np.zeros(facets.count)
         self.temperatures: tuple[Array, Array] = (nothing, nothing)
@@ -64,9 +65,9 @@ class SurfaceLiquid:
         self.temperatures, self._end, self._gap = (old, new), end, gap
         solidity = self._solid.law.elasticity.solidity
         if self._rubs:
-            backed = np.maximum(new, self._below()) if self._fed else new
+            backed = np.maximum(new, self._below()) if self.fed else new
             self.molten = backed > solidity.solidus
-        if self._fed:
+        if self.fed:
             fluid = solidity.weight(new) == 0.0
             self.pool = np.where(fluid, self._pressure(new), 0.0)
             self._opened = fluid & (old <= solidity.solidus) & (gap > LEAK)
@@ -94,7 +95,7 @@ class SurfaceLiquid:
         has hardly any stiffness, and a stress that the surface alone would have by the same strain
         would have no counterpart in it.
         """
-        if not self._fed:
+        if not self.fed:
             return self.temperatures, self._pressure(self.temperatures[1])
         old, new = (self._hottest(local) for local in self._local)
         return (old, new), self._pressure(new)

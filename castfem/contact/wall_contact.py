@@ -31,7 +31,7 @@ from castfem.values.types import Array, Flags
 
 # Columns of what the forms see.
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
-STIFFNESS, BY_STRAIN, BY_TURN, WIDTH = 11, slice(12, 16), 16, 17
+STIFFNESS, BY_STRAIN, BY_TURN, POOL, WIDTH = 11, slice(12, 16), 16, 17, 18
 RASTER = 2.0**-32  # of the section's size
 HOLDING_GAP = 1e-2  # of the height of surface cells: a wall farther away holds nothing
 
@@ -122,6 +122,7 @@ class WallContact(Interaction):
             stiffness=f[STIFFNESS],
             by_strain=_part(f, BY_STRAIN) if nitsche else None,
             by_turn=f[BY_TURN] if nitsche and self._large else None,
+            pool=f[POOL] if self._large and self.liquid.fed else None,
         )
 
     # A step.
@@ -206,6 +207,7 @@ class WallContact(Interaction):
         # along the wall's, the difference would push a surface without stiffness round its arcs.
         borne = pressure[:, None] * n + pool[:, None] * strand
         coefficients[:, TRACTION.start : 2] = -borne
+        coefficients[:, POOL] = pool
         # Along a hollow wall the pressure turns against what slides.
         along = np.column_stack([-n[:, 1], n[:, 0]])
         coefficients[:, BY_SLIP.start : BY_SLIP.stop - 1] = -(curvature * pressure)[:, None] * along

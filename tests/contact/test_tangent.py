@@ -9,11 +9,12 @@ import pytest
 from mechanics.setups import SliceSetup, expansion, mapped, ring, skewed
 from mechanics.test_tangent import jacobians
 
-from castfem.constitutive.elasticity import Elasticity
-from castfem.constitutive.flow_laws import NortonCreep
+from castfem.constitutive.elasticity import Elasticity, Solidity
+from castfem.constitutive.flow_laws import NortonCreep, ThermoElastic
 from castfem.contact.friction import Coulomb, Lubricant, Tresca, Viscous
 from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK
+from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mould import Circular, Contour, GapFunction
 from castfem.values.types import Array
@@ -86,6 +87,36 @@ def test_jacobian(cell: str, large: bool, method: str, friction: str) -> None:
         assert np.abs(exact - found)[block].max() < 2e-6 * np.abs(found[block]).max()
     symmetric = np.abs(exact - exact.T).max() < 1e-12 * np.abs(exact).max()
     assert symmetric == setup.problem.kinematics.symmetric
+
+
+@pytest.mark.parametrize("large", [False, True])
+@pytest.mark.parametrize("method", ["penalty", "nitsche"])
+def test_jacobian_where_liquid_presses(large: bool, method: str) -> None:
+    """Its pressure stays along the strand's own normal, which turns with the surface.
+
+    Cells of liquid are so soft that a tangent without it leads away from the solution.
+    """
+    size, head = 1e-3 if large else 2e-5, 3e9
+    solidity = Solidity.between(190.0, 300.0, stiffness_ratio=1e-5, mush="none", memory=False)
+    law = ThermoElastic(Elasticity.constant(10e9, 0.3, solidity))
+    contact = Contact(
+        TwoWalls((0.1, 0.06), 50 * size), ("right", "top"), lambda t: t,
+        method=method, factor=10.0, points=4,  # type: ignore[arg-type]
+    )  # fmt: skip
+    setup = SliceSetup(
+        mapped(2, 2, skewed(0.1, 0.06), "quadrilateral", groups=GROUPS),
+        law,
+        expansion(1e-5),
+        given={
+            "planes": PlainPlanes(("a0", "across")), "large_strain": large, "liquid": "fed",
+            "ferrostatic": Ferrostatic(lambda t: head, np.zeros_like, "full", "free"),
+            "interactions": (contact,),
+        },
+    )  # fmt: skip
+    exact, found, _ = jacobians(setup, size)
+    wall = setup.problem.contact
+    assert (wall.liquid.pool == head).all()  # the scene is one of liquid
+    assert np.abs(exact - found).max() < 1e-6 * np.abs(found).max()
 
 
 @pytest.mark.parametrize("large", [False, True])

@@ -197,6 +197,16 @@ def test_a_gap_that_hardly_conducts() -> None:
     )
 
 
+def test_liquid_that_turns_with_flat_cells() -> None:
+    """Its pressure is most of what acts on them: windows had been cut to 1e-7 s, 33 mm down."""
+    flat = ("surface_size=1.2 mm", "corner_size=1.2 mm", "face_size=8 mm", "core_size=12 mm")
+    changes = ('casting.length="60 mm"', "coupling.interval=0.1 s", *(f"mesh.{f}" for f in flat))
+    kept = sound(run_in_memory(shipped("taper_minus_3", *changes)))
+    steps = kept.summary.steps
+    assert steps["coupling windows cut back"] == 0
+    assert steps["Newton iterations, mechanics"] < 8 * steps["coupling windows"]
+
+
 def test_cold_mould() -> None:
     cold = sound(run_in_memory(shipped("taper_1", SHORT, "cooling.mould.surface.0.wall=20 degC")))
     warm = run_in_memory(shipped("taper_1", SHORT))
