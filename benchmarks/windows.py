@@ -51,7 +51,8 @@ def run(mould: str, window: float, allowed: float | None) -> dict[str, Any]:
     control = "yes" if allowed is None else "no"
     row: dict[str, Any] = {
         "mould": NAMES[mould], "cells": size, "window": window, "control": control,
-        "windows": counts.windows, "passes": counts.coupling_iterations, "cut": counts.cut_back,
+        "windows": counts.windows, "passes": counts.coupling_iterations,
+        "cut": counts.cut_back + counts.cut_for_error,
     }  # fmt: skip
     ended = status == "finished"
     row |= {key: found[name].value if ended else None for key, name in COMPARED.items()}

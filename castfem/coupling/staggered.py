@@ -74,6 +74,7 @@ class CouplingWindow:
         gap_converged: Whether the iterations of the gap converged, if there were to be some.
         error: Of the surface temperature at its end, K, for the gap was held at its mean; 0 where
             the window is not repeated.
+        cut_for_error: Longer windows that were tried before, and had too large an error.
     """
 
     converged: bool
@@ -83,6 +84,7 @@ class CouplingWindow:
     iterations: int
     gap_converged: bool = True
     error: float = 0.0
+    cut_for_error: int = 0
 
     def before(self, after: CouplingWindow) -> CouplingWindow:
         """The same window repeated: `after`, with the work of both counted."""
@@ -312,16 +314,16 @@ class StaggeredCoupling:
 def take_window(
     coupling: StaggeredCoupling, state: StrandState, control: StepControl
 ) -> tuple[CouplingWindow, int]:
-    """A window that succeeds, cut back as often as it takes, and how often that was.
+    """A window that succeeds, cut back as often as it takes, and how often that was for a failure.
 
-    A gap that does not converge, or changes too much for the window's error, cuts it back as well,
-    but ends no run.
+    A gap that does not converge is one, but ends no run.  A gap that changes too much for the
+    window's error cuts it back as well.
 
     Raises:
         RunFailure: At the smallest window, where the model ends (`mechanics.validity`), or where
             nothing is there to bear a load.
     """
-    rejected = 0
+    failed = cut = 0
     while True:
         end = control.propose(state.time)
         taken = end - state.time
@@ -336,12 +338,12 @@ def take_window(
             )
             coupling.thermal.control.step = learnt
             control.learn(taken, attempt.error)
-            rejected += 1
+            cut += 1
             continue
         kept = coupling.max_iterations == 1 or short
         if attempt.converged and (attempt.gap_converged or kept):
             control.learn(taken, 0.0 if fine else attempt.error)
-            return attempt, rejected
+            return replace(attempt, cut_for_error=cut), failed
         reason = "the gap does not converge" if attempt.converged else attempt.mechanical.reason
         log.logger.debug("t = %.6g s: coupling window %.3g s: %s", state.time, taken, reason)
         if attempt.mechanical.unborne or (attempt.mechanical.refused and short):
@@ -350,4 +352,4 @@ def take_window(
             control.failed(taken, reason)
         except RunFailure as error:
             raise RunFailure(f"mechanics: {error}") from None
-        rejected += 1
+        failed += 1

@@ -35,7 +35,7 @@ class Counts:
     Attributes:
         steps: Thermal steps. rejected: Tried and not kept. limited: Taken by backward Euler because
             the second-order scheme left the physical bounds, or would have come back.
-        windows: Of the coupling. cut_back: Tried and not kept.
+        windows: Of the coupling. cut_back: That failed. cut_for_error: Whose error was too large.
         coupling_iterations: In windows that were kept. gap_not_converged: Windows repeated as often
             as allowed, as short as sensible, whose gap still changed.
         newton: Newton iterations of the temperature, those of what was not kept included.
@@ -47,6 +47,7 @@ class Counts:
     limited: int = 0
     windows: int = 0
     cut_back: int = 0
+    cut_for_error: int = 0
     coupling_iterations: int = 0
     gap_not_converged: int = 0
     newton: int = 0

@@ -72,6 +72,7 @@ def _steps(run: RunState) -> dict[str, float]:
         found |= {
             "coupling windows": counts.windows,
             "coupling windows cut back": counts.cut_back,
+            "coupling windows cut for their error": counts.cut_for_error,
             "Newton iterations, mechanics": counts.newton_mechanics,
         }
         if simulation.coupling is not None and simulation.coupling.gap is not None:

@@ -108,6 +108,7 @@ class TimeLoop:
             substeps, result, run.state = found.substeps, found.mechanical, found.state
             counts.windows += 1
             counts.cut_back += failed
+            counts.cut_for_error += found.cut_for_error
             counts.coupling_iterations += found.iterations
             counts.gap_not_converged += not found.gap_converged
         else:

@@ -89,12 +89,13 @@ def shell(times: list[float], carbon: float, layer: float = 0.05e-3) -> list[She
         common = -alone.mean()
         return np.concatenate([alone + common, flowing, [common / STIFFNESS]])
 
-    unknown, begin, frozen, found = np.zeros(1), 0.0, 0, []
+    unknown, begin, frozen = np.zeros(1), 0.0, 0
+    found: list[Shell] = []
     for time in np.sort(np.concatenate([freezing, times])):
         if frozen:
-            found = solve_ivp(rates, (begin, time), unknown, "LSODA", rtol=1e-6, atol=1e-8)
-            assert found.success, found.message
-            unknown = found.y[:, -1]
+            answer = solve_ivp(rates, (begin, time), unknown, "LSODA", rtol=1e-6, atol=1e-8)
+            assert answer.success, answer.message
+            unknown = answer.y[:, -1]
         begin = float(time)
         if begin in times:
             parts = unknown[:frozen], unknown[frozen:-1]

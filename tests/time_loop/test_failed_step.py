@@ -26,7 +26,7 @@ from castfem.time_loop.loop import TimeLoop
 RUBBING = (
     "mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "mould.contact=nitsche",
     "casting.length=210 mm", "coupling.interval=0.5 s", "mesh.surface_size=3 mm",
-    "mesh.corner_size=3 mm", "mesh.face_size=14 mm",
+    "mesh.corner_size=3 mm", "mesh.face_size=14 mm", "coupling.window_error=1000 K",
 )  # fmt: skip
 BEFORE, WHEN = 3.0, 3.5  # s: the window whose first attempt fails, the corner half open
 Bits = dict[str, bytes]
@@ -63,27 +63,33 @@ class Attempts:
         self.given: list[StrandState] = []
         self._spoil, self._patch, self._take = spoil, patch, StaggeredCoupling.take
         patch.setattr(
-            StaggeredCoupling, "take", lambda coupling, old, end: self.take(coupling, old, end)
+            StaggeredCoupling,
+            "take",
+            lambda coupling, old, end, error: self.take(coupling, old, end, error),
         )
 
-    def take(self, coupling: StaggeredCoupling, old: StrandState, end: float) -> CouplingWindow:
+    def take(
+        self, coupling: StaggeredCoupling, old: StrandState, end: float, error: float
+    ) -> CouplingWindow:
         if len(self.given) < len(self.before):
             self.given.append(old)
         if self.before or end != WHEN:
-            return self._take(coupling, old, end)
+            return self._take(coupling, old, end, error)
         self.before.append(bits(old))
-        found = self._fail(coupling, old, end)
+        found = self._fail(coupling, old, end, error)
         self.after.append(bits(old))
         assert not found.converged and found.state is old
         return found
 
-    def _fail(self, coupling: StaggeredCoupling, old: StrandState, end: float) -> CouplingWindow:
+    def _fail(
+        self, coupling: StaggeredCoupling, old: StrandState, end: float, error: float
+    ) -> CouplingWindow:
         if self._spoil is None:
             nothing: Any = SimpleNamespace(reason="spoilt", refused=False, unborne=False)
             return CouplingWindow(False, old, nothing, nothing, 1)
         with self._patch.context() as patch:
             self._spoil(patch)
-            return self._take(coupling, old, end)
+            return self._take(coupling, old, end, error)
 
 
 def untried(patch: pytest.MonkeyPatch) -> None:
@@ -144,7 +150,7 @@ def repeated(patch: pytest.MonkeyPatch) -> None:
         return replace(result, converged=False, state=old, reason="spoilt", balance=None)
 
     patch.setattr(MechanicalStepper, "step", second)
-    patch.setattr(StaggeredCoupling, "_misjudged", lambda *given: np.inf)
+    patch.setattr(StaggeredCoupling, "_misjudged", lambda *given: 1e3)  # K
 
 
 class Undisturbed(Kept):
