@@ -19,7 +19,7 @@ from castfem.bulging.spans import Rolls, over_rolls
 from castfem.errors import RunFailure
 from castfem.values.types import Array
 
-REACH = 2  # pitches to each side over which rolls that are not alike are felt
+ABOVE, BELOW = 2, 3  # pitches over which rolls that are not alike are felt: what has crept goes on
 _PULL = 1e-3  # of the pressure on a pitch: a roll that pulls by more is left
 _INTO = 1e-6  # m: a shell that lies so far beyond a roll it had left touches it again
 
@@ -62,19 +62,17 @@ class UnevenRolls:
 
     def near(self, pitch: int) -> bool:
         """Whether a defect is felt in a pitch, told by the index of the roll above it."""
-        return any(abs(pitch - mark) <= REACH for mark in self.marks)
+        return any(-ABOVE <= pitch - mark <= BELOW for mark in self.marks)
 
     def around(self, pitch: int) -> tuple[int, int]:
         """First and last roll of the strip of a pitch; beyond the machine they count on."""
-        first = last = pitch
-        marks = sorted(mark for mark in self.marks if abs(pitch - mark) <= REACH)
-        marks = marks or [pitch]
-        first, last = marks[0], marks[-1]
+        marks = [mark for mark in self.marks if -ABOVE <= pitch - mark <= BELOW] or [pitch]
+        first, last = min(marks), max(marks)
         for mark in sorted(self.marks, reverse=True):
-            first = mark if 0 < first - mark <= 2 * REACH else first
+            first = mark if 0 < first - mark <= ABOVE + BELOW else first
         for mark in sorted(self.marks):
-            last = mark if 0 < mark - last <= 2 * REACH else last
-        return first - REACH - 1, last + REACH + 2
+            last = mark if 0 < mark - last <= ABOVE + BELOW else last
+        return first - ABOVE - 1, last + BELOW + 2
 
     def position(self, index: int) -> float:
         """Position of a roll, or of one that is thought to be beyond the machine, m."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from castfem.bulging import CreepingStrip, Rolls, Shell, Span, over_rolls
-from castfem.bulging.uneven import REACH, UnevenRolls
+from castfem.bulging.uneven import ABOVE, BELOW, UnevenRolls
 from castfem.constitutive import ThermoElastic, load_elasticity, load_law
 from castfem.values.types import Array
 
@@ -44,7 +44,7 @@ def test_a_lost_roll_is_that_of_the_strip_over_all_rolls_and_fades() -> None:
     places = np.delete(PLACES, 6)
     rolls = uneven(ELASTIC, places, NONE[:-1], 5)
     near = [k for k in range(len(places) - 1) if rolls.near(k)]
-    assert near == list(range(5 - REACH, 5 + REACH + 1))
+    assert near == list(range(5 - ABOVE, 5 + BELOW + 1))
     whole = over_rolls(ELASTIC, Rolls(tuple(places), (0.0,) * 11, PRESSURE, SPEED), SHELL)
     found = {k: rolls.bulge(k, span(places, k), SHELL, 1.0) for k in near}
     for k, one in found.items():
@@ -96,6 +96,6 @@ def test_at_the_ends_of_a_machine_its_rolls_are_taken_to_go_on() -> None:
 
 
 def test_neighbouring_defects_share_a_strip() -> None:
-    rolls = uneven(ELASTIC, PLACES, NONE, 2, 5, 11)
-    assert rolls.around(3) == rolls.around(0) == rolls.around(7) == (-1, 9)
-    assert rolls.around(10) == (8, 15) and not rolls.near(8)
+    rolls = uneven(ELASTIC, PLACES, NONE, 2, 5, 12)
+    assert rolls.around(3) == rolls.around(0) == rolls.around(7) == (-1, 10)
+    assert rolls.around(11) == (9, 17) and not rolls.near(9)
