@@ -9,7 +9,7 @@ BIN := $(HOME_OF_ENV)/bin
 NP ?= 1
 CASE := cases/billet125/taper_1.toml
 OUT := results/billet125/taper_1
-SLABS := reference locked_48 locked_48_52 misaligned_48 imposed_axis
+SLABS := reference locked_48 locked_48_52 misaligned_48 imposed_axis warm_edges nozzles_47_52
 MOULDS := idealised taper_3 taper_1 taper_0 taper_minus_1 taper_minus_3
 
 .PHONY: help env billet billets slabs test lint benchmark clean-env clean

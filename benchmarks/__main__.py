@@ -38,6 +38,7 @@ BENCHMARKS = {
     "liquid": "benchmarks.liquid",
     "order": "benchmarks.order",
     "bulging": "benchmarks.bulging",
+    "slabs": "benchmarks.slabs",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -59,6 +60,7 @@ PAGES = {
     "liquid": "mechanics.md",
     "order": "coupling.md",
     "bulging": "slab.md",
+    "slabs": "slab.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

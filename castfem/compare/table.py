@@ -94,14 +94,18 @@ def lines(runs: Sequence[Run], base: Run, *, everything: bool = False) -> list[L
 def _way(
     histories: Sequence[pandas.DataFrame | None], base: Run, runs: Sequence[Run]
 ) -> tuple[float, ...]:
-    """Positions [m] on the way through the base run's mould; its exit where a run goes beyond."""
+    """Positions [m] on the way through the base run's mould; its exit where a run goes beyond.
+
+    None above the place where the base run begins.
+    """
     table = histories[runs.index(base)]
     if table is None:
         return ()
     end, _ = mould_exit(table["position"].to_numpy(), base.summary)
     ends = [float(t["position"].iloc[-1]) for t in histories if t is not None]
     beyond = any(last > end * (1 + _SAME) for last in ends)
-    return tuple(share * end for share in _WAY) + ((end,) if beyond else ())
+    start = float(table["position"].iloc[0]) * (1 - _SAME)
+    return tuple(s * end for s in _WAY if s * end >= start) + ((end,) if beyond else ())
 
 
 def _line(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
 from castfem.output.summary import Quantity
@@ -29,7 +30,19 @@ HEADLINE = (
     "size_corner",
     "displacement_mid_face",
     "displacement_corner",
+    "bending_I1_max",
+    "bending_I2_max",
+    "straightening_I1_max",
+    "straightening_I2_max",
+    "way_I1_max",
+    "way_I2_max",
+    "slice_thickness_centre",
     "metallurgical_length",
+)
+# Place, position, roll, time and phase of the largest value of a map.
+_PLACE = re.compile(
+    r", (?:[^,]+, (?:corner|[^,]+ from the corner)|x = [^,]+, y = [^,]+)"
+    r", \d+\.\d\d m(?: \(roll \d+\))?, .*$"
 )
 _SAME = 1e-6  # relative; faces of a square section differ by less
 
@@ -58,4 +71,4 @@ def _same_as_mid_face(run: Mapping[str, Quantity], name: str) -> bool:
 
 def plain_label(quantity: Quantity) -> str:
     """Return the label without where in this very run the value was found."""
-    return quantity.label.partition(", at x")[0]
+    return _PLACE.sub("", quantity.label.partition(", at x")[0])

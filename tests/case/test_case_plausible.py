@@ -188,9 +188,17 @@ def test_what_does_not_fit_the_steel_is_told() -> None:
     assert "lies below the liquidus of plain_carbon" in line and "% of solid" in line
 
 
+# Slabs whose upper rows of nozzles reach the edges on purpose, and spray past them a little.
+OVER_THE_EDGE = ("edges", "warm_edges", "nozzles_47_52")
+
+
 @pytest.mark.parametrize("path", shipped_cases.shipped().values(), ids=shipped_cases.shipped())
 def test_shipped_cases_are_meant(path: Path) -> None:
-    assert read_case(path).warnings == ()
+    told = read_case(path).warnings
+    if path.stem in OVER_THE_EDGE:
+        assert len(told) == 2 and all("4 % of the water misses the face" in one for one in told)
+    else:
+        assert told == ()
 
 
 def test_a_faulty_case_has_other_worries() -> None:

@@ -13,6 +13,7 @@ import castfem
 from castfem.case import load_case
 from castfem.case.shipped_cases import find
 from castfem.output.folder import RunRecord
+from castfem.output.summary import Quantity
 from castfem.report.headline import plain_label
 from castfem.report.show import show
 from castfem.results.labels import last_quantities
@@ -52,3 +53,25 @@ def test_the_words_are_those_of_the_report(tmp_path):
     for name, quantity in found.items():
         assert (quantity.label, quantity.unit) == (plain_label(finished[name]), finished[name].unit)
         assert quantity.value == pytest.approx(finished[name].value, rel=1e-9, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("label", "plain"),
+    [
+        (
+            "largest I1, axial tension in the band, bending, extrados, corner, 4.10 m (roll 15), "
+            "205 s, bending",
+            "largest I1, axial tension in the band, bending",
+        ),
+        (
+            "largest I1, axial tension in the band on the way, intrados, 61.4 mm from the corner, "
+            "16.83 m, 841.6 s, straightening",
+            "largest I1, axial tension in the band on the way",
+        ),
+        ("largest gap, x = 1.0, y = 2.0 mm, 0.52 m, 8.5 s, mould", "largest gap"),
+        ("von Mises stress, narrow face", "von Mises stress, narrow face"),
+    ],
+)
+def test_a_plain_label_does_not_tell_the_place(label: str, plain: str) -> None:
+    """Beside other runs the place of one of them would mislead."""
+    assert plain_label(Quantity(1.0, "Pa", label)) == plain

@@ -1,0 +1,110 @@
+"""What the tables of the slab's defects read from a run: which rows, which face, which roll."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks import slabs
+from benchmarks.report import Output
+from castfem.case import load_case
+from castfem.machine.rolls import Rolls
+from castfem.machine.stations import Stations
+from castfem.output.surface_line import SurfaceLine
+
+CASES = Path(__file__).parents[2] / "cases" / "slab1200"
+
+
+def rolls() -> Rolls:
+    case = load_case(CASES / "reference.toml")
+    assert case.machine is not None
+    found = case.machine.pairs()
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def stations() -> Stations:
+    return Stations(rolls(), 0.22, 0.8)
+
+
+class Maps:
+    """A row at each of some rolls; mid-width and corner of both wide faces."""
+
+    def __init__(self, stations: Stations, numbers: tuple[int, ...]) -> None:
+        assert stations.rolls is not None
+        self.position = np.array([stations.rolls.pairs[n - 1].position for n in numbers])
+        place = np.array([[0.0, -0.11], [0.6, -0.11], [0.6, 0.11], [0.0, 0.11]])
+        line = SurfaceLine(
+            np.arange(4), place, np.array([0.0, 0.6, 0.82, 1.42]),
+            ("extrados", "narrow face", "intrados"), np.array([0, 0, 2, 2]),
+            np.array([0.6, 0.0, 0.0, 0.6]), False,
+        )  # fmt: skip
+        self.heading = SimpleNamespace(line=line, band=(1073.15, 1223.15))
+        shape = (len(numbers), 4)
+        self.values = {"temperature": np.full(shape, 1300.0)}
+        self.values |= {"I1": np.zeros(shape), "I2": np.zeros(shape)}
+
+    def __getitem__(self, name: str) -> Any:
+        return self.values[name]
+
+
+def test_what_is_near_a_misaligned_roll(stations: Stations) -> None:
+    """Behind #47, up to #50, by face: what lies outside is not taken."""
+    maps: Any = Maps(stations, (47, 48, 49, 50, 51))
+    maps["I1"][:, 1] = 90e6, 10e6, 20e6, 30e6, 80e6
+    maps["I2"][:, 2] = 9e-4, 1e-4, 3e-4, 2e-4, 8e-4
+    found = slabs._between(maps, stations, slabs.DEFECT)
+    assert found["defect_extrados_I1"] == pytest.approx(30.0)
+    assert found["defect_intrados_I1"] == 0.0
+    assert found["defect_intrados_I2"] == pytest.approx(30.0)
+    assert found["defect_extrados_I2"] == 0.0
+
+
+def test_the_worst_place_of_a_phase(stations: Stations) -> None:
+    maps: Any = Maps(stations, (12, 15, 30, 56, 57))
+    maps["I1"][:, 2] = 1e6, 2e6, 99e6, 5e6, 7e6
+    maps["I1"][1, 1] = 4e6
+    maps["temperature"][4, 2] = 1093.15
+    found = slabs._worst(maps, stations, "straightening")
+    assert found["straightening_place"].startswith("intrados, corner")
+    assert found["straightening_roll"] == 57
+    assert found["straightening_warm"] == pytest.approx(820.0)
+    found = slabs._worst(maps, stations, "bending")
+    assert found["bending_place"].startswith("extrados, corner")
+    assert found["bending_roll"] == 15
+
+
+def test_surface_between_the_rolls_with_less_water(stations: Stations) -> None:
+    maps: Any = Maps(stations, (47, 49, 52, 53))
+    maps["temperature"][:, 3] = 0.0, 1173.15, 1273.15, 0.0
+    found = slabs._surface(maps, stations)
+    assert found["warm_intrados"] == pytest.approx(950.0)
+    assert found["band_intrados"] == pytest.approx(25.0)  # one of four
+    assert found["band_extrados"] == 0.0
+
+
+def test_largest_effort_and_its_roll(stations: Stations) -> None:
+    assert stations.rolls is not None
+    at = [stations.rolls.pairs[n - 1].position for n in (50, 55, 57)]
+    history = pd.DataFrame({"position": at, "effort": [90.0, 110.0, 20.0]})
+    history.attrs["units"] = {"effort": "kN"}
+    assert slabs._effort(history, stations) == {"effort": 110.0, "effort_roll": 55}
+
+
+def test_a_run_that_has_not_finished_is_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert slabs._case(tmp_path / "locked_48") is None
+    assert "locked_48: not finished, left out" in capsys.readouterr().out
+
+
+def test_the_thesis_stands_in_brackets(tmp_path: Path) -> None:
+    assert slabs._beside({"a": 34.26, "a_thesis": 41.1}, "a") == "34.3 (41.1)"
+    assert slabs._beside({"a": 34.26, "a_thesis": None}, "a") == "34.3"
+    assert Output(tmp_path).rows("slab_defects") == []
