@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from castfem.case import effort
+from castfem.case.check_cooling import law_groups
 from castfem.case.check_secondary import secondary_doubts
 from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
 from castfem.case.machine import machine_doubts
@@ -18,7 +19,6 @@ from castfem.case.model import Case
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
 from castfem.case.section import Section
-from castfem.case.validation import law_groups
 from castfem.mould.taper import TaperProfile
 from castfem.support.messages import Path
 from castfem.thermal.sprays import CORRELATIONS

@@ -85,9 +85,8 @@ def _locked(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    # By this name filelock tells that the file system knows no flock() (ENOSYS): nothing of ours is
-    # left to be written.
     except NotImplementedError:
+        # filelock's word for a file system that knows no flock() (ENOSYS); no code is missing here.
         return False
     return True
 

@@ -1,0 +1,210 @@
+"""Checks of the cooling: its zones, the laws on the surface, the wall of the mould."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
+from castfem.case.model import Case
+from castfem.case.problems import Problem
+from castfem.case.section import Section
+from castfem.support.messages import choices
+from castfem.values.same_place import ROUNDING
+from castfem.values.tables import Table
+from castfem.values.units import format, nearest
+
+_SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the same place
+_THINNEST = 1e-7  # m: a gap that halves the heat; surfaces are a hundred times as rough
+
+
+def check_cooling(case: Case) -> Iterator[Problem]:
+    """Yield what of the cooling does not fit together, or to mould and section."""
+    yield from _zones(case)
+    yield from _laws(case)
+    yield from _mould_and_zones(case)
+
+
+def in_mm(length: float) -> str:
+    """A length in m as messages have it."""
+    return format(length, "m", "mm")
+
+
+def _zones(case: Case) -> Iterator[Problem]:
+    zones = case.cooling
+    if zones is None:
+        return
+    names: list[str] = []
+    reached = 0.0
+    for index, zone in enumerate(zones):
+        if zone is None:
+            continue
+        if zone.name in names:
+            yield Problem(("cooling", index, "name"), f'("{zone.name}") is used twice')
+        names.append(zone.name)
+        if zone.to is None:
+            if "to" not in zone.model_fields_set and index < len(zones) - 1:
+                yield Problem(
+                    ("cooling", index), "'to' is missing; only the last zone may leave it out"
+                )
+            continue
+        if zone.to <= reached:
+            yield Problem(
+                ("cooling", index, "to"),
+                f"({in_mm(zone.to)}) does not lie beyond the end of the zone before "
+                f"({in_mm(reached)}); zones follow one another in casting order",
+            )
+        elif zone.to - reached < _SHORTEST:
+            yield Problem(
+                ("cooling", index, "to"),
+                f"({in_mm(zone.to)}) lies {1e9 * (zone.to - reached):.3g} nm below the end of the "
+                f"zone before; a zone is at least {1e6 * _SHORTEST:g} um long: leave it out",
+            )
+        reached = max(reached, zone.to)
+    last = zones[-1]
+    length = case.casting.length if case.casting else None
+    open_end = last is None or "to" not in last.model_fields_set or last.to is None
+    if case.secondary is not None or "secondary" in case.model_fields_set:
+        return  # it holds below them
+    if not open_end and length is not None and reached < length:
+        yield Problem(
+            ("cooling", len(zones) - 1, "to"),
+            f"({in_mm(reached)}) ends before casting.length ({in_mm(length)}); "
+            "add a zone, or leave out 'to' in the last",
+        )
+
+
+def _laws(case: Case) -> Iterator[Problem]:
+    known = case.section.outer_groups() if is_complete(case.section) else ()
+    for i, zone in enumerate(case.cooling or ()):
+        laws = (zone.surface if zone else None) or ()
+        for j, law in enumerate(laws):
+            path = ("cooling", i, "surface", j)
+            if isinstance(law, Contact):
+                yield from _contact(case, law, path)
+            if known:
+                yield from unknown_groups(law.on, known, (*path, "on"))
+                yield from _clash(law, laws[:j], case.section.cooled_groups(), known, path)
+
+
+def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield what a contact law lacks, given the mould there is."""
+    gapless = law.gap == 0.0 or (law.gap is None and case.mould is None)
+    if not gapless and "gap_conductivity" not in law.model_fields_set:
+        yield Problem(path, 'a gap needs its gap_conductivity, such as "0.15 W/(m K)"')
+    mould, conductivity = case.mould, law.gap_conductivity
+    if not gapless and None not in (conductivity, law.coefficient):
+        assert conductivity is not None
+        halving = conductivity / law.coefficient if law.coefficient > 0.0 else _THINNEST
+        if law.gap is None and halving < _THINNEST:
+            yield Problem(
+                (*path, "gap_conductivity"),
+                f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the "
+                "heat, and rounding decide on it; gases and slags have 0.02 to 2 W/(m K)",
+            )
+    of_mould = None if mould is None else mould.wall_temperature
+    own = "wall" in law.model_fields_set and law.wall != MOULD
+    if own and None not in (law.wall, of_mould) and law.wall != of_mould:
+        here, there = _degrees(law.wall), _degrees(of_mould)
+        yield Problem(
+            (*path, "wall"), f"{here} here, {there} as mould.wall_temperature; leave one of the "
+            'two out, or set this to "mould"'
+        )  # fmt: skip
+    if not own and (mould is None or "wall_temperature" not in mould.model_fields_set):
+        yield Problem(
+            path, 'wall is missing; the temperature of the wall, such as "160 degC", here or as '
+            "mould.wall_temperature"
+        )  # fmt: skip
+
+
+def _degrees(wall: Any) -> str:
+    return "a table" if isinstance(wall, Table) else format(wall, "K", "degC")
+
+
+def _follows(zone: Zone | None) -> bool:
+    """Return whether heat crosses the gap that opens in the mould, in a zone of a case with one."""
+    laws = (zone.surface if zone else None) or ()
+    return any(isinstance(law, Contact) and "gap" not in law.model_fields_set for law in laws)
+
+
+def _mould_and_zones(case: Case) -> Iterator[Problem]:
+    """Yield where the heat still has, or has no longer, the wall that the mechanics has."""
+    zones, mould = case.cooling, case.mould
+    length = None if case.casting is None else case.casting.length
+    if zones is None or mould is None or mould.length is None or length is None:
+        return
+    index = max((i for i, zone in enumerate(zones) if _follows(zone)), default=None)
+    if index is None:
+        return
+    zone, ends = zones[index], mould.length * (1 + ROUNDING)
+    if zone.to is None and "to" in zone.model_fields_set:
+        return
+    start = max((z.to for z in zones[:index] if z is not None and z.to is not None), default=0.0)
+    last = length if zone.to is None else min(zone.to, length)
+    if start < length and last > ends:
+        yield Problem(
+            ("cooling", index) if zone.to is None else ("cooling", index, "to"),
+            f"{'goes on' if zone.to is None else f'({in_mm(zone.to)}) lies'} below the end of the "
+            f"mould ({in_mm(mould.length)}), where there is no wall to take the heat; give "
+            f'to = "{in_mm(mould.length)}" and add a zone, make mould.length longer, or give the '
+            'contact law a gap of its own, gap = "0 mm"',
+        )
+    after = zones[index + 1] if index + 1 < len(zones) else None
+    walled = (Contact, Flux, PrescribedTemperature)
+    if after is None or not after.surface or any(isinstance(w, walled) for w in after.surface):
+        return
+    if last * (1 + ROUNDING) < min(mould.length, length):
+        yield Problem(
+            ("mould", "length"),
+            f"({in_mm(mould.length)}) goes on below the contact of zone '{zone.name}' "
+            f"({in_mm(last)}), where zone '{after.name}' cools the strand as if it were in the open; "
+            f'give mould.length = "{in_mm(last)}" or the zone to = "{in_mm(mould.length)}"',
+        )
+
+
+def _clash(
+    law: Any,
+    before: tuple[Any, ...],
+    default: tuple[str, ...],
+    known: tuple[str, ...],
+    path: tuple[str | int, ...],
+) -> Iterator[Problem]:
+    """Yield a problem if a given temperature meets another law on the same boundary group."""
+    own = set(_matching(law.on or default, known))
+    for other in before:
+        shared = own & set(_matching(other.on or default, known))
+        if shared and any(isinstance(it, PrescribedTemperature) for it in (law, other)):
+            yield Problem(
+                path, f"a given temperature on {choices(sorted(shared))} excludes other laws there"
+            )
+            return
+
+
+def is_complete(section: Any) -> bool:
+    """Return whether all that decides on the section's boundary groups is sound."""
+    return section is not None and None not in (
+        getattr(section, "symmetry", "whole"),
+        getattr(section, "corner_radius", 0.0),
+    )
+
+
+def law_groups(section: Section, law: HeatLaw) -> set[str]:
+    """Return the boundary groups of a sound section on which a heat law holds."""
+    return set(_matching(law.on or section.cooled_groups(), section.outer_groups()))
+
+
+def _matching(on: tuple[str, ...], known: tuple[str, ...]) -> list[str]:
+    return [group for group in known if any(group.startswith(name) for name in on)]
+
+
+def unknown_groups(
+    on: tuple[str, ...] | None, known: tuple[str, ...], path: tuple[str | int, ...]
+) -> Iterator[Problem]:
+    """Yield names that stand for no boundary group."""
+    for name in on or ():
+        if not name or not any(group.startswith(name) for group in known):
+            yield Problem(
+                path,
+                f'no boundary group "{name}" on this section; allowed: {choices(known)} '
+                f"or how they begin{nearest(name, known)}",
+            )
