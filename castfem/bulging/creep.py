@@ -12,7 +12,7 @@ are implicit of first order; the answer is extrapolated from two numbers of step
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -57,6 +57,7 @@ class Pitch:
         start: Stress and state at the upstream roll.
         deflection: With slope, (2, m+1), of the strip that is straight on the average.
         curvature: Of the same, (m+1,).
+        change: Of the deflection since the pass before, over the largest; infinite in the first.
     """
 
     z: Array
@@ -65,6 +66,7 @@ class Pitch:
     start: Condition
     deflection: Array
     curvature: Array
+    change: float = np.inf
 
     @property
     def size(self) -> float:
@@ -99,20 +101,11 @@ class CreepingStrip:
         coarse, _ = self.periodic(layers, span, self.steps // 2)
         guess = None if accumulates(self.law) else coarse
         fine, periodic = self.periodic(layers, span, self.steps, guess)
-        w, slope = 2.0 * fine.deflection[:, ::2] - coarse.deflection
-        return Bulge(
-            z=coarse.z,
-            deflection=w,
-            slope=slope,
-            moment=fine.moment[::2],
-            curvature=2.0 * fine.curvature[::2] - coarse.curvature,
-            axial_strain=2.0 * fine.history.axial_strain[::2] - coarse.history.axial_strain,
-            neutral=layers.stiffness.neutral,
-            thickness=shell.thickness,
-            roll_force=np.array([span.pressure * span.length]),
-            periodic=periodic,
-            error=float(np.abs(w - fine.deflection[0, ::2]).max()),
-        )
+        bulge = extrapolated(coarse, fine, layers, np.array([span.pressure * span.length]))
+        if periodic or accumulates(self.law):
+            return replace(bulge, periodic=periodic)
+        missing = fine.change * fine.size  # it still moves by this from pass to pass
+        return replace(bulge, periodic=False, error=bulge.error + missing)
 
     def periodic(
         self,
@@ -142,6 +135,23 @@ class CreepingStrip:
                 return search.pitch, True
             search.move(accelerated=k > 0 and not grows)
         return search.pitch, False
+
+
+def extrapolated(coarse: Pitch, fine: Pitch, layers: Layers, roll_force: Array) -> Bulge:
+    """Return the bulge of two strips, one with twice the steps: the scheme is of first order."""
+    w, slope = 2.0 * fine.deflection[:, ::2] - coarse.deflection
+    return Bulge(
+        z=coarse.z,
+        deflection=w,
+        slope=slope,
+        moment=fine.moment[::2],
+        curvature=2.0 * fine.curvature[::2] - coarse.curvature,
+        axial_strain=2.0 * fine.history.axial_strain[::2] - coarse.history.axial_strain,
+        neutral=layers.stiffness.neutral,
+        thickness=layers.points.thickness,
+        roll_force=roll_force,
+        error=float(np.abs(w - fine.deflection[0, ::2]).max()),
+    )
 
 
 class _Search:
@@ -176,11 +186,10 @@ class _Search:
         # In its first step virgin steel takes up the moment: that is no creep.
         self._gap = float(kappa[-1] - kappa[1 if self._virgin else 0])
         self.gap = self._gap / max(float(np.ptp(kappa)), 1e-300)
-        new = Pitch(z, moment, history, self._start, w, kappa)
-        before = self._latest
+        new, before = Pitch(z, moment, history, self._start, w, kappa), self._latest
         if before is not None and len(before.z) == len(z):
             self.change = float(np.abs(w[0] - before.deflection[0]).max()) / new.size
-        self._latest, self._virgin = new, False
+        self._latest, self._virgin = replace(new, change=self.change), False
 
     @property
     def pitch(self) -> Pitch:

@@ -53,7 +53,8 @@ class Bulge:
         thickness: Of the shell, m.
         roll_force: On each roll that has a span on both sides, N per metre of width.
         periodic: Whether the strip has come to its periodic state.
-        error: Estimate of the error of the deflection that comes from the steps, m.
+        error: Estimate of the error of the deflection, m: of its steps, and what a strip still
+            moves that should repeat itself and does not yet.
     """
 
     z: Array

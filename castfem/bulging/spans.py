@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from castfem.bulging.creep import CreepingStrip, Pitch, nodes
+from castfem.bulging.creep import CreepingStrip, Pitch, extrapolated, nodes
 from castfem.bulging.layers import LayerHistory, Layers
 from castfem.bulging.result import Bulge, Span
 from castfem.bulging.shell import Shell
@@ -77,19 +77,7 @@ def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
     layers = Layers(strip.law, shell.points(strip.layers, shell.breaks(strip.law)))
     coarse, found = _Spans(strip, rolls, layers, strip.steps // 2).solved()
     fine, _ = _Spans(strip, rolls, layers, strip.steps).solved(found)
-    w, slope = 2.0 * fine.deflection[:, ::2] - coarse.deflection
-    return Bulge(
-        z=coarse.z,
-        deflection=w,
-        slope=slope,
-        moment=fine.moment[::2],
-        curvature=2.0 * fine.curvature[::2] - coarse.curvature,
-        axial_strain=2.0 * fine.history.axial_strain[::2] - coarse.history.axial_strain,
-        neutral=layers.stiffness.neutral,
-        thickness=shell.thickness,
-        roll_force=_forces(rolls, fine.moment[:: strip.steps]),
-        error=float(np.abs(w - fine.deflection[0, ::2]).max()),
-    )
+    return extrapolated(coarse, fine, layers, _forces(rolls, fine.moment[:: strip.steps]))
 
 
 def _forces(rolls: Rolls, moments: Sequence[float] | Array) -> Array:

@@ -157,8 +157,8 @@ def _mould_and_zones(case: Case) -> Iterator[Problem]:
         yield Problem(
             ("mould", "length"),
             f"({in_mm(mould.length)}) goes on below the contact of zone '{zone.name}' "
-            f"({in_mm(last)}), where zone '{after.name}' cools the strand as if it were in the open; "
-            f'give mould.length = "{in_mm(last)}" or the zone to = "{in_mm(mould.length)}"',
+            f"({in_mm(last)}), where zone '{after.name}' cools the strand as if it were in the "
+            f'open; give mould.length = "{in_mm(last)}" or the zone to = "{in_mm(mould.length)}"',
         )
 
 

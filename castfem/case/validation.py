@@ -142,8 +142,8 @@ def _mesh(case: Case) -> Iterator[Problem]:
         if None not in (fine, coarse) and fine > coarse:
             yield Problem(
                 ("mesh", small),
-                f"({in_mm(fine)}) is larger than {big} ({in_mm(coarse)}); cells grow from the surface "
-                "to the core and from the corner to the middle of a face",
+                f"({in_mm(fine)}) is larger than {big} ({in_mm(coarse)}); cells grow from the "
+                "surface to the core and from the corner to the middle of a face",
             )
     straight = mesh.cell == "quadrilateral" and mesh.order == 1
     if case.mould is not None and straight and section.is_curved():

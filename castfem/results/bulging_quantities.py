@@ -47,6 +47,15 @@ def bulge_pitch(sample: Sample) -> float:
     return float(_rolls(sample).memory["largest"].max(initial=0.0))
 
 
+@quantity("bulge_error", unit="um", label="largest error of a bulge so far", needs=("bulging",))
+def bulge_error(sample: Sample) -> float:
+    """Estimate of the error of the strip's deflection, the largest of all pitches so far.
+
+    That of its steps and, where it should repeat itself and does not yet, what it still moves.
+    """
+    return float(_rolls(sample).memory["error"].max(initial=0.0))
+
+
 @quantity(
     "roll_force", unit="kN/m", label="force on the last pair of rolls, a metre of width",
     needs=("bulging",),

@@ -141,7 +141,7 @@ class PitchByPitch:
     ) -> Memory:
         """What is remembered of a pitch that begins at `time` (s), after so many rolls."""
         new = {name: np.array(values) for name, values in self.initial().items()}
-        new["pitch"][0] = passed
+        new["pitch"][0], new["error"][:] = passed, old["error"]  # the largest so far
         if passed == len(self.rolls):  # beyond the last nothing bulges
             head = self.core.head(time)
             new["z"][:] = np.arange(self.nodes)
@@ -159,7 +159,7 @@ class PitchByPitch:
             bulge, added = self._bulge(passed - 1, _outward(group), span, profiles[probe])
             new["stiffness"][i] = head / max(bulge.largest, LEAST_BULGE)
             new["thickness"][i], new["largest"][i] = bulge.thickness, bulge.largest
-            new["load"][i], new["error"][i] = p * span.length, bulge.error
+            new["load"][i], new["error"][i] = p * span.length, max(old["error"][i], bulge.error)
             new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])
             if added is not None:
                 new["force"][i], new["added"][i] = bulge.roll_force[0], added

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span, stiffness
+from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span, creep, stiffness
 from castfem.bulging.creep import accumulates, nodes
 from castfem.bulging.layers import Condition, Layers
 from castfem.constitutive import Elasticity, NortonCreep, ThermoElastic, load_elasticity, load_law
@@ -304,3 +304,13 @@ def test_slower_strand_and_softer_front_bulge_more() -> None:
     reference = gamma.bulge(lost, shell).largest
     assert 1.4 < gamma.bulge(replace(lost, speed=0.01), shell).largest / reference < 1.8
     assert 1.4 < delta.bulge(lost, shell).largest / reference < 1.8
+
+
+def test_what_is_missing_to_repetition_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that is broken off says by how much its bulge may be off."""
+    settled = CreepingStrip(norton(3)).bulge(SPAN, SHELL)
+    monkeypatch.setattr(creep, "PASSES", 2)
+    broken = CreepingStrip(norton(3)).bulge(SPAN, SHELL)
+    assert settled.periodic and not broken.periodic
+    off = float(np.abs(broken.deflection - settled.deflection).max())
+    assert off < broken.error - settled.error < 3.0 * off

@@ -12,6 +12,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from billet_runs import Kept, run_in_memory
+from interrupted import Interrupted
 from small_case import small
 
 from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span
@@ -21,7 +22,6 @@ from castfem.contact.roll_support import RollSupportState
 from castfem.errors import InputError, RunFailure
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import build
-from castfem.support.progress import Progress
 from castfem.time_loop import loop
 
 ROLLS = (0.9, 1.1, 1.3)
@@ -253,19 +253,6 @@ def test_ranks_bulge_alike() -> None:
         assert both[0] == pytest.approx(both[1], rel=1e-6, abs=1e-10)
         moved = [s.strained.moved["mid_face"] for s in (ours, theirs)]
         assert moved[0] == pytest.approx(moved[1], rel=1e-5, abs=1e-9)
-
-
-class Interrupted(Progress):
-    """Ctrl-C after so many steps."""
-
-    def __init__(self, steps: int) -> None:
-        super().__init__(verbosity=-1, terminal=False)
-        self.left = steps
-
-    def update(self, *step: object) -> None:  # type: ignore[override]
-        self.left -= 1
-        if self.left == 0:
-            raise KeyboardInterrupt
 
 
 @pytest.mark.parametrize("steps", [2, 4, 6])

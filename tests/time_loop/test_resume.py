@@ -14,6 +14,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from billet_runs import billet, run
+from interrupted import Interrupted
 from ranks import needs_mpirun, python_on
 
 from castfem.case import Case, load_case
@@ -22,7 +23,6 @@ from castfem.errors import InputError, RunFailure
 from castfem.output.checkpoint import load_checkpoint
 from castfem.output.history import History, read_history
 from castfem.output.summary import Summary
-from castfem.support.progress import Progress
 from castfem.thermal.problem import ThermalProblem
 from castfem.time_loop.interrupt import Interrupt, Stopped
 from castfem.time_loop.recorder import Recorder
@@ -52,19 +52,6 @@ def same_run(one: Path, other: Path) -> None:
     ours, theirs = (read_history(folder / "history.csv") for folder in (one, other))
     assert ours.shape == theirs.shape
     assert np.allclose(ours.to_numpy(), theirs.to_numpy(), rtol=1e-6, atol=1e-9, equal_nan=True)
-
-
-class Interrupted(Progress):
-    """Ctrl-C after so many steps."""
-
-    def __init__(self, steps: int) -> None:
-        super().__init__(verbosity=-1, terminal=False)
-        self.left = steps
-
-    def update(self, *step: object) -> None:  # type: ignore[override]
-        self.left -= 1
-        if self.left == 0:
-            raise KeyboardInterrupt
 
 
 def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException, time: float) -> None:

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from interrupted import Interrupted
 from rolled_case import SECONDARY, circuit, rolled, secondary
 
 from castfem.case import Case
@@ -16,7 +17,6 @@ from castfem.machine.sprays import footprint, scale_water
 from castfem.simulation.secondary import SecondaryCooling, rows_of
 from castfem.simulation.simulation import Simulation, build
 from castfem.support import log
-from castfem.support.progress import Progress
 from castfem.thermal.boundary import Surface
 from castfem.thermal.spray_water import RollShare, SprayWater
 from castfem.time_loop.loop import TimeLoop
@@ -195,25 +195,12 @@ def test_a_roll_takes_its_share() -> None:
     assert 0.0 < (whole - bare) / whole < 0.1
 
 
-class _Stop(Progress):
-    """Ctrl-C after so many steps."""
-
-    def __init__(self, steps: int) -> None:
-        super().__init__(verbosity=-1, terminal=False)
-        self.left = steps
-
-    def update(self, *step: object) -> None:  # type: ignore[override]
-        self.left -= 1
-        if self.left == 0:
-            raise KeyboardInterrupt
-
-
 def test_it_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     """In the middle of a spray, byte for byte."""
     case = rolled(thermal__time={"adaptive": {"first": "50 ms"}}, casting__length="0.7 m")
     run_case(case, tmp_path / "whole")
     with pytest.raises(KeyboardInterrupt):
-        run_case(case, tmp_path / "parts", progress=_Stop(60))
+        run_case(case, tmp_path / "parts", progress=Interrupted(60))
     run_case(case, tmp_path / "parts", resume=True)
     whole, parts = ((tmp_path / n / "history.csv").read_bytes() for n in ("whole", "parts"))
     assert whole == parts and whole.count(b"\n") > 80

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import pandas as pd
 import pytest
+from interrupted import Interrupted
 
 from castfem.case import Case, load_case
 from castfem.case.load import from_document
@@ -49,22 +50,6 @@ class Softening:
         return dict.fromkeys(FACES, bed), {"bulge": bulge}
 
 
-@dataclass
-class Stop:
-    """Ends a run as Ctrl-C does, some steps after it began."""
-
-    after: int
-    taken: int = field(default=0)
-
-    def start(self, *_: Any) -> None:
-        pass
-
-    def update(self, *_: Any) -> None:
-        self.taken += 1
-        if self.taken > self.after:
-            raise KeyboardInterrupt
-
-
 @pytest.fixture
 def case(monkeypatch: pytest.MonkeyPatch) -> Case:
     """From the exit of the mould on; rolls begin there, too."""
@@ -97,7 +82,7 @@ def test_a_slab_on_rolls(case: Case, tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     loop.run(case, whole, comm=MPI.COMM_SELF)
     with pytest.raises(KeyboardInterrupt):
-        loop.run(case, parts, comm=MPI.COMM_SELF, progress=Stop(2))  # type: ignore[arg-type]
+        loop.run(case, parts, comm=MPI.COMM_SELF, progress=Interrupted(3))
     assert len(history(parts)) < len(history(whole)) - 1
     loop.run(case, parts, comm=MPI.COMM_SELF, resume=True)
     assert (parts / "history.csv").read_bytes() == (whole / "history.csv").read_bytes()

@@ -10,7 +10,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from billet_runs import Kept, run_in_memory
-from test_bulging_slab import SLAB, Interrupted, rolls_of
+from interrupted import Interrupted
+from test_bulging_slab import SLAB, rolls_of
 
 from castfem.case import Case
 from castfem.results.sample import Sample
