@@ -7,10 +7,8 @@ from pathlib import Path
 from castfem.case import load_case
 from castfem.case.machine import thickness_of
 from castfem.errors import InputError
-from castfem.output.folder import CASE_NAME
+from castfem.output.folder import CASE_NAME, STRAND_NAME
 from castfem.values import units
-
-STRAND_NAME = "strand.vtu"
 
 
 def write(folder: Path, target: Path | None, every: str) -> None:

@@ -61,9 +61,10 @@ FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 STOPPED = "stopped by the user"  # or by a batch system whose time is up
+STRAND_NAME = "strand.vtu"  # written on demand, from the others
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
-BENDING_FIGURES = ("slice", "maps", "caster")
+BENDING_FIGURES = ("slice", "bulging", "extraction", "maps", "caster", "roll_to_roll")
 TENSILE_FIGURES = ("tensile",)
 ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
 _LOCK_NAME = ".castfem.lock"
@@ -73,7 +74,7 @@ _FORMAT = "castfem run"
 # The checkpoint is the first to go: of what is left of a run nothing is resumed.
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
-    *(SUMMARY_NAME, MAPS_NAME, ROWS_NAME),
+    *(SUMMARY_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME),
     *(f"{FIGURES_NAME}/{name}.png" for name in ALL_FIGURES),
 )
 

@@ -1,4 +1,4 @@
-"""Figures of a strand that is bent: thickness of the slice, neutral axis, axial stress."""
+"""Figures of a strand in its rolls: thickness of the slice, neutral axis, stress; its bulges."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.plots.history import axis_label, curves, has_values
+from castfem.plots.history import axis_label, curves, has_values, unit_of
 from castfem.plots.section import Steel
 from castfem.plots.style import Abscissa, dress, new_panels, place_legend
 
@@ -68,4 +68,27 @@ def _stress(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> None:
     panel.set_ylabel(axis_label(table, curves(table, "axial_stress")[0][2]))
 
 
-BENDING_FIGURES = {"slice": draw_slice}
+def draw_bulging(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
+    """Bulge at the middle of the wide faces, largest of each pitch, and what the rolls bear."""
+    if not has_values(table, "bulge_pitch"):
+        return None
+    figure, axes = new_panels(2, 2.6)
+    for face in ("intrados", "extrados"):
+        colour, style = _PLACES[face], "--" if face == "extrados" else "-"
+        axes[0].plot(
+            abscissa.values, table[f"bulge_{face}"], style, color=colour, linewidth=1.2, label=face
+        )
+    axes[0].plot(
+        abscissa.values, table["bulge_pitch"], ".", color="#333333", markersize=3.5,
+        label="largest of the pitch",
+    )  # fmt: skip
+    axes[0].axhline(0.0, color="#555555", linewidth=0.7)
+    axes[0].set_ylabel(f"bulge [{unit_of(table, 'bulge_pitch')}]")
+    axes[1].plot(abscissa.values, table["roll_force"], color=_PLACES["intrados"], linewidth=1.2)
+    axes[1].set_ylabel(f"force on a roll [{unit_of(table, 'roll_force')}]")
+    dress(axes, abscissa)
+    place_legend(axes[0])
+    return figure
+
+
+BENDING_FIGURES = {"slice": draw_slice, "bulging": draw_bulging}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.output.fields import Fields
-from castfem.output.folder import CASE_NAME, FIGURES_NAME, MAPS_NAME, ROWS_NAME
+from castfem.output.folder import ALL_FIGURES, CASE_NAME, FIGURES_NAME, MAPS_NAME, ROWS_NAME
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
 from castfem.output.xdmf import HDF5_NAME
@@ -72,6 +72,7 @@ def _draw_maps(path: Path, summary: Summary | None) -> list[Path]:
 
 def _target(path: Path, name: str) -> Path:
     """The file of a figure, its folder made."""
+    assert name in ALL_FIGURES, f"{name}: not listed, it would outlive its run"
     target = path / FIGURES_NAME / f"{name}.png"
     with saving(target):
         target.parent.mkdir(exist_ok=True)

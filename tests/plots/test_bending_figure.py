@@ -1,4 +1,4 @@
-"""The figure of a bent strand: three thicknesses, neutral axis within its faces, axial stress."""
+"""Figures of a strand in its rolls: thicknesses, neutral axis within its faces, stress; bulges."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import numpy as np
 import pandas
 import pytest
 
-from castfem.plots.bending import draw_slice
+from castfem.output.folder import ALL_FIGURES
+from castfem.plots.bending import BENDING_FIGURES, draw_bulging, draw_slice
+from castfem.plots.figures import _OVER_SECTION
+from castfem.plots.history import HISTORY_FIGURES
+from castfem.plots.mechanics import MECHANICS_FIGURES
 from castfem.plots.style import Abscissa, look
 
 
@@ -41,3 +45,28 @@ def test_the_slice_is_drawn_over_the_strand() -> None:
     assert {text.get_text() for text in axis.texts} == {"intrados", "extrados"}
     assert axis.get_ylabel() == "neutral axis (y) [mm]"
     assert stress.get_ylabel() == "axial stress [MPa]"
+
+
+def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
+    table = history()
+    for name, most in (("intrados", 0.1), ("extrados", 0.08), ("pitch", 0.12)):
+        table[f"bulge_{name}"] = most * np.sin(table["position"]) ** 2
+    table["roll_force"] = 20.0 * table["position"]
+    table.attrs["units"] |= {"bulge_pitch": "mm", "roll_force": "kN/m"}
+    abscissa = Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
+    with look():
+        figure = draw_bulging(table, abscissa, None)
+        assert draw_bulging(history(), abscissa, None) is None
+    assert figure is not None
+    bulge, force = figure.axes[:2]
+    drawn = {line.get_label(): line.get_ydata() for line in bulge.get_lines()}
+    assert drawn["intrados"] == pytest.approx(table["bulge_intrados"])
+    assert drawn["largest of the pitch"] == pytest.approx(table["bulge_pitch"])
+    assert force.get_lines()[0].get_ydata() == pytest.approx(table["roll_force"])
+    assert (bulge.get_ylabel(), force.get_ylabel()) == ("bulge [mm]", "force on a roll [kN/m]")
+
+
+def test_every_figure_goes_with_the_run_it_is_of() -> None:
+    """A run that replaces another removes what it knows of, by name."""
+    drawn = {**_OVER_SECTION, **HISTORY_FIGURES, **MECHANICS_FIGURES, **BENDING_FIGURES}
+    assert set(drawn) <= set(ALL_FIGURES)
