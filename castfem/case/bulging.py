@@ -12,7 +12,8 @@ from pydantic_core import core_schema
 from castfem.case.base import TableModel
 from castfem.case.problems import Problem
 from castfem.values.quantities import Kind
-from castfem.values.tables import Curve, Table
+from castfem.values.table_notation import Curve
+from castfem.values.tables import Table
 
 if TYPE_CHECKING:
     from castfem.case.model import Case

@@ -10,7 +10,8 @@ from castfem.case.base import TableModel, written
 from castfem.machine.travel import Changing, Steady, Travel
 from castfem.values import units
 from castfem.values.quantities import Kind, Length, Percent, Superheat, Temperature, Time
-from castfem.values.tables import Curve, Table
+from castfem.values.table_notation import Curve
+from castfem.values.tables import Table
 
 ThermalField = Literal["temperature", "solid_fraction"]
 MechanicalField = Literal[

@@ -28,7 +28,8 @@ from castfem.values.quantities import (
     WaterFlow,
     WaterTemperature,
 )
-from castfem.values.tables import Curve, CurveOr, Table
+from castfem.values.table_notation import Curve, CurveOr
+from castfem.values.tables import Table
 
 if TYPE_CHECKING:
     from castfem.materials import Steel

@@ -14,7 +14,8 @@ from pydantic import Field
 from castfem.case.base import TableModel
 from castfem.case.problems import Problem
 from castfem.values.quantities import Kind
-from castfem.values.tables import CurveOr, Table
+from castfem.values.table_notation import CurveOr
+from castfem.values.tables import Table
 
 if TYPE_CHECKING:
     from castfem.case.model import Case

@@ -16,7 +16,8 @@ from castfem.case.bulging import Bulging, BulgingMark
 from castfem.case.thermal import PetscOption
 from castfem.support.messages import choices
 from castfem.values.quantities import Kind, Notation, PositiveDifference, Time
-from castfem.values.tables import Curve, CurveOr, CurveOverEither, Table
+from castfem.values.table_notation import Curve, CurveOr, CurveOverEither
+from castfem.values.tables import Table
 from castfem.values.units import parse_any
 
 if TYPE_CHECKING:

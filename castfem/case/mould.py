@@ -15,7 +15,8 @@ from castfem.case.problems import Problem
 from castfem.case.taper import Perimeter, TaperMark
 from castfem.case.variants import Variants
 from castfem.values.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
-from castfem.values.tables import Curve, Table
+from castfem.values.table_notation import Curve
+from castfem.values.tables import Table
 from castfem.values.units import nearest
 
 if TYPE_CHECKING:

@@ -23,7 +23,8 @@ from castfem.mould.taper import TaperProfile
 from castfem.support.messages import Path
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import Kind
-from castfem.values.tables import Curve, Table
+from castfem.values.table_notation import Curve
+from castfem.values.tables import Table
 from castfem.values.units import convert, format
 
 if TYPE_CHECKING:

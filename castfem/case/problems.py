@@ -15,7 +15,7 @@ from castfem.case.base import TableModel
 from castfem.case.variants import Variants, tag_of
 from castfem.support.messages import Path, choices, dotted, shown
 from castfem.values.quantities import Kind
-from castfem.values.tables import Curve
+from castfem.values.table_notation import Curve
 from castfem.values.units import nearest
 
 _MISSING = object()

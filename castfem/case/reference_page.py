@@ -38,7 +38,7 @@ from castfem.case.thermal import Adaptive, Stepping, Thermal
 from castfem.case.variants import Variants
 from castfem.case.verification import Verification
 from castfem.values.quantities import Kind, NameOf
-from castfem.values.tables import Curve, CurveOr
+from castfem.values.table_notation import Curve, CurveOr
 
 _HEAD = """\
 # Case files

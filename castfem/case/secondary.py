@@ -24,7 +24,8 @@ from castfem.values.quantities import (
     Temperature,
     WaterTemperature,
 )
-from castfem.values.tables import CurveOverEither, Table
+from castfem.values.table_notation import CurveOverEither
+from castfem.values.tables import Table
 
 if TYPE_CHECKING:
     from castfem.machine.rolls import Rolls

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 from castfem.mould.taper import Displaced, Taper, TaperProfile, TaperSegment
 from castfem.values.quantities import Kind, Notation
 from castfem.values.same_place import ROUNDING
-from castfem.values.tables import Curve, Table
+from castfem.values.table_notation import Curve
+from castfem.values.tables import Table
 from castfem.values.units import nearest
 
 if TYPE_CHECKING:

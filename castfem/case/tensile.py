@@ -15,7 +15,8 @@ from castfem.case.casting import Reference
 from castfem.case.document import is_path
 from castfem.case.problems import Problem
 from castfem.values.quantities import Kind, Percent, Time
-from castfem.values.tables import Curve, Table
+from castfem.values.table_notation import Curve
+from castfem.values.tables import Table
 
 TABLE = "tensile"
 SAME = 1e-6  # K

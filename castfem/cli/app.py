@@ -185,7 +185,7 @@ def show(
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     from castfem.cli import parallel
-    from castfem.output.folder import RUN_NAME
+    from castfem.output.run_record import RUN_NAME
     from castfem.report import error_pages
     from castfem.report.show import show as show_folder
     from castfem.sweep.record import SWEEP_NAME

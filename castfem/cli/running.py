@@ -12,7 +12,8 @@ from castfem.case import AnyCase, TensileCase, shipped_cases
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
 from castfem.errors import CastfemError, InputError
-from castfem.output.folder import CASE_NAME, RUN_NAME
+from castfem.output.folder import CASE_NAME
+from castfem.output.run_record import RUN_NAME
 from castfem.report import error_pages
 from castfem.support import log
 from castfem.support.progress import Progress

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.errors import InputError
-from castfem.output.folder import RunRecord
 from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
 from castfem.sweep.plan import brief
 from castfem.sweep.record import SWEEP_NAME, Record

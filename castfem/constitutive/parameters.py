@@ -34,8 +34,8 @@ from castfem.constitutive.flow_laws import RadialReturn
 from castfem.errors import InputError
 from castfem.support.messages import choices, shown
 from castfem.values.quantities import Kind
+from castfem.values.table_notation import Curve as TableReader
 from castfem.values.tables import Constant, Table
-from castfem.values.tables import Curve as TableReader
 from castfem.values.types import Array
 from castfem.values.units import nearest
 

@@ -38,7 +38,8 @@ from castfem.materials.steel import Origin, Steel
 from castfem.support.messages import choices, shown
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.quantities import Kind
-from castfem.values.tables import Constant, Curve, Table
+from castfem.values.table_notation import Curve
+from castfem.values.tables import Constant, Table
 from castfem.values.units import format as write
 from castfem.values.units import nearest
 

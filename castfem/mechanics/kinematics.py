@@ -7,103 +7,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import ufl
 from dolfinx import fem
 
-from castfem.constitutive.base import Response
 from castfem.fem.dolfinx_compat import Tabulation
 from castfem.fem.section import Section
 from castfem.forms import finite_strain, mechanics
+from castfem.mechanics.fields import Fields
 from castfem.mechanics.interactions import Interactions
 from castfem.mechanics.quadrature import Points
-from castfem.mechanics.supports import SurfacePressure, Traction
+from castfem.mechanics.surface_loads import SurfaceLoads
 from castfem.mechanics.volume import VolumeStiffness
 from castfem.values.types import Array
-
-ONE = np.array([1.0, 1.0, 1.0, 0.0])
-MEAN = ONE / 3.0
-TRACE = 1e-9  # of the bulk modulus, see `Fields.take_tangent`
-
-
-@dataclass(frozen=True, slots=True)
-class Fields:
-    """What the forms see of material and motion.
-
-    Attributes:
-        u: Displacement now. u_old: At the start of the step.
-        modes: Generalized strains now (4,). modes_old: At the start of the step.
-        one: A direction of the generalized strains (4,). other: A second one.
-        deviator: Stress deviator. tangent: Deviatoric tangent (4, 4).
-        mean: Mean stress. pressure: Ferrostatic pressure, or None; both linear on each cell.
-    """
-
-    u: fem.Function
-    u_old: fem.Function
-    modes: fem.Constant
-    modes_old: fem.Constant
-    one: fem.Constant
-    other: fem.Constant
-    deviator: fem.Function
-    tangent: fem.Function
-    mean: fem.Function
-    pressure: fem.Function | None
-
-    def take_stress(self, points: Points, response: Response) -> tuple[Array, Array]:
-        """Split the stress of a response between the rules.
-
-        Returns:
-            Deviators at the points of theirs (deviator_points, 4); mean stress, linear on each
-            cell, at those of its own.
-        """
-        every = response.stress @ MEAN
-        deviator = response.stress[: points.deviator_points] - np.outer(
-            every[: points.deviator_points], ONE
-        )
-        mean = points.linear(every[points.deviator_points :])
-        points.deviator.fill(self.deviator, deviator)
-        points.mean.fill(self.mean, mean)
-        return deviator, mean
-
-    def take_pressure(self, points: Points, pressure: Array) -> None:
-        """Take up the ferrostatic pressure at the points of the mean stress (n,), Pa."""
-        if self.pressure is not None:
-            points.mean.fill(self.pressure, points.linear(pressure))
-
-    def take_tangent(self, points: Points, response: Response) -> Array:
-        """Split the tangent likewise: laws change volume elastically alone.
-
-        Where a point flows, a trace of stiffness against change of shape stays: that of perfect
-        plasticity is zero along the flow, and rounding makes it negative.
-
-        Returns:
-            Bulk modulus at the points of the mean stress, Pa.
-        """
-        tangent = response.tangent.reshape(-1, 16)
-        bulk = tangent @ np.outer(MEAN, MEAN).ravel()
-        shape = tangent[: points.deviator_points] - np.outer(
-            bulk[: points.deviator_points], np.outer(ONE, ONE)
-        )
-        flows = np.flatnonzero(response.flows[: points.deviator_points])
-        shape[flows] += np.outer(TRACE * bulk[flows], np.eye(4) - np.outer(ONE, ONE) / 3.0)
-        points.deviator.fill(self.tangent, shape)
-        return np.asarray(bulk[points.deviator_points :])
-
-    @classmethod
-    def on(
-        cls, section: Section, space: fem.FunctionSpace, points: Points, pressure: bool
-    ) -> Fields:
-        """Fields of zeros; a pressure only if asked for."""
-        vectors = [fem.Constant(section.mesh, np.zeros(4)) for _ in range(4)]
-        at, mean = points.deviator, points.mean
-        return cls(
-            fem.Function(space), fem.Function(space),
-            vectors[0], vectors[1], vectors[2], vectors[3],
-            at.function(4), at.function(4, 4), mean.function(),
-            mean.function() if pressure else None,
-        )  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,59 +114,6 @@ class Terms:
             maybe("mechanics.row", self.row),
             maybe("mechanics.corner", self.corner),
         )
-
-
-@dataclass(frozen=True, slots=True)
-class SurfaceLoads:
-    """Loads on groups and the constants that carry their values.
-
-    Attributes:
-        tractions: Tag-restricted measure tags, constant and time history of each traction.
-        pressures: Likewise.
-        measure: Perimeter measure with the boundary tags.
-        liquid: Pressure at the vertices of liquid that is held from outside; None if none is.
-    """
-
-    tractions: list[tuple[tuple[int, ...], fem.Constant, Traction]]
-    pressures: list[tuple[tuple[int, ...], fem.Constant, SurfacePressure]]
-    measure: ufl.Measure
-    liquid: fem.Function | None
-
-    @classmethod
-    def on(
-        cls, section: Section, loads: list[Traction | SurfacePressure], liquid: bool
-    ) -> SurfaceLoads:
-        """Prepare the loads; with `liquid` the surface is held where it is liquid."""
-        mesh = section.mesh
-        measure = ufl.Measure(
-            "ds",
-            domain=mesh,
-            subdomain_data=section.facet_tags,
-            metadata={"quadrature_rule": "default", "quadrature_degree": 5},
-        )
-        held = fem.Function(section.vertex_space) if liquid else None
-        found = cls([], [], measure, held)
-        for load in loads:
-            tags = tuple(section.required(load.on))
-            if isinstance(load, Traction):
-                found.tractions.append((tags, fem.Constant(mesh, np.zeros(2)), load))
-            else:
-                found.pressures.append((tags, fem.Constant(mesh, np.float64(0.0)), load))
-        return found
-
-    def set(self, time: float) -> None:
-        """Take up the loads at `time` (s)."""
-        for _, constant, traction in self.tractions:
-            constant.value[:] = traction.value(time)
-        for _, scalar, pressure in self.pressures:
-            scalar.value = pressure.value(time)
-
-    def pressing(self, section: Section) -> list[tuple[tuple[int, ...], Any]]:
-        """Tags and value of all that presses on the surface."""
-        found: list[tuple[tuple[int, ...], Any]] = [(tags, p) for tags, p, _ in self.pressures]
-        if self.liquid is not None:
-            found.append((tuple(section.matching(section.outer_groups)), self.liquid))
-        return found
 
 
 class Kinematics(ABC):

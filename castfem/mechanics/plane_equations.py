@@ -12,8 +12,9 @@ from dolfinx import fem
 
 from castfem.fem import reductions
 from castfem.fem.bordered_system import BorderedSystem
+from castfem.mechanics.fields import Fields
 from castfem.mechanics.interactions import Interactions
-from castfem.mechanics.kinematics import Fields, Kinematics
+from castfem.mechanics.kinematics import Kinematics
 from castfem.mechanics.planes import Planes, ScaledPlanes
 from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState

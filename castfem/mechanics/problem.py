@@ -23,8 +23,9 @@ from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult
 from castfem.mechanics.convergence import Criteria
 from castfem.mechanics.definition import Slice
+from castfem.mechanics.fields import Fields
 from castfem.mechanics.interactions import Interactions
-from castfem.mechanics.kinematics import Fields, LargeStrain, SmallStrain, SurfaceLoads
+from castfem.mechanics.kinematics import LargeStrain, SmallStrain
 from castfem.mechanics.line_search import step_share
 from castfem.mechanics.liquid import FedLiquid
 from castfem.mechanics.material_points import FedPoints, Material
@@ -36,6 +37,7 @@ from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.supports import SPRING, Constraints, symmetry_supports
+from castfem.mechanics.surface_loads import SurfaceLoads
 from castfem.support.stopwatch import Stopwatch
 from castfem.values.types import Array
 

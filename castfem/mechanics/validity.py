@@ -27,8 +27,8 @@ from castfem.mechanics.state import MechanicalState
 from castfem.values.types import Array, Flags
 
 if TYPE_CHECKING:
+    from castfem.mechanics.fields import Fields
     from castfem.mechanics.interactions import Interactions
-    from castfem.mechanics.kinematics import Fields
     from castfem.mechanics.quadrature import Points
 
 

@@ -2,7 +2,7 @@
 
     case.toml      the case as resolved: extends, --set and defaults worked in
     properties/    copies of the property files of the user's that it names
-    run.json       how it went: status, versions, ranks, wall time by stage (`RunRecord`)
+    run.json       how it went: status, versions, ranks, wall time (`castfem.output.run_record`)
     run.log        what was said on the way
     history.csv    one row a step (`castfem.output.history`)
     surface_maps.h5   the surface unrolled over time (`castfem.output.surface_maps`), those of a
@@ -22,24 +22,22 @@ ends. No host name is written, and no path outside the folder but those of the c
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from pydantic import TypeAdapter, ValidationError
 
 from castfem.errors import CastfemError, InputError
 from castfem.output.checkpoint import CHECKPOINT_NAME
 from castfem.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.output.history import HISTORY_NAME
 from castfem.output.provenance import command, versions
-from castfem.output.summary import SUMMARY_NAME, Summary, renamed
+from castfem.output.run_record import RUN_NAME, STOPPED, RunRecord
+from castfem.output.summary import SUMMARY_NAME, Summary
 from castfem.output.xdmf import XDMF_NAME
 from castfem.support.atomic_files import (
     replacing,
@@ -49,18 +47,15 @@ from castfem.support.atomic_files import (
     write_json,
 )
 from castfem.support.closing import Closing
-from castfem.support.messages import dotted
 
 if TYPE_CHECKING:
     from filelock import FileLock
 
 CASE_NAME = "case.toml"
-RUN_NAME = "run.json"
 LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
-STOPPED = "stopped by the user"  # or by a batch system whose time is up
 STRAND_NAME = "strand.vtu"  # written on demand, from the others
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")
@@ -70,7 +65,6 @@ ALL_FIGURES = FIGURES + MECHANICS_FIGURES + BENDING_FIGURES + TENSILE_FIGURES
 _LOCK_NAME = ".castfem.lock"
 # Of a property file; whatever run.json says, nothing else is removed on its word.
 _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
-_FORMAT = "castfem run"
 # The checkpoint is the first to go: of what is left of a run nothing is resumed.
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
@@ -90,76 +84,6 @@ def _locked(lock: FileLock) -> bool:
         # filelock's word for a file system that knows no flock() (ENOSYS); no code is missing here.
         return False
     return True
-
-
-@dataclass(frozen=True, slots=True)
-class RunRecord:
-    """What run.json holds.
-
-    Attributes:
-        status: "running", "finished", "failed", or "interrupted" by the user or a batch system. A
-            run that was killed stays "running".
-        reason: Why it failed or stopped, one line.
-        started: When the run began, UTC.
-        ended: When it ended, empty before.
-        resumed: How often it was resumed.
-        ranks: Number of MPI processes.
-        versions: Name to version of castfem and what it stands on.
-        wall_time: Stage to seconds, those before a resume included.
-        compiled_forms: Names of the forms this simulation compiled or took from the cache.
-        memory_mb: Largest resident memory of all ranks together, in 10^6 bytes.
-        reached: Last good state: time [s], position [m], step.
-        commands: The command line, of each start if it was resumed.
-        files: SHA-256 of case.toml and of the copies of property files, by their names.
-    """
-
-    status: str = "running"
-    reason: str = ""
-    started: str = ""
-    ended: str = ""
-    resumed: int = 0
-    ranks: int = 1
-    versions: Mapping[str, str] = field(default_factory=dict)
-    wall_time: Mapping[str, float] = field(default_factory=dict)
-    compiled_forms: tuple[str, ...] = ()
-    memory_mb: float | None = None
-    reached: Mapping[str, int | float] = field(default_factory=dict)
-    commands: tuple[str, ...] = ()
-    files: Mapping[str, str] = field(default_factory=dict)
-
-    @classmethod
-    def load(cls, folder: Path | str) -> RunRecord:
-        """Reads run.json.
-
-        Raises:
-            InputError: There is none, or it is not castfem's.
-        """
-        path = Path(folder) / RUN_NAME
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except FileNotFoundError as error:
-            raise InputError(f"{folder}: holds no run of castfem (no {RUN_NAME})") from error
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path}: cannot be read ({error})") from error
-        if not isinstance(content, dict) or content.get("format") != _FORMAT:
-            raise InputError(f"{path}: not written by castfem")
-        known = {entry.name for entry in fields(cls)}
-        record = {key: value for key, value in content.items() if key in known}
-        for key in ("wall_time", "reached"):  # what was not finite is null there
-            if isinstance(record.get(key), dict):
-                record[key] = renamed({k: v for k, v in record[key].items() if v is not None})
-        try:
-            found = TypeAdapter(cls).validate_python(record)
-        except ValidationError as error:
-            first = error.errors()[0]
-            where = dotted(first["loc"])
-            raise InputError(
-                f"{path}: {where}: {first['msg'].lower()}, it has been changed; put it right, or "
-                "take another folder"
-            ) from error
-        if found.status == "failed" and found.reason == STOPPED:  # so written by castfem 0.1
-            return replace(found, status="interrupted")
-        return found
 
 
 class OutputFolder(Closing):
@@ -237,7 +161,7 @@ class OutputFolder(Closing):
                 name: self._earlier.get(name, 0.0) + own.get(name, 0.0) for name in stages
             }
         self.record = replace(self.record, **changes)
-        write_json(self / RUN_NAME, {"format": _FORMAT, **asdict(self.record)})
+        self.record.write(self.path)
 
     def write_summary(self, summary: Summary) -> None:
         """Writes summary.json.

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.plots.history import axis_label, curves, has_values, unit_of
+from castfem.plots.legend import place_legend
 from castfem.plots.section import Steel
-from castfem.plots.style import Abscissa, dress, new_panels, place_legend
+from castfem.plots.style import Abscissa, dress, new_panels
 
 if TYPE_CHECKING:
     import pandas

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.plots.legend import place_legend
 from castfem.plots.section import Steel
 from castfem.plots.style import (
     LIQUIDUS_COLOUR,
@@ -14,7 +15,6 @@ from castfem.plots.style import (
     Abscissa,
     dress,
     new_panels,
-    place_legend,
     probe_colours,
 )
 from castfem.plots.tensile import draw_tensile

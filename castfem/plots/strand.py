@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from castfem.output.fields import Fields
 from castfem.plots.deformation import SOFT, STRESS_MAP, stress_levels
+from castfem.plots.legend import low_legend
 from castfem.plots.section import Steel, section_triangles, shade
 from castfem.plots.shape import Outline, displacement, magnification, von_mises
-from castfem.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, low_legend, new_figure
+from castfem.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.types import Array
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError, InputError
 from castfem.output.fields import Fields
-from castfem.output.folder import LOG_NAME, MAPS_NAME, ROWS_NAME, OutputFolder, RunRecord
+from castfem.output.folder import LOG_NAME, MAPS_NAME, ROWS_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.run_record import RunRecord
 from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.output.xdmf import HDF5_NAME
 from castfem.plots.history import plain_unit

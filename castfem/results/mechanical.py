@@ -15,7 +15,7 @@ from castfem.constitutive.base import equivalent_strain, equivalent_stress
 from castfem.contact.summary import summary
 from castfem.fem import dof_values, reductions
 from castfem.fem.line_probes import LineProbes, Profile
-from castfem.mechanics.planes import BentPlanes
+from castfem.mechanics.bent_planes import BentPlanes
 from castfem.mechanics.state import MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.surface_gap import SurfaceGap

@@ -17,16 +17,11 @@ from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.errors import InputError
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.section import Section
+from castfem.mechanics.bent_planes import BentPlanes
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.imposed_axis import ImposedAxis
-from castfem.mechanics.planes import (
-    BentPlanes,
-    PlainPlanes,
-    Planes,
-    TimeHistory,
-    allowed_modes,
-)
+from castfem.mechanics.planes import PlainPlanes, Planes, TimeHistory, allowed_modes
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import PrescribedDisplacement

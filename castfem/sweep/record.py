@@ -10,7 +10,8 @@ from typing import Any
 
 from castfem.case.portable import portable
 from castfem.errors import InputError
-from castfem.output.folder import CASE_NAME, PROPERTIES_NAME, RUN_NAME, RunRecord
+from castfem.output.folder import CASE_NAME, PROPERTIES_NAME
+from castfem.output.run_record import RUN_NAME, RunRecord
 from castfem.support.atomic_files import write_json
 from castfem.sweep.plan import Variant
 from castfem.sweep.work import Job, Outcome

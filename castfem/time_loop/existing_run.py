@@ -12,7 +12,8 @@ from pathlib import Path
 
 from castfem.case import AnyCase, Case, read_case
 from castfem.errors import InputError
-from castfem.output.folder import CASE_NAME, RUN_NAME, RunRecord
+from castfem.output.folder import CASE_NAME
+from castfem.output.run_record import RUN_NAME, RunRecord
 from castfem.support import log
 from castfem.support.messages import differences
 from castfem.values.same_place import same_or_before

@@ -10,7 +10,7 @@ import pytest
 
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import PerfectlyPlastic
-from castfem.mechanics.planes import BentPlanes
+from castfem.mechanics.bent_planes import BentPlanes
 from castfem.values.tables import Constant
 from mechanics.setups import SliceSetup, box, elastic, expansion, mapped
 

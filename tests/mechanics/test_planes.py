@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from castfem.errors import InputError
-from castfem.mechanics.planes import BentPlanes, PlainPlanes, allowed_modes, check_modes
+from castfem.mechanics.bent_planes import BentPlanes
+from castfem.mechanics.planes import PlainPlanes, allowed_modes, check_modes
 from castfem.mechanics.supports import PrescribedDisplacement
 from mechanics.setups import SliceSetup, box, elastic, mapped
 

@@ -9,8 +9,9 @@ import pytest
 
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep, ThermoElastic
+from castfem.mechanics.bent_planes import BentPlanes
 from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import BentPlanes, PlainPlanes
+from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SurfacePressure, Traction
 from castfem.values.types import Array
 from mechanics.setups import SliceSetup, elastic, expansion, mapped, skewed

@@ -27,8 +27,8 @@ from small_case import strip
 import castfem
 from castfem.output.checkpoint import load_checkpoint
 from castfem.output.fields import Fields
-from castfem.output.folder import RunRecord
 from castfem.output.history import read_history
+from castfem.output.run_record import RunRecord
 from castfem.support import progress
 
 STEPS = 4

@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 import castfem
-from castfem.output.folder import RunRecord
+from castfem.output.run_record import RunRecord
 from castfem.report.show import show
 
 HERE = Path(__file__).parent / "earlier_runs"

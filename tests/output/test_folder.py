@@ -18,7 +18,8 @@ from synthetic_run import summary, write_run
 from castfem.errors import InputError, RunFailure
 from castfem.output import folder as folder_module
 from castfem.output.checkpoint import save_checkpoint
-from castfem.output.folder import OutputFolder, RunRecord, versions
+from castfem.output.folder import OutputFolder, versions
+from castfem.output.run_record import RunRecord
 from castfem.support import atomic_files
 
 CASE = 'title = "a case"\n'

@@ -8,8 +8,9 @@ import pytest
 from matplotlib.lines import Line2D
 
 from castfem.plots.history import draw_shell
+from castfem.plots.legend import low_legend, place_legend
 from castfem.plots.mechanics import draw_contact
-from castfem.plots.style import Abscissa, low_legend, new_figure, new_panels, place_legend
+from castfem.plots.style import Abscissa, new_figure, new_panels
 
 X = np.linspace(0.0, 1.0, 51)
 LONG = "mid-face, narrow face and mid-face extrados, solidus (shell)"

@@ -12,7 +12,7 @@ from strained_run import write_strained
 import castfem
 from castfem.case import load_case
 from castfem.case.shipped_cases import find
-from castfem.output.folder import RunRecord
+from castfem.output.run_record import RunRecord
 from castfem.output.summary import Quantity
 from castfem.report.headline import plain_label
 from castfem.report.show import show

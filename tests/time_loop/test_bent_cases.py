@@ -18,7 +18,7 @@ from billet_runs import run_in_memory
 
 from castfem.case import Case, load_case
 from castfem.errors import InputError
-from castfem.mechanics.planes import BentPlanes
+from castfem.mechanics.bent_planes import BentPlanes
 from castfem.output.history import read_history
 from castfem.simulation.simulation import build
 from castfem.time_loop import loop
