@@ -41,6 +41,7 @@ ORDER = {
     "api": "Python interface",
     "report": "words on a run",
     "sweep": "many runs",
+    "design": "which values are best",
     "compare": "runs side by side",
     "cli": "commands",
 }

@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
+from castfem.support.closing import Closing
 from castfem.sweep.work import Job, Outcome, Stop, work
 
 _TICK = 0.25  # s between two looks at the progress
@@ -42,13 +43,37 @@ def run_locally(
         ended: Called when it has ended.
         tick: Called a few times a second.
     """
-    waiting = list(reversed(jobs))
-    team: list[_Worker] = []
-    try:
+    with Team(processes, noise) as team:
+        team.run(jobs, begun, ended, tick)
+
+
+class Team(Closing):
+    """Processes that stay for further jobs: what they have imported and compiled serves all.
+
+    Args:
+        processes: How many at once, at most; each is started when there is a job for it.
+        noise: File for what libraries print in the processes.
+    """
+
+    def __init__(self, processes: int, noise: Path) -> None:
+        self._processes, self._noise = processes, noise
+        self._team: list[_Worker] = []
+
+    def run(
+        self,
+        jobs: Sequence[Job],
+        begun: Callable[[Job], None],
+        ended: Callable[[Job, Outcome], None],
+        tick: Callable[[], None],
+    ) -> None:
+        """Do all jobs; return when the last has ended. See `run_locally`."""
+        waiting, team = list(reversed(jobs)), self._team
         with _one_thread_each():
             while waiting or any(worker.job for worker in team):
-                while waiting and len(team) < processes:
-                    team.append(_Worker(noise))
+                idle = sum(worker.job is None for worker in team)
+                while len(waiting) > idle and len(team) < self._processes:
+                    team.append(_Worker(self._noise))
+                    idle += 1
                 for worker in team:
                     if worker.job is None and waiting:
                         begun(waiting[-1])
@@ -61,8 +86,11 @@ def run_locally(
                     if worker.lost:
                         team.remove(worker)
                 tick()
-    finally:
-        _dismiss(team)
+
+    def close(self) -> None:
+        """End the processes; a run that is at work notes that it was stopped."""
+        _dismiss(self._team)
+        self._team = []
 
 
 class _Worker:

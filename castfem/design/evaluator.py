@@ -1,0 +1,198 @@
+"""All results of a case with some keys changed: run once, in parallel, found again after a kill."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from castfem.case.load import changed, from_document
+from castfem.design.fidelity import DEFAULT, at_level, idealised
+from castfem.design.store import Evaluation, Store
+from castfem.errors import InputError, RunFailure
+from castfem.support.closing import Closing
+from castfem.support.messages import shown
+from castfem.sweep.local import Team
+from castfem.sweep.work import Job, Outcome, work
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from castfem.case import Case
+
+_NOISE_NAME = "sweep.log"
+_LEAN = {"fields": [], "figures": False}
+
+
+class Watcher(Protocol):
+    """What is told of the runs as they go (`castfem.sweep.view.View` is one)."""
+
+    def begun(self, job: Job) -> None:
+        """Take note that a run has begun."""
+
+    def ended(self, job: Job, outcome: Outcome) -> None:
+        """Take note of how a run has ended."""
+
+    def tick(self) -> None:
+        """Look at the runs; called a few times a second."""
+
+
+class Evaluator(Closing):
+    """Runs a case with some keys changed, each change once.
+
+    The folder is one of a sweep: each run has its folder in it, sweep.csv a row a run. A run that
+    is there, of this or an earlier call or of `castfem sweep`, is not run again; one that was
+    killed goes on from its checkpoint. A run that fails is kept, too, with how far it came.
+
+    Args:
+        case: The case; what it says of optimisation is left out of its runs.
+        folder: Where the runs go.
+        processes: How many at once, in processes of this machine; 0: in this one, one after the
+            other (a script whose processes are to be others needs `if __name__ == "__main__"`).
+        comm: Ranks that do the runs instead, the others within `serve`.
+
+    Attributes:
+        case: The case that is changed.
+        store: The runs.
+        runs: How many were done by this object.
+
+    Raises:
+        InputError: The folder holds something else.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        folder: Path | str,
+        *,
+        processes: int = 0,
+        comm: MPI.Intracomm | None = None,
+    ) -> None:
+        self.case, self.store, self.runs = lean(case), Store(Path(folder)), 0
+        self._processes, self._comm = processes, comm
+        self._team: Team | None = None
+
+    def __call__(
+        self, changes: Mapping[str, Any] | None = None, fidelity: str = DEFAULT
+    ) -> Evaluation:
+        """Return what the case gives with some keys changed.
+
+        Args:
+            changes: Dotted key and new value, as `Case.with_` takes them.
+            fidelity: A word of `castfem.design.fidelity`.
+
+        Raises:
+            InputError: The changed case is not sound.
+            RunFailure: A file cannot be written. A run that fails raises nothing.
+        """
+        return self.many([changes or {}], fidelity)[0]
+
+    def many(
+        self, changes: Sequence[Mapping[str, Any]], fidelity: str = DEFAULT
+    ) -> list[Evaluation]:
+        """Return what the case gives with each of some changes; see `__call__`."""
+        cases = [self.changed(one, fidelity) for one in changes]
+        given = [{key: shown(value).strip('"') for key, value in one.items()} for one in changes]
+        return self.evaluate(cases, given)
+
+    def changed(
+        self, changes: Mapping[str, Any], fidelity: str = DEFAULT, ideal: bool = False
+    ) -> Case:
+        """Return the case that is run for some changes.
+
+        Args:
+            changes: As `__call__`.
+            fidelity: Likewise.
+            ideal: In the idealised mould instead of its own.
+        """
+        case = changed(self.case, changes) if changes else self.case
+        return at_level(lean(idealised(case)) if ideal else case, fidelity)
+
+    def evaluate(
+        self,
+        cases: Sequence[Case],
+        given: Sequence[Mapping[str, str]],
+        watcher: Watcher | None = None,
+    ) -> list[Evaluation]:
+        """Return what cases give, each run once.
+
+        Args:
+            cases: The cases.
+            given: What is varied in each, key to value, for its folder's name and tables.
+            watcher: Told of the runs.
+        """
+        jobs = [self.store.job(case, told) for case, told in zip(cases, given, strict=True)]
+        wanted = {job.name: job for job in jobs if self.store.find(job.case) is None}
+        lost: dict[str, Evaluation] = {}
+
+        def ended(job: Job, outcome: Outcome) -> None:
+            found = self.store.note(job, outcome)
+            if found.folder is None:
+                lost[job.name] = found
+            if watcher is not None:
+                watcher.ended(job, outcome)
+
+        if wanted:
+            self._make_folder()
+            self.runs += len(wanted)
+            self._do(list(wanted.values()), ended, watcher)
+            self.store.write_table()
+        return [lost.get(job.name) or self._found(job) for job in jobs]
+
+    def _found(self, job: Job) -> Evaluation:
+        found = self.store.find(job.case)
+        assert found is not None
+        return found
+
+    def _make_folder(self) -> None:
+        folder = self.store.folder
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self.store.record.save()
+        except (OSError, RunFailure) as error:
+            raise InputError(f"{folder}: cannot be written ({error}); choose another") from None
+
+    def _do(self, jobs: list[Job], ended: Any, watcher: Watcher | None) -> None:
+        begun, tick = (watcher.begun, watcher.tick) if watcher else (_nothing, _nothing)
+        if self._comm is not None:
+            from castfem.sweep.ranks import run_on_ranks
+
+            self._comm.bcast(True)
+            run_on_ranks(self._comm, jobs, begun, ended, tick)
+        elif self._processes:
+            if self._team is None:
+                self._team = Team(self._processes, self.store.folder / _NOISE_NAME)
+            self._team.run(jobs, begun, ended, tick)
+        else:
+            for job in jobs:
+                begun(job)
+                ended(job, work(job))
+
+    def close(self) -> None:
+        """Let the processes, or the other ranks, go."""
+        if self._team is not None:
+            self._team.close()
+        if self._comm is not None:
+            self._comm.bcast(False)
+        self._team = self._comm = None
+
+
+def serve(comm: MPI.Intracomm) -> None:
+    """Do runs for the evaluator on rank 0 until it is closed (on every other rank)."""
+    from castfem.sweep.ranks import run_on_ranks
+
+    while comm.bcast(None):
+        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+
+
+def lean(case: Case) -> Case:
+    """Return a case as it is run here: for its results alone, without fields and figures."""
+    tables = case.document()
+    tables.pop("optimise", None)
+    tables.pop("reference", None)
+    tables.setdefault("output", {}).update(_LEAN)
+    return from_document(tables, case.title)
+
+
+def _nothing(*_: object) -> None:
+    """Stand in for what is told to a watcher."""

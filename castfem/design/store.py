@@ -1,0 +1,197 @@
+"""Runs in a folder, as `castfem sweep` keeps them, found again by the case they are of.
+
+What a run gives hangs on its case: physics, followed length, when fields are written (that ends
+coupling windows), solvers. Two cases that agree in these are the same run, whatever their titles
+and their other output, and it is run once, by whichever command.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from castfem.case.portable import portable
+from castfem.errors import CastfemError
+from castfem.output.folder import CASE_NAME, PROPERTIES_NAME, RunRecord
+from castfem.output.summary import Quantity, Summary
+from castfem.sweep.plan import Variant, run_name
+from castfem.sweep.record import Record
+from castfem.sweep.results import TABLE_NAME, rows, write_table
+from castfem.sweep.work import Job, Outcome
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+
+_NO_RESULT = ("title", "reference", "verification", "optimise")
+_DIGITS = 10  # of the key in the name of a run
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """What a run has given.
+
+    Attributes:
+        quantities: Name to result, as in summary.json; empty of a run that has failed.
+        share: How far it came, of the followed length: 1 of a run that has come to its end.
+        message: Why it failed, one line; empty if it did not.
+        seconds: How long it took; 0 where that is not known.
+        folder: Of the run; None of one that was told by others.
+    """
+
+    quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    share: float = 1.0
+    message: str = ""
+    seconds: float = 0.0
+    folder: Path | None = None
+
+    @property
+    def failed(self) -> bool:
+        """Whether it ended before its end."""
+        return bool(self.message)
+
+    def __getitem__(self, name: str) -> float:
+        """A result in SI.
+
+        Raises:
+            KeyError: The run has none of that name.
+        """
+        return self.quantities[name].value
+
+
+def key_of(text: str, files: Mapping[str, bytes]) -> str:
+    """Return what a run hangs on as a hash.
+
+    Args:
+        text: Its case.toml.
+        files: Contents of the property files in it by their names there.
+    """
+    tables: dict[str, Any] = tomllib.loads(text)
+    for name in _NO_RESULT:
+        tables.pop(name, None)
+    tables["output"] = {"every": tables.get("output", {}).get("every")}
+    hashes = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    told = json.dumps([tables, hashes], sort_keys=True)
+    return hashlib.sha256(told.encode()).hexdigest()
+
+
+class Store:
+    """The runs in a folder.
+
+    Attributes:
+        record: Of the folder, as sweeps keep it.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        """Looks at the runs that are there.
+
+        Raises:
+            InputError: The folder holds something else.
+        """
+        self.record = Record(folder)
+        self._known: dict[str, Evaluation] = {}
+        self._variants: dict[str, Variant] = {}
+        for name in self.record.entries:
+            self._look_at(name)
+
+    @property
+    def folder(self) -> Path:
+        """Where the folders of the runs lie."""
+        return self.record.folder
+
+    def find(self, case: Case) -> Evaluation | None:
+        """Return what the run of a case has given, None where there is none that has ended."""
+        return self._known.get(_key(case))
+
+    def job(self, case: Case, given: Mapping[str, str]) -> Job:
+        """Return the run of a case, and note that it is to be; what was cut short goes on.
+
+        Args:
+            case: The case.
+            given: Key to value of what is varied, as tables show it.
+        """
+        name = f"{run_name(given)}_{_key(case)[:_DIGITS]}".lstrip("_")
+        self._variants[name] = Variant(name, given, case)
+        return Job(name, self.folder / name, case, resume=True)
+
+    def note(self, job: Job, outcome: Outcome) -> Evaluation:
+        """Write down how a run has ended, and return what it has given.
+
+        Raises:
+            RunFailure: A file cannot be written.
+        """
+        entry = self.record.entries.get(job.name)
+        if entry is None:
+            self.record.expect([self._variants[job.name]])
+        self.record.note(job, outcome)
+        found = self._read(job.name, job.case.casting.length)
+        if found is None:  # its process died, and has left no word
+            found = Evaluation({}, 0.0, outcome.message or "left no results", outcome.seconds)
+        else:
+            self._known[_key(job.case)] = found
+        return found
+
+    def write_table(self) -> None:
+        """Write sweep.csv: the runs that were asked for here, a row each.
+
+        Raises:
+            RunFailure: It cannot be written.
+        """
+        done = [v for name, v in self._variants.items() if name in self.record.entries]
+        keys = list(dict.fromkeys(key for v in done for key in v.given))
+        even = [
+            Variant(v.name, {key: v.given.get(key, "") for key in keys}, v.case, v.label)
+            for v in done
+        ]
+        write_table(self.folder / TABLE_NAME, rows(even, self.record))
+
+    def _look_at(self, name: str) -> None:
+        """Take in a run of an earlier call, if it has ended."""
+        place = self.folder / name
+        try:
+            text = (place / CASE_NAME).read_text(encoding="utf-8")
+            beside = place / PROPERTIES_NAME
+            files = {
+                str(path.relative_to(place)): path.read_bytes()
+                for path in sorted(beside.rglob("*"))
+                if path.is_file()
+            }
+            length = _length(tomllib.loads(text))
+            found = self._read(name, length)
+        except (OSError, ValueError, KeyError, CastfemError):
+            return  # whatever it is, it is no run that could be used
+        if found is not None:
+            self._known[key_of(text, files)] = found
+
+    def _read(self, name: str, length: float) -> Evaluation | None:
+        """Return what the run in a folder has given, None if it has not ended."""
+        place, entry = self.folder / name, self.record.entries[name]
+        try:
+            run = RunRecord.load(place)
+            if run.status not in ("finished", "failed"):
+                return None
+            summary = Summary.load(place)
+        except CastfemError:
+            return None
+        if run.status == "failed":
+            share = min(run.reached.get("position", 0.0) / length, 1.0)
+            message = entry.message or run.reason or "failed"
+            return Evaluation({}, share, message, entry.seconds, place)
+        if summary is None:
+            return None
+        return Evaluation(summary.quantities, 1.0, "", entry.seconds, place)
+
+
+def _length(tables: Mapping[str, Any]) -> float:
+    """The followed length of a resolved case, m."""
+    from castfem.values import units
+
+    return units.parse(tables["casting"]["length"], "m")
+
+
+def _key(case: Case) -> str:
+    return key_of(*portable(case, PROPERTIES_NAME))
