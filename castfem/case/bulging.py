@@ -81,7 +81,11 @@ def check_bulging(case: Case) -> Iterator[Problem]:
     """Yield what keeps a case from bulging between rolls, of a faulty case what can be told."""
     mechanics = case.mechanics
     table = None if mechanics is None else mechanics.bulging
-    if mechanics is None or table is None or table.model in (None, "none"):
+    if mechanics is None or table is None or table.model is None:
+        return
+    if table.model == "none":
+        for name in sorted(table.model_fields_set - {"model"}):
+            yield Problem((*_KEY, name), 'has no effect with model = "none"; leave one of both out')
         return
     if case.machine is None:
         if "machine" not in case.model_fields_set:

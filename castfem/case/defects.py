@@ -239,6 +239,31 @@ def check_defects(case: Case) -> Iterator[Problem]:
         if (told := defect.model_dump()) in seen:
             yield Problem(path, "stands there twice; leave one of the two out")
         seen.append(told)
-    lost = [pair.lost for pair in with_defects(normal, table.defect).pairs]
-    if len(lost) - sum(lost) < 2:
+    rolls = with_defects(normal, table.defect)
+    if len(rolls.there) < 2:
         yield Problem(("machine", "defect"), "leave fewer than two pairs that hold the strand")
+        return
+    bulging = None if case.mechanics is None else case.mechanics.bulging
+    bulges = bulging is not None and bulging.model not in (None, "none")
+    yield from _at_an_end(table.defect, rolls, bulges)
+
+
+def _at_an_end(defects: Sequence[Defect | None], rolls: Rolls, bulges: bool) -> Iterator[Problem]:
+    """Yield defects of the first and last pair that want another pair beyond them."""
+    ends = {rolls.there[0]: "above", rolls.there[-1]: "below"}
+    for i, defect in enumerate(defects):
+        if not isinstance(defect, RollDefect) or defect.roll is None:
+            continue
+        index, path = defect.roll - 1, ("machine", "defect", i, "roll")
+        if isinstance(defect, Misaligned) and index in ends and defect.by:
+            yield Problem(
+                path,
+                f"({defect.roll}): no pair {ends[index]} it holds the strand, which is bent "
+                "between three (329); only a pair with one on each side can be off",
+            )
+        elif isinstance(defect, Lost) and index < rolls.there[0] and bulges:
+            yield Problem(
+                path,
+                f"({defect.roll}): above the first pair the mould holds the faces, so that nothing "
+                "would bulge where it is lost; leave it in, or leave mechanics.bulging out",
+            )

@@ -14,6 +14,7 @@ from castfem.case import effort
 from castfem.case.check_cooling import law_groups
 from castfem.case.check_secondary import secondary_doubts
 from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
+from castfem.case.idle_keys import idle_keys
 from castfem.case.machine import machine_doubts
 from castfem.case.model import Case
 from castfem.case.mould import Mould
@@ -57,6 +58,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from _sprays(case)
     yield from machine_doubts(case)
     yield from secondary_doubts(case)
+    yield from idle_keys(case)
     if case.mould is not None:
         yield from _taper(case.mould, case.section)
         yield from _friction(case.mould)

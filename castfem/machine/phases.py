@@ -30,9 +30,10 @@ class Phase:
 def phases(rolls: Rolls) -> list[Phase]:
     """Return the phases from the first roll to the last."""
     chi = [1.0 / pair.radius for pair in rolls.pairs]
+    hair = _SAME * max((abs(k) for k in chi), default=0.0)
     found: list[Phase] = []
     for i in range(1, len(chi)):
-        kind = _kind(chi, i, straightened=any(p.kind == "straightening" for p in found))
+        kind = _kind(chi, i, hair, any(p.kind == "straightening" for p in found))
         if found and found[-1].kind == kind:
             found[-1] = Phase(kind, found[-1].first, i)
         else:
@@ -40,9 +41,8 @@ def phases(rolls: Rolls) -> list[Phase]:
     return found
 
 
-def _kind(chi: Sequence[float], i: int, straightened: bool) -> Kind:
-    """What happens between a pair and the one before."""
-    hair = _SAME * max(abs(k) for k in chi)
+def _kind(chi: Sequence[float], i: int, hair: float, straightened: bool) -> Kind:
+    """What happens between a pair and the one before; a change below `hair` (1/m) is none."""
     change = chi[i] - chi[i - 1]
     if abs(change) > hair:
         return "bending" if change > 0.0 else "straightening"

@@ -205,3 +205,48 @@ def test_a_faulty_case_has_other_worries() -> None:
     reading = read_case(TAPERED, ["mould.taper=20 %/m", "casting.length=3"])
     assert len(reading.problems) == 1
     assert reading.warnings == ()
+
+
+SLABS = TAPERED.parents[1] / "slab1200"
+
+
+@pytest.mark.parametrize(
+    ("case", "changes", "said"),
+    [
+        (
+            TAPERED,
+            ("coupling.passes=1", "coupling.window_error=3 K"),
+            "error: has no effect with p",
+        ),
+        (
+            TAPERED,
+            ("coupling.order=mechanics_first", "coupling.settled=3 K"),
+            'coupling.settled: has no effect with order = "mechanics_first"',
+        ),
+        (SLABS / "bulging.toml", ("coupling.passes=3",), "passes: has no effect without [mould]"),
+        (SLABS / "thermal.toml", ("coupling.interval=1 s",), "no effect without [mechanics]"),
+        (
+            SLABS / "reference.toml",
+            ("machine.extraction.friction_axis=0.02",),
+            "friction_axis: has no effect beside a maker's curve",
+        ),
+        (
+            SLABS / "locked_48.toml",
+            ("machine.extraction.friction_axis=0.02", "machine.extraction.bending=hinges"),
+            "extraction.bending: has no effect beside a maker's curve",
+        ),
+    ],
+)
+def test_keys_that_change_nothing(case: Path, changes: tuple[str, ...], said: str) -> None:
+    """They are told; the same keys where they do something are not."""
+    plain = read_case(case)
+    assert not plain.problems and not any("no effect" in line for line in plain.warnings)
+    reading = read_case(case, changes)
+    assert not reading.problems
+    (line,) = (line for line in reading.warnings if "no effect" in line)
+    assert said in line
+
+
+def test_keys_of_the_coupling_that_do_something() -> None:
+    for changes in (("coupling.passes=3", "coupling.window_error=3 K"), ("coupling.passes=1",)):
+        assert not any("no effect" in line for line in _warnings(*changes))

@@ -256,6 +256,23 @@ def test_two_of_the_same_and_no_roll_left() -> None:
         slab(*({"kind": "lost", "roll": n} for n in range(1, 87)))
 
 
+def test_the_ends_of_the_machine() -> None:
+    """Off is a pair between two others; above the first there is the mould, which bears faces."""
+    for number, side, lost in ((1, "above", ()), (87, "below", ()), (2, "above", (1,))):
+        gone = [{"kind": "lost", "roll": n} for n in lost]
+        for by in ("2 mm", "-2 mm"):
+            off = {"kind": "misaligned", "roll": number, "by": by}
+            with pytest.raises(InputError, match=rf"roll: \({number}\): no pair {side} it"):
+                slab(*gone, off)
+    slab({"kind": "misaligned", "roll": 2, "by": "2 mm"})
+    first = {"kind": "lost", "roll": 1}
+    slab(first)  # rolls bear nothing there
+    bulging = load_case(FOLDER / "bulging.toml")
+    with pytest.raises(InputError, match=r"defect\.0\.roll: \(1\).*the mould holds the faces"):
+        bulging.with_({"machine.defect": [first]})
+    bulging.with_({"machine.defect": [{"kind": "lost", "roll": 2}]})
+
+
 def test_nozzles_of_a_circuit_between_two_rolls() -> None:
     from castfem.simulation.secondary import rows_of
 

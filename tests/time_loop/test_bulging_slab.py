@@ -288,6 +288,10 @@ def test_it_resumes_byte_for_byte(tmp_path: Path, steps: int) -> None:
             {"mechanics__bulging": {"model": "creep", "largest": "1 mm"}},
             r'mechanics\.bulging\.largest: is for model = "thesis", not "creep"',
         ),
+        (
+            {"mechanics__bulging": {"model": "none", "axial_strain": True}},
+            r'bulging\.axial_strain: has no effect with model = "none"',
+        ),
     ],
 )
 def test_what_cannot_bulge_is_refused(changes: dict[str, object], text: str) -> None:

@@ -1,0 +1,57 @@
+"""Keys that a sound case gives, and that change nothing in it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from castfem.case.extraction import COUPLED
+from castfem.case.problems import Problem
+
+if TYPE_CHECKING:
+    from castfem.case.model import Case
+
+_REPEATED = ("passes", "settled", "window_error")
+
+
+def idle_keys(case: Case) -> Iterator[Problem]:
+    """Yield keys that were given and have no effect, with the reason."""
+    yield from _coupling(case)
+    yield from _extraction(case)
+
+
+def _coupling(case: Case) -> Iterator[Problem]:
+    """Yield what is told of windows that are not repeated, or of a coupling that is not there."""
+    table = case.coupling
+    given = [name for name in type(table).model_fields if name in table.model_fields_set]
+    if case.mechanics is None:
+        for name in given:
+            yield Problem(("coupling", name), "has no effect without [mechanics]")
+        return
+    for name in (n for n in _REPEATED if n in given):
+        if case.mould is None:
+            reason = "without [mould]: no gap opens, and a window is not repeated"
+        elif table.order != "thermal_first":
+            reason = f'with order = "{table.order}": a window is not repeated'
+        elif name == "window_error" and table.passes == 1:
+            reason = "with passes = 1: the error of a window is found by repeating it"
+        else:
+            continue
+        yield Problem(("coupling", name), f"has no effect {reason}")
+
+
+def _extraction(case: Case) -> Iterator[Problem]:
+    """Yield friction and bending that a maker's curve has in it."""
+    table = None if case.machine is None else case.machine.extraction
+    rolls = None if case.machine is None else case.machine.pairs()
+    if table is None or rolls is None or table.resistance == COUPLED:
+        return
+    names = ["bending"]
+    if not any(pair.locked for pair in rolls.pairs):
+        names += ["friction_axis", "friction_surface"]
+    for name in names:
+        if name in table.model_fields_set:
+            yield Problem(
+                ("machine", "extraction", name),
+                "has no effect beside a maker's curve, which has it in it",
+            )
