@@ -5,11 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from castfem.case.cooling import MOULD, Contact, Flux, HeatLaw, PrescribedTemperature, Zone
+from castfem.case.cooling import (
+    MOULD,
+    Contact,
+    Flux,
+    HeatLaw,
+    PrescribedTemperature,
+    ScaledLaw,
+    Zone,
+)
 from castfem.case.model import Case
 from castfem.case.problems import Problem
 from castfem.case.section import Section
 from castfem.support.messages import choices
+from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
 from castfem.values.units import format, nearest
@@ -82,6 +91,10 @@ def _laws(case: Case) -> Iterator[Problem]:
             path = ("cooling", i, "surface", j)
             if isinstance(law, Contact):
                 yield from _contact(case, law, path)
+            if isinstance(law, ScaledLaw):
+                key = "flux" if isinstance(law, Contact) else "value"
+                yield from _scaled(law, key, path)
+                yield from _range_of_formula(case, zone, getattr(law, key), (*path, key))
             if known:
                 yield from unknown_groups(law.on, known, (*path, "on"))
                 yield from _clash(law, laws[:j], case.section.cooled_groups(), known, path)
@@ -89,19 +102,20 @@ def _laws(case: Case) -> Iterator[Problem]:
 
 def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
     """Yield what a contact law lacks, given the mould there is."""
+    given = [key for key in ("coefficient", "flux") if key in law.model_fields_set]
+    if not given:
+        yield Problem(
+            path, 'coefficient or flux is missing; the heat without a gap, coefficient = "1600 '
+            'W/(m^2 K)" or a measured flux = "2 MW/m^2"'
+        )  # fmt: skip
+    if len(given) > 1:
+        yield Problem(path, "coefficient and flux exclude each other; give one of the two")
     gapless = law.gap == 0.0 or (law.gap is None and case.mould is None)
     if not gapless and "gap_conductivity" not in law.model_fields_set:
         yield Problem(path, 'a gap needs its gap_conductivity, such as "0.15 W/(m K)"')
-    mould, conductivity = case.mould, law.gap_conductivity
-    if not gapless and None not in (conductivity, law.coefficient):
-        assert conductivity is not None
-        halving = conductivity / law.coefficient if law.coefficient > 0.0 else _THINNEST
-        if law.gap is None and halving < _THINNEST:
-            yield Problem(
-                (*path, "gap_conductivity"),
-                f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the "
-                "heat, and rounding decide on it; gases and slags have 0.02 to 2 W/(m K)",
-            )
+    if not gapless:
+        yield from _thin_gap(law, path)
+    mould = case.mould
     of_mould = None if mould is None else mould.wall_temperature
     own = "wall" in law.model_fields_set and law.wall != MOULD
     if own and None not in (law.wall, of_mould) and law.wall != of_mould:
@@ -115,6 +129,64 @@ def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[
             path, 'wall is missing; the temperature of the wall, such as "160 degC", here or as '
             "mould.wall_temperature"
         )  # fmt: skip
+
+
+def _thin_gap(law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield a gap so thin that rounding decides on the heat."""
+    conductivity, coefficient = law.gap_conductivity, law.coefficient
+    if conductivity is None or law.gap is not None or coefficient is None:
+        return
+    best = max(coefficient.values) if isinstance(coefficient, Table) else coefficient
+    halving = conductivity / best if best > 0.0 else _THINNEST
+    if halving < _THINNEST:
+        yield Problem(
+            (*path, "gap_conductivity"),
+            f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the "
+            "heat, and rounding decide on it; gases and slags have 0.02 to 2 W/(m K)",
+        )
+
+
+def _scaled(law: ScaledLaw, key: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield a measured total that cannot be used."""
+    has = law.model_fields_set
+    if "power" in has and has & {"water", "water_rise"}:
+        yield Problem(path, "power and water exclude each other; give one of the two")
+        return
+    for one, other, sample in (
+        ("water", "water_rise", "7 K"),
+        ("water_rise", "water", "1800 L/min"),
+    ):
+        if one in has and other not in has:
+            yield Problem(path, f'{one} needs {other}, such as {other} = "{sample}"')
+    if not has & {"power", "water", "water_rise"}:
+        return
+    value = getattr(law, key)
+    of_surface = isinstance(value, Table) and value.over == "temperature"
+    if of_surface or "coefficient" in has:
+        what = "the table over temperature" if of_surface else "a coefficient"
+        yield Problem(
+            path,
+            f"the heat of {what} is known after the run alone and cannot be scaled to a measured "
+            f"total; give {key} over position or time",
+        )
+
+
+def _range_of_formula(
+    case: Case, zone: Zone | None, given: Any, path: tuple[str | int, ...]
+) -> Iterator[Problem]:
+    """Yield a published flux that is used beyond its range."""
+    if not isinstance(given, str) or zone is None or case.casting is None:
+        return
+    casting, until = case.casting, MOULD_FLUXES[given].until
+    if None in (casting.speed, casting.length):
+        return
+    end = casting.travel.time_at(casting.length if zone.to is None else zone.to)
+    if end > until * (1 + ROUNDING):
+        yield Problem(
+            path,
+            f'("{given}") goes to {until:g} s, the zone to {end:.4g} s after the meniscus; end the '
+            "zone with the mould, or give a table",
+        )
 
 
 def _degrees(wall: Any) -> str:

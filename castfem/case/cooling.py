@@ -8,21 +8,24 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.variants import Variants
 from castfem.errors import InputError
-from castfem.thermal import flux_laws
+from castfem.machine.along import OverTime
+from castfem.thermal import flux_laws, mould_flux
+from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.thermal.sprays import CORRELATIONS
+from castfem.values.curves import CurveOrName, CurveOverEither
 from castfem.values.quantities import (
     Conductivity,
     Distance,
-    HeatTransferCoefficient,
     InverseLength,
     Kind,
     Length,
     NameOf,
+    PositiveDifference,
     PositiveNumber,
     Temperature,
     WaterFlow,
@@ -32,6 +35,7 @@ from castfem.values.table_notation import Curve, CurveOr
 from castfem.values.tables import Table
 
 if TYPE_CHECKING:
+    from castfem.machine import Machine
     from castfem.materials import Steel
 
 CoefficientOfTemperature = Annotated[
@@ -44,7 +48,22 @@ EmissivityOfTemperature = Annotated[
         over="temperature",
     ),
 ]
-FluxOfTime = Annotated[float | Table, Curve(Kind("W/m^2", "MW/m^2"), over="time")]
+GivenFlux = Annotated[
+    str | float | Table,
+    CurveOrName(Kind("W/m^2", "MW/m^2"), "time", ("position",), MOULD_FLUXES),
+]
+ContactCoefficient = Annotated[
+    float | Table,
+    CurveOverEither(Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0), "position", ("time", "temperature")),
+]
+ContactFlux = Annotated[
+    str | float | Table,
+    CurveOrName(
+        Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature"), MOULD_FLUXES
+    ),
+]
+HeatFlow = Annotated[float, Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW")]
+VolumeFlow = Annotated[float, Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min")]
 TemperatureOfTime = Annotated[float | Table, Curve(Kind("K", "degC"), over="time")]
 
 MOULD = "mould"
@@ -54,17 +73,43 @@ _GAP = "distance between strand and wall"
 
 
 @dataclass(frozen=True, slots=True)
+class Extent:
+    """Where a law holds.
+
+    Attributes:
+        start: From the meniscus, m. end: Likewise, of its whole zone.
+        perimeter: Of its groups on the whole strand, m.
+    """
+
+    start: float
+    end: float
+    perimeter: float
+
+
+@dataclass(frozen=True, slots=True)
 class Surroundings:
     """What a heat law may leave to the rest of the case.
 
     Attributes:
         steel: Of the strand.
+        machine: When the slice is where.
         wall: Temperature of the mould's wall as the slice passes it, K, over time in s; None if
             the case gives none.
+        extent: Where the law holds; None for one that does not ask (`HeatLaw.measured_total`).
     """
 
     steel: Steel
+    machine: Machine
     wall: float | Callable[[float], float] | None = None
+    extent: Extent | None = None
+
+    def over_time(self, given: str | float | Table) -> mould_flux.Value:
+        """Return a number, a table over position or time, or a named flux, over time in s."""
+        if isinstance(given, str):
+            return MOULD_FLUXES[given].formula
+        if isinstance(given, Table) and given.over == "position":
+            return OverTime(given, self.machine)
+        return given
 
 
 class HeatLaw(Variants):
@@ -92,24 +137,97 @@ class HeatLaw(Variants):
             InputError: The rest of the case lacks what the law leaves to it.
         """
 
-    def milestones(self) -> tuple[float, ...]:
+    @property
+    def measured_total(self) -> bool:
+        """Whether its heat is scaled to a total that was measured."""
+        return False
+
+    def milestones(self, around: Surroundings) -> tuple[float, ...]:
         """Return the instants at which what it is given changes its slope in time, s."""
         given = (getattr(self, key) for key in type(self).model_fields)
-        return tuple(
-            kink
-            for value in given
-            if isinstance(value, Table) and value.over == "time"
-            for kink in value.kinks
-        )
+        return tuple(kink for value in given for kink in kinks_in_time(value, around))
 
 
-class Contact(HeatLaw):
+def kinks_in_time(value: Any, around: Surroundings) -> tuple[float, ...]:
+    """Return the instants at which a value of a law changes its slope in time, s."""
+    if isinstance(value, str) and value in MOULD_FLUXES:
+        return MOULD_FLUXES[value].kinks
+    if not isinstance(value, Table) or value.over not in ("time", "position"):
+        return ()
+    return value.kinks if value.over == "time" else OverTime(value, around.machine).kinks
+
+
+class ScaledLaw(HeatLaw):
+    """A law whose heat may be scaled to a measured total."""
+
+    power: HeatFlow | None = Field(
+        None,
+        description="heat that the mould takes from the faces of this law in all, on the whole "
+        "strand and over the whole zone; the flux is scaled to it",
+    )
+    water: VolumeFlow | None = Field(
+        None, description="cooling water that takes this heat, instead of power"
+    )
+    water_rise: PositiveDifference | None = Field(
+        None, description="rise of its temperature, with water", examples=["7 K"]
+    )
+
+    @property
+    def measured_total(self) -> bool:
+        """See `HeatLaw.measured_total`."""
+        return self.total is not None
+
+    @property
+    def total(self) -> float | None:
+        """The heat it is scaled to, W; None if it is not scaled."""
+        if self.water is not None and self.water_rise is not None:
+            return mould_flux.WATER * self.water * self.water_rise
+        return self.power
+
+    def scaled(self, given: str | float | Table, around: Surroundings) -> mould_flux.Value:
+        """Return a flux over time, scaled to the measured total if there is one."""
+        value, total, extent = around.over_time(given), self.total, around.extent
+        if total is None or extent is None:
+            return value
+        machine = around.machine
+        between = machine.time_at(extent.start), machine.time_at(extent.end)
+        kinks = (*kinks_in_time(given, around), *machine.kinks)
+        heat = extent.perimeter * mould_flux.heat_to_mould(value, machine.speed, between, kinks)
+        if not heat > 0.0:
+            raise InputError(
+                f"{self.tag}: the flux takes {1e-3 * heat:.4g} kW in all and cannot be scaled to a "
+                "measured total; a curve that is above 0 is needed"
+            )
+        factor = total / heat
+        return mould_flux.Scaled(factor, value) if callable(value) else factor * value
+
+
+def _over_temperature(given: object) -> Table | None:
+    return given if isinstance(given, Table) and given.over == "temperature" else None
+
+
+class Contact(ScaledLaw):
     """Contact with a wall, through a gap where there is one (thesis, eq. 301)."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": ["coefficient"]}, {"required": ["flux"]}]}
+    )
 
     called: ClassVar[str] = "contact with a gap of its own"
 
     law: Literal["contact"]
-    coefficient: HeatTransferCoefficient = Field(description="coefficient without a gap")
+    coefficient: ContactCoefficient | None = Field(
+        None,
+        description="coefficient without a gap; a table over temperature is over that of the "
+        "surface",
+        examples=["1600 W/(m^2 K)"],
+    )
+    flux: ContactFlux | None = Field(
+        None,
+        description="heat flux of good contact, instead of coefficient: what is measured where "
+        "there is no gap; a gap lowers it",
+        examples=["2 MW/m^2"],
+    )
     wall: WallTemperature | None = Field(
         None,
         description='temperature of the wall; "mould", as by default: mould.wall_temperature',
@@ -131,13 +249,28 @@ class Contact(HeatLaw):
         wall = around.wall if self.wall in (None, MOULD) else self.wall
         assert wall is not None and not isinstance(wall, str), "the case has been checked"
         return flux_laws.Contact(
-            coefficient=self.coefficient,
+            coefficient=self._good(around),
             wall=wall,
             # Without a gap its conductivity is of no account.
             gap_conductivity=1.0 if self.gap_conductivity is None else self.gap_conductivity,
             gap=self.gap or 0.0,
             follows=self.gap is None,
         )
+
+    def _good(self, around: Surroundings) -> float | mould_flux.Curve:
+        """Return the coefficient without a gap."""
+        if self.flux is not None:
+            table = _over_temperature(self.flux)
+            if table is not None:
+                return mould_flux.FluxCurve(over_temperature=table)
+            return mould_flux.FluxCurve(self.scaled(self.flux, around))
+        assert self.coefficient is not None, "the case has been checked"
+        if not isinstance(self.coefficient, Table):
+            return self.coefficient
+        table = _over_temperature(self.coefficient)
+        if table is not None:
+            return mould_flux.CoefficientCurve(over_temperature=table)
+        return mould_flux.CoefficientCurve(around.over_time(self.coefficient))
 
 
 class Convection(HeatLaw):
@@ -199,17 +332,17 @@ class Radiation(HeatLaw):
         )
 
 
-class Flux(HeatLaw):
+class Flux(ScaledLaw):
     """A given heat flux; positive when heat leaves the strand."""
 
     called: ClassVar[str] = "a given flux"
 
     law: Literal["flux"]
-    value: FluxOfTime = Field(description="heat flux; a table is over time since the meniscus")
+    value: GivenFlux = Field(description="heat flux; over the time since the meniscus")
 
     def build(self, around: Surroundings) -> flux_laws.PrescribedFlux:
         """See `HeatLaw.build`."""
-        return flux_laws.PrescribedFlux(self.value)
+        return flux_laws.PrescribedFlux(self.scaled(self.value, around))
 
 
 class PrescribedTemperature(HeatLaw):

@@ -23,10 +23,12 @@ from castfem.values.units import nearest
 
 Keys = tuple[str | int, ...]
 
+_EACH = -1  # stands for any entry of an array
 _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
     (("casting",), "superheat", "temperature"),
     (("thermal", "time"), "step", "adaptive"),
     (("machine",), "rolls", "segment"),
+    (("cooling", _EACH, "surface", _EACH), "coefficient", "flux"),
 )
 # A table whose shape or law changes is another table; [mechanics] has more to it than its law.
 _KINDS = ("shape", "law")
@@ -219,8 +221,13 @@ def _write_out(document: Document, under: dict[str, Any], path: Keys) -> None:
 def _exclude(under: dict[str, Any], keys: Collection[str], path: Keys) -> None:
     """Drop from the table `under` at `path` what new keys in it exclude."""
     for where, one, other in _EXCLUSIVE:
-        if path == where and (one in keys) != (other in keys):
+        if _any_entry(path) == where and (one in keys) != (other in keys):
             under.pop(other if one in keys else one, None)
+
+
+def _any_entry(path: Keys) -> Keys:
+    """A path, with any entry of an array for its numbers."""
+    return tuple(_EACH if isinstance(step, int) else step for step in path)
 
 
 def _forget(document: Document, path: Keys) -> None:

@@ -15,8 +15,9 @@ from castfem.case.base import TableModel, written
 from castfem.case.bulging import Bulging, BulgingMark
 from castfem.case.thermal import PetscOption
 from castfem.support.messages import choices
+from castfem.values.curves import CurveOverEither
 from castfem.values.quantities import Kind, Notation, PositiveDifference, Time
-from castfem.values.table_notation import Curve, CurveOr, CurveOverEither
+from castfem.values.table_notation import Curve, CurveOr
 from castfem.values.tables import Table
 from castfem.values.units import parse_any
 
@@ -34,7 +35,9 @@ Solid = Annotated[float, Kind("1", least=0.0, most=0.99, label="solid fraction",
 Tolerance = Annotated[float, Kind("1", above=0.0, most=0.1, label="tolerance", sample="1e-8")]
 Force = Annotated[
     float | Table,
-    CurveOverEither(Kind("N", "kN", label="force", sample="10 kN"), over="time", other="position"),
+    CurveOverEither(
+        Kind("N", "kN", label="force", sample="10 kN"), over="time", others=("position",)
+    ),
 ]
 MomentOfTime = Annotated[
     float | Table, Curve(Kind("N m", "kN m", label="moment", sample="1 kN m"), over="time")

@@ -37,6 +37,7 @@ from castfem.case.tensile import Segment, Tensile, TensileOutput
 from castfem.case.thermal import Adaptive, Stepping, Thermal
 from castfem.case.variants import Variants
 from castfem.case.verification import Verification
+from castfem.values.curves import CurveOrName
 from castfem.values.quantities import Kind, NameOf
 from castfem.values.table_notation import Curve, CurveOr
 
@@ -207,6 +208,9 @@ def _mark(mark: Kind | Curve, example: object) -> str:
         plain = Curve(mark.kind, mark.over)
         value = mark.kind.example if example == mark.word else example
         return f'`"{mark.word}"`; {_mark(plain, value)}'
+    if isinstance(mark, CurveOrName):
+        names = ", ".join(f'`"{name}"`' for name in mark.register)
+        return f"{_mark(mark.kind, example)}, a table over {mark.arguments}, or {names}"
     if isinstance(mark, Curve):
         return f"{_mark(mark.kind, example)}, or a table over {mark.arguments}"
     text = str(example or mark.example)

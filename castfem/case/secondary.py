@@ -15,6 +15,7 @@ from castfem.case.base import TableModel, written
 from castfem.case.coefficient_table import NozzleTable
 from castfem.case.cooling import CoefficientOfTemperature, EmissivityOfTemperature
 from castfem.thermal.sprays import CORRELATIONS
+from castfem.values.curves import CurveOverEither
 from castfem.values.quantities import (
     HeatTransferCoefficient,
     Kind,
@@ -24,7 +25,6 @@ from castfem.values.quantities import (
     Temperature,
     WaterTemperature,
 )
-from castfem.values.table_notation import CurveOverEither
 from castfem.values.tables import Table
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ Share = Annotated[float, Kind("1", above=0.0, most=0.9, label="share", sample="0
 Flow = Annotated[
     float | Table,
     CurveOverEither(
-        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"), "speed", "time"
+        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
+        "speed",
+        ("time",),
     ),
 ]
 Edge = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.5")]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
 from castfem.results.registry import results_of
 from castfem.simulation import closed_form
+from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.values.same_place import same_instant
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ def summarise(run: RunState, status: str) -> Summary:
 
 
 def _unchecked(simulation: Simulation) -> tuple[str, ...]:
-    """Data of steel and law that are from memory of their source, one line a source."""
+    """Data of steel, law and cooling that are from memory of their source, one line a source."""
     found = {key: o.source for key, o in simulation.steel.origins.items() if o.status == "M"}
     if simulation.case.mechanics is not None:
         from castfem.constitutive.parameters import unchecked
@@ -44,6 +45,13 @@ def _unchecked(simulation: Simulation) -> tuple[str, ...]:
         found |= {
             f"mechanics.law {key}".removesuffix(" law"): source for key, source in law.items()
         }
+    found |= {
+        f"cooling {given}": MOULD_FLUXES[given].source
+        for zone in simulation.case.cooling
+        for law in zone.surface
+        for given in (getattr(law, "flux", None), getattr(law, "value", None))
+        if isinstance(given, str) and not MOULD_FLUXES[given].checked
+    }
     sources: dict[str, list[str]] = {}
     for key, source in found.items():
         sources.setdefault(source or "no source given", []).append(key.replace("_", " "))

@@ -6,14 +6,16 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 from bisect import bisect_right
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from castfem.case.cooling import Surroundings
+from castfem.case.cooling import Extent, Surroundings
 from castfem.errors import InputError
+from castfem.fem import reductions
+from castfem.machine.along import OverTime
 from castfem.thermal import flux_laws
 from castfem.thermal.boundary import Cooling, Surface
 from castfem.values.tables import Table
@@ -21,6 +23,7 @@ from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.case import Case
+    from castfem.case.cooling import HeatLaw
     from castfem.machine import Machine
     from castfem.materials import Steel
     from castfem.simulation.secondary import SecondaryCooling
@@ -47,7 +50,7 @@ class Zones:
         self.starts = [machine.time_at(span.start) for span in self.spans]
         self._end = machine.time_at(self.spans[-1].end)
         self._surface = surface
-        self._around = Surroundings(steel, wall_over_time(case, machine))
+        self._case, self._around = case, Surroundings(steel, machine, wall_over_time(case, machine))
         self._coolings = [self._make(i) for i in range(len(self.spans))]
         tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
         self._secondary = self._below(case, machine, steel)
@@ -77,7 +80,7 @@ class Zones:
         times = list(self.starts[1:])
         for span in self.spans:
             for _, law in span.laws:
-                times += law.milestones()
+                times += law.milestones(self._around)
         if self._secondary is not None:
             times += self._secondary.changes
         wall = self._around.wall
@@ -144,6 +147,17 @@ class Zones:
         section = self._surface.section
         return [t for t in section.matching(names) if section.groups[t] in section.outer_groups]
 
+    def _seen(self, index: int, law: HeatLaw, tags: list[int]) -> Surroundings:
+        """What a law on the groups of `tags` in a zone may ask for (collective)."""
+        if not law.measured_total:
+            return self._around
+        zone, length = self._case.cooling[index], self._case.casting.length
+        section = self._surface.section
+        mine = float(self._surface.patch(tags).weights.sum())
+        whole = section.multiplicity * reductions.total(section.comm, mine)
+        end = length if zone.to is None else zone.to
+        return replace(self._around, extent=Extent(self.spans[index].start, end, whole))
+
     def _make(self, index: int) -> Cooling:
         span = self.spans[index]
         cooling = Cooling([], [])
@@ -157,7 +171,7 @@ class Zones:
                     f"cooling zone '{span.name}': no boundary group is named {', '.join(names)}; "
                     f"this section has {', '.join(section.outer_groups)}"
                 )
-            made = law.build(self._around)
+            made = law.build(self._seen(index, law, tags))
             if isinstance(made, flux_laws.PrescribedTemperature):
                 cooling.prescribed.append((self._surface.patch(tags), made))
             else:
@@ -198,29 +212,6 @@ def across_gaps(rows: list[Row], crossing: set[int]) -> list[Row]:
 def _crosses(law: flux_laws.SurfaceLaw) -> flux_laws.Convection | flux_laws.Radiation:
     assert isinstance(law, flux_laws.Convection | flux_laws.Radiation)
     return law
-
-
-@dataclass(frozen=True, slots=True)
-class OverTime:
-    """What is tabulated along the machine, as the slice meets it.
-
-    Attributes:
-        table: Over position.
-        machine: Has the slice's position over time.
-    """
-
-    table: Table
-    machine: Machine
-
-    def __call__(self, time: float) -> float:
-        """The value where the slice is at `time` (s)."""
-        return self.table(self.machine.position(time))
-
-    @property
-    def kinks(self) -> tuple[float, ...]:
-        """When the slice comes to the rows of the table, s; rows it never comes to left out."""
-        times = (self.machine.time_at(position) for position in self.table.arguments)
-        return tuple(time for time in times if time < np.inf)
 
 
 def wall_over_time(case: Case, machine: Machine) -> float | OverTime | None:

@@ -14,9 +14,11 @@ from typing import Protocol
 
 import numpy as np
 
+from castfem.thermal.mould_flux import Curve
 from castfem.values.types import Array
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/m2K4, CODATA 2018
+_FLAT = 1e-9  # of the steepest slope: less is what rounding makes of a flux that does not fall
 _DT = 1e-3  # K, half width of the difference quotient of tabulated coefficients
 
 
@@ -82,7 +84,7 @@ class Contact:
     between.
 
     Attributes:
-        coefficient: h_c at d = 0, W/m2K.
+        coefficient: h_c at d = 0, W/m2K, or a curve of it.
         wall: Temperature of the mould's wall, K; a number or a function of time.
         gap_conductivity: k_g, W/mK.
         gap: d, m; a number or one per surface node.
@@ -90,16 +92,16 @@ class Contact:
         beside: What else crosses the gap.
     """
 
-    coefficient: float
+    coefficient: float | Curve
     wall: float | Callable[[float], float]
     gap_conductivity: float
     gap: float | Array = 0.0
     follows: bool = False
     beside: tuple[Convection | Radiation, ...] = ()
 
-    def heat_transfer(self) -> Array:
-        """Overall coefficient h(d) of (301), W/m2K."""
-        hc, kg = self.coefficient, self.gap_conductivity
+    def heat_transfer(self, coefficient: float | Array) -> Array:
+        """Overall coefficient h(d) of (301), W/m2K, with a coefficient of contact."""
+        hc, kg = coefficient, self.gap_conductivity
         return np.asarray(hc * kg / (kg + hc * np.maximum(self.gap, 0.0)))
 
     def _wall(self, time: float) -> float:
@@ -107,12 +109,22 @@ class Contact:
 
     def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
         """See `SurfaceLaw.flux`."""
-        h = np.array(np.broadcast_to(self.heat_transfer(), temperature.shape))
+        if not isinstance(self.coefficient, float | int):
+            return self._of_curve(self.coefficient, temperature, time)
+        h = np.array(np.broadcast_to(self.heat_transfer(self.coefficient), temperature.shape))
         flux = h * (temperature - self._wall(time))
         if not self.beside or not self.coefficient > 0.0:
             return flux, h
         # The gap's share of the resistance of contact and gap: 0 where the strand touches.
         share = 1.0 - h / self.coefficient
+        crossing, slope, conductance, its_slope = self._crossing(temperature, time)
+        both = flux + share * crossing
+        less = 1.0 + share * conductance / self.coefficient
+        by_less = both / less * share * its_slope / self.coefficient
+        return both / less, (h + share * slope - by_less) / less
+
+    def _crossing(self, temperature: Array, time: float) -> tuple[Array, Array, Array, Array]:
+        """Flux beside the gap's conduction, and conductance (34), each with its derivative."""
         crossing, slope, conductance, its_slope = np.zeros((4, *temperature.shape))
         for law in self.beside:
             law = law.across(self.gap)
@@ -120,10 +132,33 @@ class Contact:
             c, dc = _conductance(q, dq, temperature - law.ambient)
             crossing, slope = crossing + q, slope + dq
             conductance, its_slope = conductance + c, its_slope + dc
-        both = flux + share * crossing
-        less = 1.0 + share * conductance / self.coefficient
-        by_less = both / less * share * its_slope / self.coefficient
-        return both / less, (h + share * slope - by_less) / less
+        return crossing, slope, conductance, its_slope
+
+    def _of_curve(self, curve: Curve, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `flux`, with a coefficient of contact h_c that changes with the temperature.
+
+        With r = d/k_g, beside which c and q_c cross, the flux is
+        h_c (T - Tw + r q_c) / (1 + r (h_c + c)): what stands in `flux`, multiplied out.
+        """
+        wall = self._wall(time)
+        hc, rise = curve.of(temperature, time, wall)
+        r = np.maximum(self.gap, 0.0) / self.gap_conductivity
+        crossing, slope, c, dc = self._crossing(temperature, time)
+        excess = temperature - wall
+        above = hc * (excess + r * crossing)
+        its_rise = rise * (excess + r * crossing) + hc * (1.0 + r * slope)
+        below, of_below = 1.0 + r * (c + hc), r * (dc + rise)
+        flux = above / below
+        return flux, (its_rise - flux * of_below) / below
+
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        """See `least_rise`, without a gap, in which a flux that falls does so the most."""
+        curve = self.coefficient
+        if isinstance(curve, float | int) or curve.over_temperature is None:
+            return 0.0
+        slope = replace(self, gap=0.0, beside=()).flux(temperatures, time)[1]
+        least = float(slope.min())
+        return least if least < -_FLAT * float(np.abs(slope).max(initial=0.0)) else 0.0
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""

@@ -166,58 +166,6 @@ class CurveOr(Curve):
         return known
 
 
-@dataclass(frozen=True, slots=True)
-class CurveOverEither(Curve):
-    """Annotation of a field that takes a single value, or a table over one argument or another.
-
-    Attributes:
-        other: What a table may depend on instead of `over`.
-    """
-
-    other: str
-
-    @property
-    def arguments(self) -> str:
-        """What a table of it may depend on, in words."""
-        return f"{self.over} or {self.other}"
-
-    def read(self, given: object) -> float | Table:
-        """Return the value in SI, or a table; raise ValueError if it is neither."""
-        return self._of(given).read(given)
-
-    def write(self, value: float | Table) -> Any:
-        """Return what reads back to the same value."""
-        return self._of(value).write(value)
-
-    def _of(self, given: object) -> Curve:
-        """The annotation of what is given, by what it depends on."""
-        of_other = isinstance(given, Table) and given.over == self.other
-        if isinstance(given, Mapping):
-            of_other = self.other in given or _first_of_file(given.get("file")) == self.other
-        return Curve(self.kind, self.other if of_other else self.over)
-
-    def __get_pydantic_json_schema__(
-        self, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        """Return the schema: that of a `Curve` over the one, with the table over the other."""
-        found, others = (
-            Curve(self.kind, over).__get_pydantic_json_schema__(schema, handler)
-            for over in (self.over, self.other)
-        )
-        found["anyOf"] = [*found["anyOf"], others["anyOf"][1]]
-        found["description"] += f" or {self.other}"
-        return found
-
-
-def _first_of_file(path: object) -> str | None:
-    """Name of the first column of a CSV file; None of one that `Curve` will refuse."""
-    try:
-        headings = read_csv(Path(str(path))).headings if isinstance(path, str) else []
-    except UnreadableError:
-        return None
-    return headings[0].name if headings else None
-
-
 def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | None]:
     """Return a column that `_column` reads back to the same floats, and its unit."""
     if kind.unit == "1":

@@ -12,10 +12,13 @@ from pydantic import Field
 from small_case import write_small
 
 import castfem
-from castfem.case.cooling import FluxOfTime, HeatLaw, Surroundings
+from castfem.case.cooling import GivenFlux, HeatLaw, Surroundings
 from castfem.case.json_schema import case_schema
 from castfem.case.reference_page import markdown_page
 from castfem.errors import InputError
+from castfem.machine import Machine
+from castfem.machine.travel import Steady
+from castfem.materials import load_steel
 from castfem.thermal import sprays
 from castfem.values.quantities import Kind, Temperature
 from castfem.values.types import Array
@@ -52,7 +55,7 @@ def rated(monkeypatch: pytest.MonkeyPatch) -> type[HeatLaw]:
         flux: Annotated[float, Kind("W/m^2", "MW/m^2")] = Field(description="heat flux there")
         at: Temperature = Field(description="surface temperature it is known at")
         ambient: Temperature = Field(description="temperature of the surroundings")
-        until: FluxOfTime | None = Field(None, description="nothing; a table for its milestones")
+        until: GivenFlux | None = Field(None, description="nothing; a table for its milestones")
 
         def build(self, around: Surroundings) -> RatedFlux:
             return RatedFlux(self.flux / (self.at - self.ambient), self.ambient)
@@ -87,7 +90,9 @@ def test_a_new_law_is_checked_written_and_described(
     table = {"time": [0, 0.4, 0.7], "time_unit": "s", "value": [1, 2, 3], "unit": "MW/m^2"}
     changed = case.with_({HEAT: [{**RATED, "until": table}]})
     (law,) = changed.cooling[0].surface
-    assert isinstance(law, rated) and law.milestones() == (0.0, 0.4, 0.7)
+    assert isinstance(law, rated)
+    around = Surroundings(load_steel("carbon_042"), Machine(Steady(0.06)))
+    assert law.milestones(around) == (0.0, 0.4, 0.7)
     path = tmp_path / "again.toml"
     path.write_text(changed.resolved_toml())
     assert castfem.load(path).cooling == changed.cooling
