@@ -42,6 +42,7 @@ ORDER = {
     "report": "words on a run",
     "sweep": "many runs",
     "design": "which values are best",
+    "accuracy": "the error of each number",
     "compare": "runs side by side",
     "cli": "commands",
 }

@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _on_all_ranks(words: Sequence[str]) -> bool:
     """Return whether it is done by all ranks: runs are, everything else by rank 0 alone."""
-    return words[:1] in (["run"], ["sweep"])
+    return words[:1] in (["run"], ["sweep"], ["error"])
 
 
 def execute(arguments: Sequence[str] | None = None) -> int:
@@ -133,7 +133,7 @@ def _verbose(words: Sequence[str]) -> bool:
 
 def _interrupted(rank: int, words: Sequence[str]) -> int:
     if rank == 0:
-        sweep = words[:1] == ["sweep"]
+        sweep = words[:1] in (["sweep"], ["error"])
         mend = "the same command again" if sweep else "`castfem run ... --resume`"
         print(f"castfem: interrupted; {mend} goes on", file=sys.stderr)
     return _INTERRUPTED

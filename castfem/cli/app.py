@@ -141,6 +141,39 @@ def sweep(
 
 
 @app.command()
+def error(
+    case: CaseName,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder; by default results/<family>/<name>_error."),
+    ] = None,
+    set_: Overrides = None,
+    jobs: Annotated[
+        int | None, typer.Option("-j", help="How many runs at once; by default one a core.")
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option(help="Run all anew, and replace runs of another case.")
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Run a case on other meshes, with other steps and windows: the error of each number."""
+    from castfem.cli.accuracy import Options, error_of_case
+
+    status = error_of_case(
+        Options(
+            name=case,
+            folder=output,
+            overrides=tuple(set_ or ()),
+            processes=jobs,
+            overwrite=overwrite,
+            quiet=quiet,
+        )
+    )
+    if status:
+        raise typer.Exit(status)
+
+
+@app.command()
 def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
     """Check a case, its steel and its mesh without running it."""
     from castfem.cli.checking import check_case

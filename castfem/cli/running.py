@@ -12,7 +12,7 @@ from castfem.case import AnyCase, TensileCase, shipped_cases
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
 from castfem.errors import CastfemError, InputError
-from castfem.output.folder import CASE_NAME
+from castfem.output.folder import CASE_NAME, ERROR_ENDING, ERROR_NAME
 from castfem.output.run_record import RUN_NAME
 from castfem.report import error_pages
 from castfem.support import log
@@ -135,7 +135,21 @@ def _run_case(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: 
         if progress is not None:
             progress.stop()
     if root:
+        _take_errors(target)
         _show(target, options.verbosity < 0, figures=case.output.figures)
+
+
+def _take_errors(target: Path) -> None:
+    """Put errors that have been found of the case beside the results of its run."""
+    path = target.with_name(target.name + ERROR_ENDING) / ERROR_NAME
+    if not path.is_file():
+        return
+    from castfem.accuracy.table import ErrorTable, attach
+
+    try:
+        attach(ErrorTable.load(path), target)
+    except CastfemError as error:
+        log.logger.warning("%s", error)
 
 
 def _show(target: Path, quiet: bool, *, figures: bool) -> None:

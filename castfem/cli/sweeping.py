@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import load_case, shipped_cases
-from castfem.cli import parallel
+from castfem.cli import many_runs, parallel
 from castfem.errors import InputError, RunFailure
 from castfem.output.folder import OutputFolder
 from castfem.sweep.plan import Variant, plan
@@ -22,7 +21,6 @@ from castfem.time_loop import existing_run
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-_NOISE_NAME = "sweep.log"
 _SOONEST = 2.0  # s between two versions of the table
 
 
@@ -69,30 +67,9 @@ def sweep_case(options: Options) -> int:
         InputError: Something the user wrote cannot be used; nothing has been run.
         RunFailure: The record of the sweep cannot be written.
     """
-    comm = parallel.communicator()
-    root = parallel.rank_of(comm) == 0
-    sweep: _Sweep | None = None
-    problems: tuple[str, ...] = ()
-    if root:
-        try:
-            sweep = _prepared(options, comm is not None)
-        except InputError as error:
-            problems = error.problems
-    problems = parallel.agree(comm, problems)
-    if problems:
-        raise InputError(problems)
-    if sweep is None:
-        assert comm is not None
-        from castfem.sweep.ranks import run_on_ranks
-
-        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
-        return int(comm.bcast(0))
-    status = _done(sweep, options, comm)
-    return status if comm is None else int(comm.bcast(status))
-
-
-def _nothing(*_: object) -> None:
-    """Stand in for what is told to rank 0."""
+    return many_runs.on_root(
+        lambda ranks: _prepared(options, ranks), lambda sweep, comm: _done(sweep, options, comm)
+    )
 
 
 def _prepared(options: Options, ranks: bool) -> _Sweep:
@@ -101,10 +78,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     Raises:
         InputError: As `sweep_case`.
     """
-    if ranks and options.processes is not None:
-        raise InputError("-j is for one machine; under mpirun the ranks do the work")
-    if options.processes is not None and options.processes < 1:
-        raise InputError(f"-j {options.processes}: at least one process is needed")
+    many_runs.check_processes(options.processes, ranks)
     path = shipped_cases.find(options.name)
     variants = plan(load_case(path), options.assignments, options.table)
     target = options.folder or _default_folder(options.name, path)
@@ -144,36 +118,22 @@ def _default_folder(name: str, path: Path) -> Path:
 
 def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
     """Run what is to be run (on rank 0), print the table, and return the exit status."""
-    from castfem.sweep.view import View
-
     before = len(sweep.variants) - len(sweep.jobs)
     if before and not options.quiet:
         print(f"{before} of {len(sweep.variants)} runs are finished already", file=sys.stderr)
-    view = View(len(sweep.variants), before, options.quiet)
     target = sweep.record.folder
-
     written = 0.0
 
-    def ended(job: Job, outcome: Outcome) -> None:
+    def noted(job: Job, outcome: Outcome) -> None:
         nonlocal written
-        view.ended(job, outcome)
-        sweep.record.note(job, outcome)
         if time.monotonic() - written > _SOONEST:  # it is written again at the end
             write_table(target / TABLE_NAME, rows(sweep.variants, sweep.record))
             written = time.monotonic()
 
-    try:
-        if comm is not None:
-            from castfem.sweep.ranks import run_on_ranks
-
-            run_on_ranks(comm, sweep.jobs, view.begun, ended, view.tick)
-        elif sweep.jobs:
-            from castfem.sweep.local import run_locally
-
-            count = min(options.processes or _cores(), len(sweep.jobs))
-            run_locally(sweep.jobs, count, target / _NOISE_NAME, view.begun, ended, view.tick)
-    finally:
-        view.stop()
+    many_runs.run_all(
+        sweep.jobs, before, sweep.record, comm,
+        processes=options.processes, quiet=options.quiet, noted=noted,
+    )  # fmt: skip
     return _told(sweep, options.quiet)
 
 
@@ -191,10 +151,3 @@ def _told(sweep: _Sweep, quiet: bool) -> int:
         print(f"castfem: {len(failed)} of {len(table)} runs failed", file=sys.stderr)
         return RunFailure.exit_status
     return 0
-
-
-def _cores() -> int:
-    """Return how many cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1

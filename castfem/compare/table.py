@@ -17,7 +17,7 @@ from castfem.compare.runs import Run
 from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
 from castfem.report.headline import headline, plain_label
 from castfem.report.remarks import mould_exit
-from castfem.report.show import is_gap, shown, small_gap, unit_shown
+from castfem.report.show import is_gap, shown, small_gap, unit_shown, with_error
 from castfem.support.atomic_files import write_text
 
 if TYPE_CHECKING:
@@ -45,6 +45,7 @@ class Line:
         theirs: Its reference, NaN where it has none.
         kinds: Whether that is a value or a bound.
         gap: Small ones are printed in micrometres, which stand behind them.
+        errors: Of our values, NaN where none is known; empty where none is of any run.
     """
 
     label: str
@@ -53,6 +54,12 @@ class Line:
     theirs: tuple[float, ...]
     kinds: tuple[Kind, ...]
     gap: bool = False
+    errors: tuple[float, ...] = ()
+
+    def error(self, run: int) -> float | None:
+        """The error of a run's value, None where none is known."""
+        known = bool(self.errors) and math.isfinite(self.errors[run])
+        return self.errors[run] if known else None
 
     def verdict(self, run: int) -> bool | None:
         """Whether a run keeps to the bound that is given for it; None where there is none."""
@@ -116,11 +123,13 @@ def _line(
 ) -> Line:
     """One quantity, at the end of the runs or on their way."""
     quantity = next(r.summary.quantities[name] for r in runs if name in r.summary.quantities)
-    ours, theirs = [], []
+    ours, theirs, errors = [], [], []
     kinds: list[Kind] = []
     for run, history in zip(runs, histories, strict=True):
         mine = run.summary.quantities.get(name)
         value = math.nan if mine is None else mine.value
+        error = None if mine is None or at is not None else mine.shown_error
+        errors.append(math.nan if error is None else error)
         value = value if at is None else _on_the_way(history, name, at)
         expected = math.nan
         kind: Kind = "value"
@@ -134,7 +143,10 @@ def _line(
         theirs.append(from_si(expected, quantity.shown_unit))
         kinds.append(kind)
     label = plain_label(quantity) + ("" if at is None else f", at {1e3 * at:.6g} mm")
-    return Line(label, quantity.shown_unit, tuple(ours), tuple(theirs), tuple(kinds), is_gap(name))
+    known = tuple(errors) if any(map(math.isfinite, errors)) else ()
+    return Line(
+        label, quantity.shown_unit, tuple(ours), tuple(theirs), tuple(kinds), is_gap(name), known
+    )
 
 
 def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> float:
@@ -233,7 +245,11 @@ def _width(header: str, cells: Sequence[str]) -> int:
 def _cell(line: Line, run: int, *, bare: bool) -> str:
     """The value of a run with its reference in brackets, or without."""
     small = small_gap(line.ours[run], line.unit) if line.gap else None
-    ours = _text(line.ours[run], line.unit) if small is None else f"{small} {unit_shown('um')}"
+    error = line.error(run)
+    if small is None:
+        ours = with_error(_text(line.ours[run], line.unit), error)
+    else:
+        ours = f"{with_error(small, None if error is None else 1e3 * error)} {unit_shown('um')}"
     if bare or not math.isfinite(line.theirs[run]):
         return ours
     return f"{ours} ({_reference(line, run)})"
@@ -251,16 +267,19 @@ def _text(value: float, unit: str) -> str:
 def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:
     """Write the table: a row a quantity, a column a run, and one for its references if it has any.
 
-    Where some of them are bounds one more column tells which: `at_least` or `at_most`.
+    A run with errors has a column of them. Where some references are bounds one more column tells
+    which: `at_least` or `at_most`.
 
     Raises:
         RunFailure: It cannot be written.
     """
     expected = [any(math.isfinite(line.theirs[i]) for line in table) for i in range(len(runs))]
     bounded = [any(line.kinds[i] != "value" for line in table) for i in range(len(runs))]
+    told = [any(line.error(i) is not None for line in table) for i in range(len(runs))]
     head = ["quantity", "unit"]
-    for run, some, bounds in zip(runs, expected, bounded, strict=True):
-        head += [run.label, *([f"{run.label}: reference"] if some else [])]
+    for run, error, some, bounds in zip(runs, told, expected, bounded, strict=True):
+        head += [run.label, *([f"{run.label}: error"] if error else [])]
+        head += [*([f"{run.label}: reference"] if some else [])]
         head += [f"{run.label}: bound"] if bounds else []
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -268,7 +287,9 @@ def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:
     for line in table:
         cells = [line.label, line.unit]
         for i, (some, bounds) in enumerate(zip(expected, bounded, strict=True)):
-            cells += [_number(line.ours[i]), *([_number(line.theirs[i])] if some else [])]
+            cells += [_number(line.ours[i])]
+            cells += [_number(line.errors[i] if line.errors else math.nan)] if told[i] else []
+            cells += [*([_number(line.theirs[i])] if some else [])]
             bound = line.kinds[i] if math.isfinite(line.theirs[i]) else "value"
             cells += ["" if bound == "value" else bound] if bounds else []
         writer.writerow(cells)

@@ -56,6 +56,8 @@ LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
+ERROR_NAME, ERROR_ENDING = "error.json", "_error"
+"""File of the errors of a case, and what its folder has behind the name of a run's."""
 STRAND_NAME = "strand.vtu"  # written on demand, from the others
 FIGURES = ("temperature", "states", "stack", "surface_temperature", "shell", "heat", "steps")
 MECHANICS_FIGURES = ("von_mises", "shape", "stress", "size", "axial", "contact")

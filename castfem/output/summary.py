@@ -10,9 +10,11 @@
      "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...],
      "mould_exit": 0.6, "unchecked": ["density: SOURCE", ...]}
 
-In the file each value is in the unit beside it. In Python `value` and `unit` are SI, `shown` and
-`shown_unit` what the file has. Zones, `at` (null: the end of the run) and `mould_exit` (null: there
-is no mould) are in metres below the meniscus. A value that does not exist is null there, NaN here.
+`error`, of a case of which `castfem error` has told it, stands beside a quantity's value in the
+same unit (K for temperatures). In the file each value is in the unit beside it. In Python `value`
+and `unit` are SI, `shown` and `shown_unit` what the file has. Zones, `at` (null: the end of the
+run) and `mould_exit` (null: there is no mould) are in metres below the meniscus. A value that does
+not exist is null there, NaN here.
 The difference of two temperatures is in K and has no relative size: where the zero of a scale lies
 is a convention. `met` tells whether a bound holds, of a value it is null. Where keys of the case
 were `changed` since a reference was written it is a number of the unchanged case, and no difference
@@ -65,11 +67,14 @@ class Quantity:
         value: In SI; NaN when it does not exist.
         shown_unit: In which it is shown, "-" for none.
         label: What it is, for tables.
+        error: Of the value, in SI, of temperatures in K; None where `castfem error` has not
+            been asked.
     """
 
     value: float
     shown_unit: str
     label: str
+    error: float | None = None
 
     @property
     def unit(self) -> str:
@@ -80,6 +85,13 @@ class Quantity:
     def shown(self) -> float:
         """The value in `shown_unit`."""
         return from_si(self.value, self.shown_unit)
+
+    @property
+    def shown_error(self) -> float | None:
+        """The error in `unit_of_difference(shown_unit)`."""
+        if self.error is None:
+            return None
+        return from_si(self.error, unit_of_difference(self.shown_unit))
 
     def __repr__(self) -> str:
         shown = f"{self.shown:.6g} {self.shown_unit}"
@@ -327,12 +339,14 @@ def unit_of_difference(unit: str) -> str:
 
 
 def _quantity_json(quantity: Quantity) -> dict[str, Any]:
-    return {"value": quantity.shown, "unit": quantity.shown_unit, "label": quantity.label}
+    found = {"value": quantity.shown, "unit": quantity.shown_unit, "label": quantity.label}
+    return found if quantity.error is None else found | {"error": quantity.shown_error}
 
 
 def _quantity(content: Mapping[str, Any]) -> Quantity:
-    unit = content["unit"]
-    return Quantity(to_si(content["value"], unit), unit, content["label"])
+    unit, error = content["unit"], content.get("error")
+    error = None if error is None else to_si(error, unit_of_difference(unit))
+    return Quantity(to_si(content["value"], unit), unit, content["label"], error)
 
 
 def _comparison_json(comparison: Comparison) -> dict[str, Any]:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 _BRIEF = 0.01  # of the wall time; a stage that takes less is not named
 _LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
+_FINEST = 1e-4  # an error below is printed with its power of ten
 _SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
 UNCHANGED = "of the unchanged case"
 """What stands in place of a difference where the case is not that of the reference any more."""
@@ -83,6 +84,22 @@ def shown(value: float, unit: str) -> str:
     return f"{value:.4g}"
 
 
+def error_shown(error: float) -> str:
+    """An error with two digits that count, without its unit; "-" when it does not exist."""
+    if not math.isfinite(error):
+        return "-"
+    if error == 0.0 or not _FINEST <= abs(error) < 1e5:
+        return f"{error:.2g}"
+    return f"{error:.{max(0, 1 - math.floor(math.log10(abs(error))))}f}"
+
+
+def with_error(value: str, error: float | None) -> str:
+    """A printed value with its error behind it, where there is one."""
+    if error is None or not math.isfinite(error):
+        return value
+    return f"{value} \N{PLUS-MINUS SIGN} {error_shown(error)}"
+
+
 def is_gap(name: str) -> bool:
     """Whether a quantity is a gap to the mould, by its name."""
     return name.startswith(("gap_", "mould_gap_"))
@@ -97,10 +114,10 @@ def small_gap(value: float, unit: str) -> str | None:
 
 def _told(name: str, quantity: Quantity) -> tuple[str, str]:
     """Value and unit of a quantity as the table of a run prints them."""
-    value, unit = quantity.shown, quantity.shown_unit
+    value, unit, error = quantity.shown, quantity.shown_unit, quantity.shown_error
     if is_gap(name) and (small := small_gap(value, unit)) is not None:
-        return small, unit_shown("um")
-    return shown(value, unit), unit_shown(unit)
+        return with_error(small, None if error is None else 1e3 * error), unit_shown("um")
+    return with_error(shown(value, unit), error), unit_shown(unit)
 
 
 def _rounded(value: float, digits: int) -> float:
@@ -283,7 +300,7 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
         mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
         if all(c.reference.at is not None for c in mine):
             rows.append((label, *_told(name, quantity), "", "", ""))
-        rows.extend(_comparison_row(c, label, sources) for c in mine)
+        rows.extend(_comparison_row(c, label, sources, quantity) for c in mine)
     for comparison in summary.references:
         if comparison.missing:
             label = f"{comparison.reference.quantity} ({comparison.missing})"
@@ -301,8 +318,10 @@ def unit_shown(unit: str) -> str:
     return plain_unit(unit).replace("percent", "%")
 
 
-def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str]) -> tuple[str, ...]:
-    """A row in the unit of the reference."""
+def _comparison_row(
+    comparison: Comparison, label: str, sources: dict[str, str], quantity: Quantity | None = None
+) -> tuple[str, ...]:
+    """A row in the unit of the reference; at the end of the run with the error of the quantity."""
     reference = comparison.reference
     unit = reference.shown_unit
     if reference.at is not None:
@@ -312,6 +331,8 @@ def _comparison_row(comparison: Comparison, label: str, sources: dict[str, str])
     source = reference.source + (f": {reference.note}" if reference.note else "")
     mark = sources.setdefault(source, f"[{len(sources) + 1}]")
     ours = shown(from_si(comparison.ours, unit), unit)
+    if quantity is not None and quantity.error is not None and reference.at is None:
+        ours = with_error(ours, from_si(quantity.error, unit_of_difference(unit)))
     return label, ours, unit_shown(unit), SIGNS[reference.kind] + theirs, difference, mark
 
 

@@ -1,0 +1,101 @@
+"""What is finished of a ladder: its runs lie in a folder of runs, like those of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from castfem.accuracy.ladder import Level
+from castfem.accuracy.table import ErrorTable, Ran, gather
+from castfem.errors import InputError, RunFailure
+from castfem.output.folder import OutputFolder
+from castfem.output.summary import Summary
+from castfem.sweep.plan import Variant
+from castfem.sweep.record import Record
+from castfem.sweep.work import Job
+from castfem.time_loop import existing_run
+
+
+@dataclass(frozen=True, slots=True)
+class Ladder:
+    """The runs of a case in their folder.
+
+    Attributes:
+        levels: All of them.
+        record: Of what is finished.
+        jobs: What is still to be run; a run that was cut short goes on from its checkpoint.
+    """
+
+    levels: tuple[Level, ...]
+    record: Record
+    jobs: tuple[Job, ...]
+
+    @property
+    def runnable(self) -> tuple[Level, ...]:
+        """Those whose sizes the case allows."""
+        return tuple(level for level in self.levels if not level.problem)
+
+    def table(self) -> ErrorTable:
+        """Return the errors as far as the runs that have ended tell them.
+
+        Raises:
+            RunFailure: The case itself has not come to its end.
+        """
+        base = next(level for level in self.levels if not level.axis)
+        results: dict[str, Summary] = {}
+        runs: list[Ran] = []
+        for level in self.levels:
+            entry = self.record.entries.get(level.name)
+            message, seconds = level.problem or "not run yet", 0.0
+            if not level.problem and entry is not None:
+                seconds = entry.seconds
+                message = entry.message or ("" if entry.physics else message)
+            summary = None if message else Summary.load(self.record.folder / level.name)
+            if summary is not None:
+                results[level.name] = summary
+            runs.append(Ran(level.name, level.axis, level.factor, seconds, message))
+        if base.name not in results:
+            why = next(run.message for run in runs if run.name == base.name)
+            raise RunFailure(f"{self.record.folder / base.name}: no error without this run: {why}")
+        return gather(base.case, self.levels, results, runs)
+
+
+def prepare(levels: Sequence[Level], folder: Path, *, overwrite: bool = False) -> Ladder:
+    """Look at what is finished in a folder, and make it ready for the rest.
+
+    Args:
+        levels: The runs.
+        folder: Where they lie, a folder each.
+        overwrite: Run all anew, also over runs of other cases.
+
+    Raises:
+        InputError: The folder holds runs of another case, one is at work there, or it cannot be
+            written.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
+    record = Record(folder)
+    jobs: list[Job] = []
+    problems: list[str] = []
+    runnable = [level for level in levels if not level.problem]
+    for level in runnable:
+        job = Job(level.name, folder / level.name, level.case, resume=not overwrite)
+        if not overwrite and record.is_finished(job):
+            continue
+        try:
+            existing_run.check(job.folder, level.case, resume=False, overwrite=overwrite)
+            if job.folder.is_dir() and OutputFolder(job.folder).is_running():
+                raise InputError(f"{job.folder}: a run is at work there; wait for it")
+        except InputError as error:
+            problems += error.problems
+        jobs.append(job)
+    if problems:
+        raise InputError(problems)
+    record.expect(Variant(one.name, {"sizes": one.text}, one.case) for one in runnable)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        record.save()
+    except (OSError, RunFailure) as error:
+        raise InputError(f"{folder}: cannot be written ({error}); choose another with -o") from None
+    return Ladder(tuple(levels), record, tuple(jobs))

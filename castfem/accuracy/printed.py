@@ -1,0 +1,74 @@
+"""The table of errors for the terminal."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from castfem.accuracy.table import Entry, ErrorTable, Part
+from castfem.output.summary import Quantity, to_si
+from castfem.report.headline import headline, plain_label
+from castfem.report.show import error_shown, shown, unit_shown
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+
+def chief(table: ErrorTable) -> list[str]:
+    """Return the headline numbers that have an error."""
+    return headline([{n: _quantity(e) for n, e in table.quantities.items()}])
+
+
+def _quantity(entry: Entry) -> Quantity:
+    return Quantity(to_si(entry.value, entry.unit), entry.unit, entry.label)
+
+
+def printed(table: ErrorTable) -> Table:
+    """Return the headline numbers with their errors and what makes these.
+
+    Behind the part of each of the sizes stands the order of convergence in brackets, where one
+    shows.
+    """
+    from rich import box
+    from rich.table import Table
+
+    found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    axes = list(dict.fromkeys(axis for e in table.quantities.values() for axis in e.parts))
+    found.add_column("quantity")
+    found.add_column("castfem", justify="right", no_wrap=True)
+    found.add_column("\N{PLUS-MINUS SIGN}", justify="right", no_wrap=True)
+    found.add_column("unit", no_wrap=True)
+    for axis in axes:
+        found.add_column(f"from\n{axis}", justify="right", no_wrap=True)
+    for name in chief(table):
+        entry = table.quantities[name]
+        found.add_row(
+            plain_label(_quantity(entry)),
+            shown(entry.value, entry.unit),
+            error_shown(entry.error()),
+            unit_shown(entry.unit),
+            *(_part(entry.parts.get(axis)) for axis in axes),
+        )
+    return found
+
+
+def _part(part: Part | None) -> str:
+    if part is None or not math.isfinite(part.error):
+        return "-"
+    order = f" ({part.order:.1f})" if part.order is not None else ""
+    return error_shown(part.error) + order
+
+
+def unknown(table: ErrorTable) -> list[str]:
+    """Return a line for each run that told nothing, and for the numbers that have no error."""
+    lost = [
+        plain_label(_quantity(entry))
+        for entry in (table.quantities[name] for name in chief(table))
+        if not math.isfinite(entry.error())
+    ]
+    none = [f"no error of {', '.join(lost)}: too few of the runs tell it"] if lost else []
+    return none + [
+        f"{run.axis} x {run.factor:.3g}: nothing of this run: {run.message}"
+        for run in table.runs
+        if run.message
+    ]

@@ -1,0 +1,110 @@
+"""`castfem error`: a case with other meshes, steps and windows, and the errors they tell."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.accuracy.ladder import BASE, levels
+from castfem.accuracy.memo import Ladder, prepare
+from castfem.accuracy.printed import printed, unknown
+from castfem.accuracy.table import ErrorTable, attach
+from castfem.case import load_case, shipped_cases
+from castfem.cli import many_runs, parallel
+from castfem.output.folder import ERROR_ENDING
+from castfem.output.run_record import RUN_NAME
+from castfem.sweep.work import Job, Outcome
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user asked for.
+
+    Attributes:
+        name: Case file, folder of a run, or name of a shipped case.
+        folder: Where the folders of the runs go, None for the default.
+        overrides: Assignments of --set.
+        processes: How many runs at once; None for one a core.
+        overwrite: Run all anew, also over runs of other cases.
+        quiet: Print nothing but errors.
+    """
+
+    name: str
+    folder: Path | None
+    overrides: tuple[str, ...]
+    processes: int | None
+    overwrite: bool
+    quiet: bool
+
+
+def error_of_case(options: Options) -> int:
+    """Do the runs, print and write the table, and put the errors beside the results (collective).
+
+    Returns:
+        The exit status.
+
+    Raises:
+        InputError: Something the user wrote cannot be used; nothing has been run.
+        RunFailure: The case itself does not come to its end, or a file cannot be written.
+    """
+    return many_runs.on_root(
+        lambda ranks: _prepared(options, ranks), lambda ladder, comm: _done(ladder, options, comm)
+    )
+
+
+def _prepared(options: Options, ranks: bool) -> Ladder:
+    many_runs.check_processes(options.processes, ranks)
+    case = load_case(shipped_cases.find(options.name), options.overrides)
+    return prepare(levels(case), _folder(options), overwrite=options.overwrite)
+
+
+def _alone(options: Options) -> Path:
+    """Return where a run of the case goes, or has gone."""
+    given = Path(options.name)
+    home = given if given.is_dir() else given.parent
+    if given.exists() and (home / RUN_NAME).is_file():
+        return home
+    return shipped_cases.default_folder(options.name, shipped_cases.find(options.name))
+
+
+def _folder(options: Options) -> Path:
+    alone = _alone(options)
+    return options.folder or alone.with_name(alone.name + ERROR_ENDING)
+
+
+def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
+    """Run what is to be run (on rank 0) and tell the errors."""
+    before = len(ladder.runnable) - len(ladder.jobs)
+    if before and not options.quiet:
+        print(f"{before} of {len(ladder.runnable)} runs are finished already", file=sys.stderr)
+    target = ladder.record.folder
+
+    def noted(job: Job, outcome: Outcome) -> None:
+        """Keep what is known so far, for one who looks before the dear runs have ended."""
+        entry = ladder.record.entries.get(BASE)
+        if entry is not None and entry.physics:
+            ladder.table().write(target)
+
+    many_runs.run_all(
+        ladder.jobs, before, ladder.record, comm,
+        processes=options.processes, quiet=options.quiet, noted=noted,
+    )  # fmt: skip
+    table = ladder.table()
+    path = table.write(target)
+    told = [p for p in dict.fromkeys((target / BASE, _alone(options))) if attach(table, p)]
+    if not options.quiet:
+        _print(table, path, told)
+    return 0
+
+
+def _print(table: ErrorTable, path: Path, told: list[Path]) -> None:
+    out = parallel.console()
+    out.print(printed(table), highlight=False)
+    for line in unknown(table):
+        print(line, file=sys.stderr)
+    print(f"errors in {path}, and beside the results in {', '.join(map(str, told))}")

@@ -1,0 +1,122 @@
+"""Runs of a record in parallel: on processes of this machine, or on the ranks of a launcher."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, TypeVar
+
+from castfem.cli import parallel
+from castfem.errors import InputError
+from castfem.sweep.record import Record
+from castfem.sweep.work import Job, Outcome
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+NOISE_NAME = "sweep.log"
+Prepared = TypeVar("Prepared")
+
+
+def on_root(
+    prepare: Callable[[bool], Prepared], carry_out: Callable[[Prepared, MPI.Intracomm | None], int]
+) -> int:
+    """Prepare and carry out runs on rank 0; the other ranks work (collective).
+
+    Args:
+        prepare: Looks at all that the user gave; told whether there are several ranks.
+        carry_out: Does what has been prepared, with `run_all`, and returns the exit status.
+
+    Returns:
+        The exit status, on all ranks.
+
+    Raises:
+        InputError: As `prepare`; on all ranks.
+    """
+    comm = parallel.communicator()
+    prepared: Prepared | None = None
+    problems: tuple[str, ...] = ()
+    if parallel.rank_of(comm) == 0:
+        try:
+            prepared = prepare(comm is not None)
+        except InputError as error:
+            problems = error.problems
+    problems = parallel.agree(comm, problems)
+    if problems:
+        raise InputError(problems)
+    if prepared is None:
+        assert comm is not None
+        from castfem.sweep.ranks import run_on_ranks
+
+        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+        return int(comm.bcast(0))
+    status = carry_out(prepared, comm)
+    return status if comm is None else int(comm.bcast(status))
+
+
+def _nothing(*_: object) -> None:
+    """Stand in for what is told to rank 0."""
+
+
+def run_all(
+    jobs: Sequence[Job],
+    finished: int,
+    record: Record,
+    comm: MPI.Intracomm | None,
+    *,
+    processes: int | None = None,
+    quiet: bool = False,
+    noted: Callable[[Job, Outcome], None] | None = None,
+) -> None:
+    """Do jobs and note in the record how each has ended (on rank 0; the others in `on_root`).
+
+    Args:
+        jobs: What to run, in this order.
+        finished: How many runs were finished before.
+        record: Of all runs.
+        comm: All ranks, None for processes of this machine.
+        processes: How many of these at once; None for one a core.
+        quiet: Show nothing but runs that fail.
+        noted: Called when a run has ended and has been noted.
+    """
+    from castfem.sweep.view import View
+
+    view = View(len(jobs) + finished, finished, quiet)
+
+    def ended(job: Job, outcome: Outcome) -> None:
+        view.ended(job, outcome)
+        record.note(job, outcome)
+        if noted is not None:
+            noted(job, outcome)
+
+    try:
+        if comm is not None:
+            from castfem.sweep.ranks import run_on_ranks
+
+            run_on_ranks(comm, jobs, view.begun, ended, view.tick)
+        elif jobs:
+            from castfem.sweep.local import run_locally
+
+            count = min(processes or cores(), len(jobs))
+            run_locally(jobs, count, record.folder / NOISE_NAME, view.begun, ended, view.tick)
+    finally:
+        view.stop()
+
+
+def check_processes(processes: int | None, ranks: bool) -> None:
+    """Refuse a number of processes that cannot be.
+
+    Raises:
+        InputError: There are none, or the ranks of a launcher do the work.
+    """
+    if ranks and processes is not None:
+        raise InputError("-j is for one machine; under mpirun the ranks do the work")
+    if processes is not None and processes < 1:
+        raise InputError(f"-j {processes}: at least one process is needed")
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,54 @@
+"""From values at several sizes to an error: exact where an order shows, never nothing where not."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from castfem.accuracy.estimate import FEW, SAFETY, estimate
+
+R = 2.0**0.5
+
+
+@pytest.mark.parametrize("order", [0.7, 1.0, 2.0])
+@pytest.mark.parametrize("sizes", [(2.0, R, 1.0, 1.0 / R), (2.0, 1.0, 0.5), (1.0, 0.5, 0.25)])
+def test_pure_power_is_found(order: float, sizes: tuple[float, ...]) -> None:
+    """Of v = 5 + 3 x^p the error at 1 is 3, and what is stated is that with its factor."""
+    found = estimate({x: 5.0 + 3.0 * x**order for x in sizes})
+    assert found.order == pytest.approx(order)
+    assert found.error == pytest.approx(SAFETY * 3.0)
+    assert found.scaled(0.5) == pytest.approx(found.error * 0.5**order)
+
+
+def test_a_higher_order_than_the_schemes_have_is_not_believed() -> None:
+    """Of an order of 2.5 that of 2 is taken; one of 6 is an accident, and the spread is stated."""
+    some = {x: x**2.5 for x in (R, 1.0, 1.0 / R)}
+    assert estimate(some).error > SAFETY * (some[1.0] - some[1.0 / R]) / (1.0 - 0.5**1.25)
+    many = {x: x**6 for x in (R, 1.0, 1.0 / R)}
+    assert estimate(many).order is None
+    assert estimate(many).error >= many[R] - many[1.0 / R]
+
+
+def test_without_an_order_the_spread_is_stated() -> None:
+    found = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 4.7})
+    assert found.order is None
+    assert found.error >= 1.0
+    slow = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 6.0})  # goes on as fast as before
+    assert slow.order is None
+    assert slow.error >= 2.0
+
+
+def test_few_sizes() -> None:
+    assert estimate({1.0: 5.0, 2.0: 5.5}).error == pytest.approx(FEW * 0.5)
+    assert math.isnan(estimate({1.0: 5.0}).error)
+    assert math.isnan(estimate({1.0: math.nan, 2.0: 5.5, 0.5: 5.0}).error)
+
+
+def test_a_missing_size_shows_no_order() -> None:
+    """The ratios of neighbours differ then, of which the formula knows nothing."""
+    assert estimate({2.0: 8.0, 1.0: 4.0, 1.0 / R: 3.0}).order is None
+
+
+def test_the_same_everywhere_has_no_error() -> None:
+    assert estimate({R: 3.6, 1.0: 3.6, 1.0 / R: 3.6 * (1.0 + 1e-15)}).error == 0.0

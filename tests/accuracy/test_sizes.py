@@ -1,0 +1,76 @@
+"""Sizes of a case, scaled; and a case known again whatever its sizes are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from small_case import small
+
+from castfem.accuracy import sizes
+from castfem.accuracy.ladder import levels
+from castfem.case import load_case
+
+CASES = Path(__file__).parents[2] / "cases"
+TAPERED = CASES / "billet125" / "taper_0.toml"
+
+
+def test_cells_are_scaled_and_depths_stay() -> None:
+    case = small({"mesh.surface_depth": "6 mm"})
+    finer = case.with_(sizes.changes(case, {"mesh": 0.5}))
+    for name in sizes.CELLS:
+        assert getattr(finer.mesh, name) == pytest.approx(0.5 * getattr(case.mesh, name))
+    assert finer.mesh.surface_depth == case.mesh.surface_depth
+    assert finer.thermal == case.thermal
+
+
+def test_adaptive_steps_are_scaled_by_their_tolerance() -> None:
+    """Half the step has an eighth of the error of a step, with a scheme of second order."""
+    case = small({"thermal.time": {"adaptive": {"tolerance": "1 K"}}})
+    finer = case.with_(sizes.changes(case, {"step": 0.5})).thermal.time.adaptive
+    assert finer is not None
+    assert finer.tolerance == pytest.approx(0.125)
+    assert finer.largest == pytest.approx(0.25)
+
+
+def test_windows_and_the_steps_within_are_parted() -> None:
+    """The shipped step of 0.25 s is cut to the windows of 0.1 s: that is what is refined."""
+    case = load_case(TAPERED)
+    assert sizes.steps_fill_windows(case)
+    assert sizes.changes(case, {"step": 0.5}) == {"thermal.time.step": "0.05 s"}
+    longer = sizes.changes(case, {"coupling": 2.0})
+    assert longer["coupling.interval"] == "0.2 s"
+    assert longer["thermal.time.step"] == "0.1 s"
+    assert "thermal.time.step" not in sizes.changes(case, {"coupling": 0.5})
+
+
+def test_a_window_that_is_a_length_stays_one() -> None:
+    case = load_case(CASES / "slab1200" / "bending.toml")
+    assert sizes.changes(case, {"coupling": 0.5})["coupling.interval"] == "50 mm"
+    assert sizes.window(case) == pytest.approx(5.0)
+
+
+def test_a_case_is_known_whatever_its_sizes() -> None:
+    case = load_case(TAPERED)
+    for level in levels(case):
+        assert sizes.key(level.case) == sizes.key(case), level.name
+        found = sizes.factors_between(sizes.described(case), sizes.described(level.case))
+        assert found is not None
+        if level.axis:
+            assert found[level.axis] == pytest.approx(level.factor, rel=1e-4)
+    assert sizes.key(case.with_({"casting.length": "0.5 m"})) != sizes.key(case)
+    assert sizes.key(case.with_(speed="3 m/min")) != sizes.key(case)
+
+
+def test_a_mesh_of_another_grading_is_none_of_the_ladder() -> None:
+    case = small()
+    other = case.with_({"mesh.core_size": "10 mm"})
+    assert sizes.factors_between(sizes.described(case), sizes.described(other)) is None
+
+
+def test_cheap_ones_first() -> None:
+    names = [level.name for level in levels(load_case(TAPERED))]
+    assert names[0] == "mesh_x2"
+    assert names[-1] == "coupling_x0.5"
+    assert set(names) >= {"base", "step_x0.5", "step_x0.25", "mesh_x0.707"}
+    assert not any(name.startswith("coupling") for name in (one.name for one in levels(small())))

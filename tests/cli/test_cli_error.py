@@ -1,0 +1,130 @@
+"""`castfem error`: runs, table, and errors beside the results from then on."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_case import SMALL, write_small
+
+from castfem.accuracy.table import ErrorTable
+from castfem.case import load_case
+from castfem.output.summary import Summary
+
+WORDS = ("error", "small", "-j", 1)
+
+
+def _quantities(folder: str) -> dict[str, Any]:
+    content = json.loads((Path(folder) / "summary.json").read_text())
+    found: dict[str, Any] = content["quantities"]
+    return found
+
+
+def test_errors_stand_beside_the_results(castfem, tmp_path) -> None:
+    """Of the case, of the run of it that there is, and of one that comes later."""
+    write_small(tmp_path)
+    assert castfem("run", "small", "-q").status == 0
+    before = _quantities("results/small")
+    outcome = castfem(*WORDS)
+    assert outcome.status == 0, outcome.err
+    assert "errors in results/small_error/error.json" in outcome.out
+    table = ErrorTable.load(Path("results/small_error/error.json"))
+    entry = table.quantities["surface_temperature_mid_face"]
+    assert set(entry.parts) == {"mesh", "step"}
+    assert len(entry.parts["mesh"].values) == 4
+    assert len(entry.parts["step"].values) == 3
+    assert entry.error() == pytest.approx(sum(p.error for p in entry.parts.values()))
+    assert "position" not in table.quantities
+    for folder in ("results/small_error/base", "results/small"):
+        after = _quantities(folder)
+        told = after["surface_temperature_mid_face"].pop("error")
+        assert told == pytest.approx(entry.error())
+        for name, quantity in after.items():
+            assert {k: v for k, v in quantity.items() if k != "error"} == before[name]
+    kelvin = Summary.load("results/small")
+    assert kelvin is not None
+    assert kelvin.quantities["surface_temperature_mid_face"].error == pytest.approx(told)
+    shown = castfem("show", "results/small").out
+    assert " ± " in next(line for line in shown.splitlines() if "surface" in line)
+    again = castfem("run", "small", "-q")
+    assert again.status == 0, again.err
+    assert _quantities("results/small")["heat_removed"]["error"] > 0.0
+    assert castfem("run", "small", "-q", "-o", "fast", "--set", "speed=5 m/min").status == 0
+    compared = castfem("compare", "results/small", "fast", "--no-figures")
+    heat = next(line for line in compared.out.splitlines() if line.startswith("heat removed per"))
+    assert heat.count("±") == 1
+    head, *lines = Path("results/compare/compare.csv").read_text().splitlines()
+    assert head == "quantity,unit,small,small: error,small: reference,fast"
+    assert any(float(line.split(",")[3] or "nan") > 0.0 for line in lines)
+
+
+def test_what_is_finished_is_not_run_again(castfem, tmp_path) -> None:
+    """Also where it was stopped half way; other sizes of the same case have their errors."""
+    path = write_small(tmp_path)
+    assert castfem(*WORDS, "-o", "out", "-q").status == 0
+    first = json.loads(Path("out/error.json").read_text())
+    run = Path("out/mesh_x2/run.json")
+    stamp = run.stat().st_mtime_ns
+    record = json.loads(Path("out/sweep.json").read_text())
+    del record["runs"]["mesh_x0.707"]
+    Path("out/sweep.json").write_text(json.dumps(record))
+    again = castfem(*WORDS, "-o", "out")
+    assert again.status == 0, again.err
+    assert "5 of 6 runs are finished already" in again.err
+    assert run.stat().st_mtime_ns == stamp
+    second = json.loads(Path("out/error.json").read_text())
+    assert second["quantities"] == first["quantities"]
+    table = ErrorTable.load(Path("out/error.json"))
+    case = load_case(path)
+    errors = table.errors_of(case.with_({"thermal.time.step": "25 ms"}))
+    whole = table.errors_of(case)
+    assert errors is not None and whole is not None
+    entry = table.quantities["heat_removed"]
+    assert errors["heat_removed"] == pytest.approx(entry.error({"step": 0.5}))
+    assert errors["heat_removed"] < whole["heat_removed"]
+    assert table.errors_of(case.with_(superheat="30 K")) is None
+    other = castfem(*WORDS, "-o", "out", "--set", "superheat=30 K")
+    assert other.status == 1
+    assert "holds a run of another case (casting.superheat: 40 K there, 30 K here)" in other.err
+
+
+def test_sizes_that_the_section_refuses_are_told(castfem, tmp_path) -> None:
+    """Cells that would be larger than the billet; the other runs tell what they can."""
+    (tmp_path / "small.toml").write_text(SMALL.replace('"12 mm"', '"30 mm"'))
+    outcome = castfem(*WORDS, "-o", "out")
+    assert outcome.status == 0, outcome.err
+    table = ErrorTable.load(Path("out/error.json"))
+    refused = [run.name for run in table.runs if run.message]
+    assert all(f"mesh x {name[6:]}: nothing of this run" in outcome.err for name in refused)
+    assert math.isfinite(table.quantities["heat_removed"].error())
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("error", "nosuch"), "nosuch: no such case file"),
+        (("error", "small", "-j", 0), "at least one process"),
+        (("error", "small", "-o", "small.toml"), "small.toml: is a file"),
+        (("error", "small", "--set", "speed=3"), "a speed needs its unit"),
+        (("error", "tensile/unloading"), "is a tensile test; a strand is needed here"),
+    ],
+)
+def test_bad_input_runs_nothing(castfem, tmp_path, words, message) -> None:
+    write_small(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    outcome = castfem(*words)
+    assert outcome.status == 1
+    assert message in outcome.err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_damaged_table_is_told(tmp_path) -> None:
+    from castfem.errors import InputError
+
+    path = tmp_path / "error.json"
+    path.write_text('{"format": "castfem error"}')
+    with pytest.raises(InputError, match=r"cannot be read .* repeat castfem error"):
+        ErrorTable.load(path)
