@@ -45,6 +45,13 @@ class Start(TableModel):
         description="temperature there over the depth below the surface; left out: the steel as "
         "poured, cooled by the mould",
     )
+    meniscus: Length | None = Field(
+        None,
+        description="height of the meniscus over which the steel has met the wall already where "
+        "the slice is formed: it is cooled as over the same height below, in its shape and "
+        "unstrained; left out: not at all",
+        examples=["8 mm"],
+    )
 
     @field_validator("profile")
     @classmethod

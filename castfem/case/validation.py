@@ -13,7 +13,7 @@ from castfem.case import effort, result_names
 from castfem.case.bending import check_bending
 from castfem.case.build_mould import check_mould
 from castfem.case.bulging import check_bulging
-from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting
+from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting, Start
 from castfem.case.check_cooling import check_cooling, in_mm, is_complete, unknown_groups
 from castfem.case.check_secondary import check_secondary
 from castfem.case.defects import check_defects
@@ -75,6 +75,7 @@ def _start(case: Case, casting: Casting) -> Iterator[Problem]:
         yield Problem(
             path, "a closed form begins at the meniscus, at one temperature; leave it out"
         )
+    yield from _meniscus(case, start)
     if start.at != "mould_exit" or case.cooling is None or None in case.cooling:
         return
     if case.mould is not None:
@@ -95,6 +96,24 @@ def _start(case: Case, casting: Casting) -> Iterator[Problem]:
             (*path, "at"),
             f'("mould_exit"), {in_mm(ends)}, does not lie above casting.length '
             f"({in_mm(casting.length)})",
+        )
+
+
+def _meniscus(case: Case, start: Start) -> Iterator[Problem]:
+    """Yield what a meniscus that has met the wall does not go with."""
+    height, path = start.meniscus, ("casting", "start", "meniscus")
+    if height is None:
+        return
+    if start.profile is not None or start.at == "mould_exit":
+        other = "profile" if start.profile is not None else 'at = "mould_exit"'
+        yield Problem(path, f"and {other} both say what the run begins with; leave one of them out")
+        return
+    first = case.cooling[0] if case.cooling else None
+    if first is not None and first.to is not None and not height < first.to:
+        yield Problem(
+            path,
+            f"({in_mm(height)}) is not within the first zone of the cooling, which ends at "
+            f"{in_mm(first.to)}; a meniscus is about 10 mm high",
         )
 
 

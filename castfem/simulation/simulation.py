@@ -284,9 +284,9 @@ def _drawn(case: Case) -> tuple[float, ...]:
     return tuple(pair.position for pair in rolls.pairs)
 
 
-def step_control(case: Case, milestones: list[float]) -> StepControl:
-    """Thermal step control of the case; it hits the milestones (s) exactly."""
-    duration, stepping = case.casting.duration, case.thermal.time
+def step_control(case: Case, milestones: list[float], least: float = 0.0) -> StepControl:
+    """Thermal step control of the case, for `least` seconds or more; it hits the milestones (s)."""
+    duration, stepping = max(case.casting.duration, least), case.thermal.time
     if stepping.step is not None:
         return StepControl(duration, milestones, fixed=stepping.step)
     given = stepping.adaptive

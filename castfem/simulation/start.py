@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,7 +54,10 @@ def starting_state(simulation: Simulation) -> ThermalState:
     if given_profile(simulation.case) is not None:
         enthalpy = np.asarray(starting_enthalpy(simulation))
         return stepper.state_from(time, enthalpy, np.zeros_like(enthalpy), 0.0)
-    state = stepper.initial(simulation.start_temperature)
+    state, start = stepper.initial(simulation.start_temperature), simulation.case.casting.start
+    if start is not None and start.meniscus is not None:
+        met = through_mould(simulation, state, simulation.machine.time_at(start.meniscus))
+        return replace(met, time=0.0)
     return through_mould(simulation, state, time) if time > 0.0 else state
 
 
@@ -69,7 +73,7 @@ def through_mould(simulation: Simulation, state: ThermalState, end: float) -> Th
 
     zones = simulation.zones
     stops = sorted({t for t in (*zones.changes, *simulation.machine.kinks) if 0.0 < t < end})
-    steps = ThermalSteps(simulation.stepper, step_control(simulation.case, stops))
+    steps = ThermalSteps(simulation.stepper, step_control(simulation.case, stops, end))
     entered = -1
     for stop in (*stops, end):
         zone = zones.index(state.time)

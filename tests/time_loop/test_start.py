@@ -10,6 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from rolled_case import rolled
+from small_case import small
 
 from castfem.case import Case
 from castfem.errors import InputError
@@ -102,9 +103,53 @@ def test_it_begins_with_a_profile(at: str) -> None:
     loop.simulation.destroy()
 
 
+def test_a_meniscus_that_has_met_the_wall_is_that_much_further_down() -> None:
+    """Under one law of cooling the slice is where it would be 30 mm on; heat counts as poured."""
+    ahead = begun(small({"casting.start": {"meniscus": "30 mm"}, "casting.length": "24 mm"}))
+    plain = begun(small({"casting.length": "54 mm"}))
+    first = ahead.run_state.state.thermal
+    assert first.time == 0.0 and first.removed > 0.0
+    assert first.extremes[0] < ahead.simulation.start_temperature - 50.0
+    one, other = plain.run(), ahead.run()
+    t = [s.state.thermal.point.temperature for s in (one, other)]
+    assert t[1] == pytest.approx(t[0], abs=1e-6)
+    assert other.removed == pytest.approx(one.removed, rel=1e-10)
+    gained = ahead.run_state.sampler.heat_gained(other.state.thermal)
+    assert 4.0 * gained == pytest.approx(-other.removed, rel=1e-10)
+    for loop in (ahead, plain):
+        loop.simulation.destroy()
+
+
+def test_a_shell_of_the_meniscus_is_unstrained_in_its_mould(tmp_path: Path) -> None:
+    """And is solid from the first row of the history on."""
+    changes: dict[str, Any] = {
+        "casting.start": {"meniscus": "120 mm"},
+        "casting.length": "24 mm",
+        "mesh.order": 2,
+        "cooling.0.surface.0.gap_conductivity": "0.15 W/(m K)",
+        "mould": {"length": "600 mm", "taper": "1 %/m"},
+        "mechanics": {"liquid": "fed", "ferrostatic": "full"},
+        "coupling": {"interval": "0.1 s"},
+    }
+    case = small(changes)
+    loop = begun(case)
+    strand = loop.run_state.state
+    assert strand.mechanical is not None and strand.mechanical.time == 0.0
+    assert not strand.mechanical.displacement.any()
+    loop.simulation.destroy()
+    result = run(case, tmp_path)
+    assert result.status == "finished"
+    table = read_history(tmp_path / "history.csv")
+    assert table["shell_corner"].iloc[0] > 0.0 and table["position"].iloc[0] == 0.0
+    assert table["von_mises_max"].iloc[-1] > 0.0
+
+
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
+        ({"casting__start": {"meniscus": "8 mm", "profile": PROFILE}}, "leave one of them out"),
+        ({"casting__start": EXIT | {"meniscus": "8 mm"}}, 'and at = "mould_exit" both say'),
+        ({"casting__start": {"meniscus": "3 m"}}, "is not within the first zone of the cooling"),
         ({"casting__start": {"at": "exit"}}, "one of meniscus, mould_exit"),
         ({"casting__start": {"profile": "1500 degC"}}, "a table over depth is needed"),
         ({"casting__start": EXIT, "casting__length": "0.2 m"}, "does not lie above casting.length"),
