@@ -24,6 +24,7 @@ ORDER = {
     "machine": "position, speed, rolls",
     "extraction": "resistance, drives, effort",
     "mould": "the wall the strand passes",
+    "hot_mould": "the copper tube at work",
     "output": "the files of a run",
     "constitutive": "laws at a material point",
     "thermal": "heat balance, surface laws",

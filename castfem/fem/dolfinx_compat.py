@@ -46,8 +46,8 @@ def create_mesh(
     cell: str,
     order: int,
 ) -> dmesh.Mesh:
-    """Distribute `points` (n, 2) and `cells` (m, k), both given on rank 0 alone."""
-    element = basix.ufl.element("Lagrange", cell, order, shape=(2,))
+    """Distribute `points` (n, dimension) and `cells` (m, k), both given on rank 0 alone."""
+    element = basix.ufl.element("Lagrange", cell, order, shape=(points.shape[1],))
     # 0.10 swapped the order of x and e: by name it is the same call.
     return dmesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element))
 
@@ -140,7 +140,7 @@ class Tabulation:
     ) -> None:
         self._mesh, self._points = mesh, len(points)
         self._expression = fem.Expression(expression, points, jit_options=jit_options())
-        owned = mesh.topology.index_map(2).size_local
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._cells = np.arange(owned, dtype=np.int32) if cells is None else cells
 
     def values(self) -> npt.NDArray[np.float64]:

@@ -22,7 +22,7 @@ from castfem.support.stopwatch import Stopwatch
 
 Options = Mapping[str, Any]
 
-FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_")
+FAMILIES = ("snes_", "ksp_", "pc_", "mat_", "sub_", "redundant_", "fieldsplit_", "mg_")
 
 
 class NonlinearProblem(Protocol):

@@ -1,0 +1,188 @@
+"""Thermoelastic distortion of a tube that is held in its jacket."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from castfem.fem import dof_values, reductions
+from castfem.fem.dolfinx_compat import (
+    Tabulation,
+    assemble_into,
+    assemble_owned,
+    compile_form,
+    create_matrix,
+)
+from castfem.forms import mould_tube
+from castfem.hot_mould.copper import Copper
+from castfem.hot_mould.solvers import (
+    LinearSolver,
+    Method,
+    Solved,
+    chosen,
+    elastic_options,
+    rigid_motions,
+)
+from castfem.hot_mould.tube import Tube
+from castfem.values.types import Array, Indices
+
+if TYPE_CHECKING:
+    from petsc4py import PETSc
+
+Support = Literal["free", "hung", "clamped", "between"]
+SUPPORTS: dict[str, dict[str, str]] = {
+    "free": {},
+    "hung": {"top": "z"},
+    "clamped": {"top": "xyz"},
+    "between": {"top": "z", "bottom": "z"},
+}
+"""Components that each support holds on a face, beside the planes of symmetry."""
+_BARLOW = 1.0 / np.sqrt(3.0)
+_EQUAL = 1e-9
+"""Of a stress: two that differ by less are one, whichever rank has them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Distorted:
+    """The displacement of a tube.
+
+    Attributes:
+        displacement: Function, m.
+        solved: The linear solve.
+        largest_stress: Von Mises, Pa, at the points where it is most accurate.
+        largest_at: Where (3,), m.
+    """
+
+    displacement: fem.Function
+    solved: Solved
+    largest_stress: float
+    largest_at: tuple[float, float, float]
+
+
+class Distortion:
+    """Linear thermoelasticity of a tube.
+
+    Args:
+        tube: The tube.
+        copper: Its copper.
+        support: How it is held.
+        method: Of the linear solver.
+    """
+
+    def __init__(
+        self, tube: Tube, copper: Copper, support: Support = "hung", method: Method = "auto"
+    ) -> None:
+        self.tube, self.copper, self.support = tube, copper, support
+        self._method = chosen(method, tube.unknowns)
+
+    def solve(self, temperature: fem.Function) -> Distorted:
+        """Return the displacement from the cold tube at a temperature, K (collective).
+
+        Raises:
+            RunFailure: The solver does not converge.
+        """
+        tube, kelvin = self.tube, temperature.x.array
+        stiffness, ratio = tube.function(), tube.function()
+        strain = tube.function()
+        stiffness.x.array[:] = self.copper.youngs_modulus(kelvin)
+        ratio.x.array[:] = self.copper.poisson(kelvin)
+        strain.x.array[:] = self.copper.thermal_strain(kelvin)
+        u, v = ufl.TrialFunction(tube.vectors), ufl.TestFunction(tube.vectors)
+        left = compile_form(mould_tube.stiffness(u, v, stiffness, ratio, tube.dx))
+        right = compile_form(mould_tube.thermal_load(v, strain, stiffness, ratio, tube.dx))
+        conditions, fixed = self._held()
+        matrix = create_matrix(left)
+        assemble_into(matrix, left, conditions)
+        load = assemble_owned(right, 3 * tube.owned)
+        load[fixed] = 0.0
+        motions = self._near_null(matrix)
+        solver = LinearSolver(matrix, "mould_elastic_", elastic_options(self._method))
+        try:
+            found, iterations = solver.solve(load)
+        finally:
+            solver.destroy()
+            for thing in (motions, matrix):
+                if thing is not None:
+                    thing.destroy()
+        moved = fem.Function(tube.vectors)
+        moved.x.array[:] = dof_values.with_ghosts(tube.vectors, found)
+        largest, *place = self._largest_stress(moved, strain, stiffness, ratio)
+        return Distorted(
+            moved,
+            Solved(self._method, tube.unknowns, iterations),
+            largest,
+            (place[0], place[1], place[2]),
+        )
+
+    def stress_at(
+        self, moved: fem.Function, temperature: fem.Function, points: Array
+    ) -> tuple[Array, Array]:
+        """Return stress and place at reference points of all owned cells.
+
+        Args:
+            moved: Displacement, m.
+            temperature: K.
+            points: Reference points (n, 3) of a cell.
+
+        Returns:
+            Stress (cells, n, 3, 3), Pa, and places (cells, n, 3), m.
+        """
+        tube, kelvin = self.tube, temperature.x.array
+        parts = [tube.function(), tube.function(), tube.function()]
+        parts[0].x.array[:] = self.copper.thermal_strain(kelvin)
+        parts[1].x.array[:] = self.copper.youngs_modulus(kelvin)
+        parts[2].x.array[:] = self.copper.poisson(kelvin)
+        sigma = mould_tube.stress(moved, *parts)
+        found = Tabulation(tube.mesh, sigma, points).values()
+        places = Tabulation(tube.mesh, ufl.SpatialCoordinate(tube.mesh), points).values()
+        return found.reshape(*found.shape[:2], 3, 3), places
+
+    def _largest_stress(
+        self,
+        moved: fem.Function,
+        strain: fem.Function,
+        stiffness: fem.Function,
+        ratio: fem.Function,
+    ) -> tuple[float, ...]:
+        """Return the largest von Mises stress and its place (collective)."""
+        grid = np.array(np.meshgrid(*[[-_BARLOW, _BARLOW]] * 3, indexing="ij")).reshape(3, -1).T
+        points = 0.5 * (1.0 + grid)
+        sigma = mould_tube.stress(moved, strain, stiffness, ratio)
+        tube = self.tube
+        values = Tabulation(tube.mesh, mould_tube.von_mises(sigma), points).values()
+        places = Tabulation(tube.mesh, ufl.SpatialCoordinate(tube.mesh), points).values()
+        top = reductions.largest(tube.comm, values)
+        near = places.reshape(-1, 3)[values.ravel() >= top * (1.0 - _EQUAL)]
+        own = max((tuple(map(float, place)) for place in near), default=(-np.inf,) * 3)
+        return top, *max(tube.comm.allgather(own))
+
+    def _held(self) -> tuple[list[fem.DirichletBC], Indices]:
+        """Return the conditions of symmetry and support, and the owned unknowns they hold."""
+        tube, space = self.tube, self.tube.vectors
+        faces = {"symmetry_y": "y", "symmetry_x": "x", **SUPPORTS[self.support]}
+        conditions = []
+        for face, components in faces.items():
+            for component in components:
+                part = space.sub("xyz".index(component))
+                dofs = fem.locate_dofs_topological(part, 2, tube.facets(face))
+                conditions.append(fem.dirichletbc(np.array(0.0), dofs, part))
+        if self.support == "free":
+            # Symmetry keeps it from turning and drifting aside: one node keeps it from falling.
+            (block,) = np.nonzero(tube.node_of_dof == 0)
+            held = (3 * block + 2).astype(np.int32)
+            conditions.append(fem.dirichletbc(np.array(0.0), held, space.sub(2)))
+        dofs = np.unique(np.concatenate([one.dof_indices()[0] for one in conditions]))
+        return conditions, dofs[dofs < 3 * tube.owned]
+
+    def _near_null(self, matrix: PETSc.Mat) -> PETSc.NullSpace | None:
+        """Give multigrid the rigid motions; None for a direct solver, which needs none."""
+        if self._method == "direct":
+            return None
+        places = self.tube.scalars.tabulate_dof_coordinates()[: self.tube.owned]
+        motions = rigid_motions(matrix, places)
+        matrix.setNearNullSpace(motions)
+        return motions

@@ -1,0 +1,131 @@
+"""Linear solvers of the tube: direct where it is small, multigrid where it is large."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from petsc4py import PETSc
+
+from castfem.errors import RunFailure
+from castfem.fem.snes import SolverOptions
+from castfem.values.types import Array
+
+Method = Literal["auto", "direct", "multigrid"]
+SMALL = 60_000
+"""Unknowns below which a factorisation is as fast as multigrid and asks for no iterations."""
+DIRECT = {
+    "ksp_type": "preonly",
+    "pc_type": "cholesky",
+    "pc_factor_mat_solver_type": "mumps",
+}
+HEAT = {"ksp_type": "cg", "ksp_rtol": 1e-10, "ksp_max_it": 500}
+HYPRE = {**HEAT, "pc_type": "hypre", "pc_hypre_type": "boomeramg",
+         "pc_hypre_boomeramg_strong_threshold": 0.5}  # fmt: skip
+GAMG = {**HEAT, "pc_type": "gamg"}
+# Cells are long and flat: point smoothers and coarsening by two rings at once cost three times the
+# iterations.
+ELASTIC = {
+    "ksp_type": "cg",
+    "ksp_rtol": 1e-9,
+    "ksp_max_it": 1000,
+    "pc_type": "gamg",
+    "pc_gamg_threshold": 0.0,
+    "pc_gamg_aggressive_coarsening": 0,
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_max_it": 3,
+    "mg_levels_pc_type": "sor",
+    "mg_levels_esteig_ksp_type": "cg",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """How a linear system was solved.
+
+    Attributes:
+        method: "direct" or "multigrid".
+        unknowns: Of the system.
+        iterations: Of the Krylov method; 0 of a direct one.
+    """
+
+    method: str
+    unknowns: int
+    iterations: int
+
+
+def chosen(method: Method, unknowns: int) -> Literal["direct", "multigrid"]:
+    """Return the method itself, for "auto" by the number of unknowns."""
+    if method != "auto":
+        return method
+    return "direct" if unknowns <= SMALL else "multigrid"
+
+
+def heat_options(method: str) -> Mapping[str, Any]:
+    """Return the options of the conduction: hypre's multigrid where PETSc has it."""
+    if method == "direct":
+        return DIRECT
+    return HYPRE if PETSc.Sys.hasExternalPackage("hypre") else GAMG
+
+
+def elastic_options(method: str) -> Mapping[str, Any]:
+    """Return the options of the elasticity."""
+    return DIRECT if method == "direct" else ELASTIC
+
+
+class LinearSolver:
+    """A symmetric, positive definite system of one matrix.
+
+    Args:
+        matrix: Assembled; its owner frees it.
+        prefix: Of its options in PETSc's database, ends in an underscore.
+        options: Without prefix.
+    """
+
+    def __init__(self, matrix: PETSc.Mat, prefix: str, options: Mapping[str, Any]) -> None:
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._prefix, self._options = prefix, SolverOptions(prefix, options, asked=())
+        self._ksp = PETSc.KSP().create(matrix.comm)
+        self._ksp.setOperators(matrix)
+        self._ksp.setOptionsPrefix(prefix)
+        self._options.apply(self._ksp)
+        self._x, self._b = matrix.createVecs()
+
+    def solve(self, right: Array) -> tuple[Array, int]:
+        """Return the solution (owned,) and the number of iterations (collective).
+
+        Raises:
+            RunFailure: The solver does not converge.
+        """
+        self._b.setArray(right)
+        with self._options.given():
+            self._ksp.solve(self._b, self._x)
+        reason = self._ksp.getConvergedReason()
+        if reason < 0:
+            raise RunFailure(
+                f"hot mould: the {self._prefix.strip('_')} solver does not converge (PETSc's "
+                f"reason {reason} after {self._ksp.getIterationNumber()} iterations)"
+            )
+        direct = self._ksp.getType() == "preonly"
+        return self._x.getArray().copy(), 0 if direct else self._ksp.getIterationNumber()
+
+    def destroy(self) -> None:
+        """Free the PETSc objects but for the matrix."""
+        for thing in (self._ksp, self._x, self._b):
+            thing.destroy()
+
+
+def rigid_motions(matrix: PETSc.Mat, coordinates: Array) -> PETSc.NullSpace:
+    """Return the six rigid motions, which multigrid must carry to its coarse levels.
+
+    Args:
+        matrix: Of the displacements, of block size 3.
+        coordinates: Of the owned nodes (n, 3), m.
+    """
+    places = matrix.createVecRight()
+    places.setBlockSize(3)
+    places.setArray(coordinates.ravel())
+    found = PETSc.NullSpace().createRigidBody(places)
+    places.destroy()
+    return found

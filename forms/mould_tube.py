@@ -1,0 +1,98 @@
+"""Weak forms of a mould at work: heat through its copper, and how that distorts it.
+
+Steady heat conduction, div(k(T) grad T) = 0, with the conduction integral theta(T) = int k dT
+(Kirchhoff) as the unknown, so that k may depend on T and the operator stays symmetric:
+
+    int grad theta . grad v dx + int h (T(theta) - T_w) v ds_w = int q v ds_h     (conduction)
+
+q is what the strand gives off to the hot face, h and T_w are those of the cooling water.
+
+Small-strain thermoelasticity of an isotropic body [Boley1960], weak form of div sigma = 0:
+
+    sigma = lambda tr(eps) I + 2 mu eps - (3 lambda + 2 mu) eps_T I               (Hooke)
+    eps_T = int_{T_cold}^{T} alpha dT                                    (thermal strain)
+    int 2 mu eps(u) : eps(v) + lambda div u div v dx = int (3 lambda + 2 mu) eps_T div v dx
+
+The same model as that of V.2.4 of [Pascon2003], which says no more of it than "3D thermo-elastic".
+"""
+
+from __future__ import annotations
+
+import ufl
+
+from castfem.forms.mechanics import Expr
+
+
+def conduction(theta: Expr, v: ufl.Argument, dx: ufl.Measure) -> ufl.Form:
+    """Int grad theta . grad v dx: heat through the copper, W."""
+    return ufl.inner(ufl.grad(theta), ufl.grad(v)) * dx
+
+
+def to_water(
+    coefficient: Expr, temperature: Expr, water: Expr, v: ufl.Argument, ds: ufl.Measure
+) -> ufl.Form:
+    """Int h (T - T_w) v ds: heat that the water takes away, W.
+
+    Args:
+        coefficient: h, W/(m2 K).
+        temperature: T of the copper there, K.
+        water: T_w, K.
+        v: Test function.
+        ds: Surface of the water side.
+    """
+    return coefficient * (temperature - water) * v * ds
+
+
+def from_strand(flux: Expr, v: ufl.Argument, ds: ufl.Measure) -> ufl.Form:
+    """Int q v ds: heat that the strand gives off, W; q in W/m2."""
+    return flux * v * ds
+
+
+def lame(youngs_modulus: Expr, poisson: Expr) -> tuple[Expr, Expr]:
+    """Lame's lambda and mu, Pa."""
+    return (
+        youngs_modulus * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
+        youngs_modulus / (2.0 * (1.0 + poisson)),
+    )
+
+
+def strain(u: Expr) -> Expr:
+    """Small strain eps(u) = sym grad u (3, 3)."""
+    return ufl.sym(ufl.grad(u))
+
+
+def stress(u: Expr, thermal_strain: Expr, youngs_modulus: Expr, poisson: Expr) -> Expr:
+    """Hooke's law with thermal strain (3, 3), Pa.
+
+    Args:
+        u: Displacement, m.
+        thermal_strain: eps_T.
+        youngs_modulus: E, Pa.
+        poisson: nu.
+    """
+    first, second = lame(youngs_modulus, poisson)
+    eps, one = strain(u), ufl.Identity(3)
+    pushed = (3.0 * first + 2.0 * second) * thermal_strain
+    return (first * ufl.tr(eps) - pushed) * one + 2.0 * second * eps
+
+
+def von_mises(sigma: Expr) -> Expr:
+    """Equivalent stress, Pa."""
+    return ufl.sqrt(1.5 * ufl.inner(ufl.dev(sigma), ufl.dev(sigma)))
+
+
+def stiffness(
+    u: ufl.Argument, v: ufl.Argument, youngs_modulus: Expr, poisson: Expr, dx: ufl.Measure
+) -> ufl.Form:
+    """Int 2 mu eps(u) : eps(v) + lambda div u div v dx, J/m."""
+    first, second = lame(youngs_modulus, poisson)
+    both = 2.0 * second * ufl.inner(strain(u), strain(v)) + first * ufl.div(u) * ufl.div(v)
+    return both * dx
+
+
+def thermal_load(
+    v: ufl.Argument, thermal_strain: Expr, youngs_modulus: Expr, poisson: Expr, dx: ufl.Measure
+) -> ufl.Form:
+    """Int (3 lambda + 2 mu) eps_T div v dx: what the heat does, N."""
+    first, second = lame(youngs_modulus, poisson)
+    return (3.0 * first + 2.0 * second) * thermal_strain * ufl.div(v) * dx

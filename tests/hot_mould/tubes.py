@@ -1,0 +1,53 @@
+"""Small tubes for the tests."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.hot_mould.copper import Copper
+from castfem.hot_mould.tube import Tube
+from castfem.meshes.tube import TubeMesh, tube
+from castfem.mould.cavity import Sides
+from castfem.mould.perimeter import Places
+from castfem.values.tables import Constant
+
+ROUND = Sides((0.06, 0.06), (0.06, 0.06), 0.06)
+SQUARE = Sides((0.0625, 0.0625), (0.0625, 0.0625), 0.005)
+COLD = 300.0
+
+
+def plain_copper() -> Copper:
+    """Copper whose properties do not depend on temperature."""
+    return Copper(Constant(380.0), Constant(17e-6), Constant(117e9), Constant(0.34), COLD)
+
+
+def tube_mesh(
+    sides: Sides,
+    cells: tuple[int, int, int],
+    thickness: float = 0.02,
+    length: float = 0.03,
+    order: int = 2,
+    taper: float = 0.0,
+) -> TubeMesh:
+    """Mesh of a tube; `cells` across the wall, on the corner (half a face has half), along it."""
+    across, corner, along = cells
+    places = Places.spread(sides, max(corner // 2, 1), corner, order)
+    points, normals = places.on(sides)
+    z = np.linspace(0.0, length, order * along + 1)
+    inner = points[None] * (1.0 - taper * z[:, None, None])
+    return tube(inner, np.repeat(normals[None], len(z), 0), z, thickness, across, order)
+
+
+def round_tube(cells: int, comm: MPI.Comm = MPI.COMM_SELF) -> Tube:
+    """A short round one."""
+    return Tube(comm, tube_mesh(ROUND, (cells, 3 * cells, 1)))
+
+
+def square_tube(
+    cells: tuple[int, int, int] = (1, 2, 2), comm: MPI.Comm = MPI.COMM_SELF, taper: float = 0.02
+) -> Tube:
+    """A square, tapered one of straight-edged cells, whose unknowns are of second order."""
+    mesh = tube_mesh(SQUARE, cells, 0.01, 0.2, order=1, taper=taper)
+    return Tube(comm, mesh)
