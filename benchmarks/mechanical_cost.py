@@ -121,8 +121,9 @@ def ranks(repeats: int, cells: int = RANKED) -> list[dict[str, Any]]:
     """
     given = {"cells": cells, "steps": 4, "before": 3.0, "repeats": repeats}
     one, two = (launch("benchmarks.slice_probe", given, n) for n in (1, 2))
-    if not np.allclose(one["modes"], two["modes"], rtol=1e-8, atol=1e-12):
-        raise RuntimeError(f"one rank and two differ: {one['modes']} and {two['modes']}")
+    strains = [found["generalized_strains"] for found in (one, two)]
+    if not np.allclose(*strains, rtol=1e-8, atol=1e-12):
+        raise RuntimeError(f"one rank and two differ: {strains[0]} and {strains[1]}")
     rows = []
     for n, found in ((1, one), (2, two)):
         seconds = parts(found)

@@ -26,7 +26,7 @@ from castfem.machine import Machine, Steady
 from castfem.materials import load_steel
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import PlainPlanes, allowed_modes
+from castfem.mechanics.planes import PlainPlanes, allowed_strains
 from castfem.thermal.flux_laws import Contact
 
 SECTIONS = {
@@ -92,7 +92,7 @@ def cooling_slice(run: Run, comm: MPI.Comm = MPI.COMM_SELF) -> CoolingSlice:
     slice_ = Slice(
         load_law("norton_hoff_kozlowski", elasticity),
         steel.thermal_strain,
-        PlainPlanes(allowed_modes(mesh.groups)),
+        PlainPlanes(allowed_strains(mesh.groups)),
         ferrostatic=Ferrostatic(Machine(Steady(0.06)).head(7000.0), steel.solid_fraction),
         large_strain=run.large,
     )
@@ -141,7 +141,7 @@ def measure(run: Run, comm: MPI.Comm = MPI.COMM_SELF, repeats: int = 1) -> dict[
             "unknowns": problem.space.dofmap.index_map.size_global * 2 + problem.free,
             "points": problem.points.count,
             "newton": float(np.mean(slice_.newton[first:])),
-            "modes": slice_.state.modes.tolist(),
+            "generalized_strains": slice_.state.generalized_strains.tolist(),
         }
         slice_.destroy()
         memory = memory or peak()

@@ -194,7 +194,7 @@ class Deformed:
 
 def thickening(place: Expr, virtual: Direction) -> Expr:
     """What a virtual motion adds to the thickness at a place, (37)."""
-    m = virtual.modes
+    m = virtual.generalized_strains
     return m[0] + m[1] * place[0] + m[2] * place[1]
 
 
@@ -262,7 +262,7 @@ def stiffness(
         work -= area * action.pool * ufl.dot(surface.normal_change(by), shift)
 
     thicker = thickening(surface.place(), virtual)
-    tilting = virtual.modes[1] * moved[0] + virtual.modes[2] * moved[1]
+    tilting = virtual.generalized_strains[1] * moved[0] + virtual.generalized_strains[2] * moved[1]
     resistance = (length * change[2] + longer * traction[2]) * thicker + length * traction[
         2
     ] * tilting

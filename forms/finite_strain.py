@@ -35,35 +35,44 @@ class Deformation:
         position: Of the points now, (2,), m.
         gradient: F in the plane, (2, 2).
         thickness: e, relative to the undeformed one.
-        modes: Generalized strains, (4,).
+        generalized_strains: Generalized strains, (4,).
     """
 
     position: Expr
     gradient: Expr
     thickness: Expr
-    modes: Expr
+    generalized_strains: Expr
 
 
-def deformation(u: Expr, modes: Expr, mesh: ufl.Mesh) -> Deformation:
-    """Deformation by the displacement u and the generalized strains `modes`."""
+def deformation(u: Expr, generalized_strains: Expr, mesh: ufl.Mesh) -> Deformation:
+    """Deformation by the displacement u and the generalized strains `generalized_strains`."""
     x = ufl.SpatialCoordinate(mesh)
-    place = x + u + ufl.as_vector([0.0, modes[3] * x[1]])
-    gradient = ufl.Identity(2) + ufl.grad(u) + ufl.as_tensor([[0.0, 0.0], [0.0, modes[3]]])
-    thickness = 1.0 + modes[0] + modes[1] * place[0] + modes[2] * place[1]
-    return Deformation(place, gradient, thickness, modes)
+    place = x + u + ufl.as_vector([0.0, generalized_strains[3] * x[1]])
+    gradient = (
+        ufl.Identity(2) + ufl.grad(u) + ufl.as_tensor([[0.0, 0.0], [0.0, generalized_strains[3]]])
+    )
+    thickness = (
+        1.0
+        + generalized_strains[0]
+        + generalized_strains[1] * place[0]
+        + generalized_strains[2] * place[1]
+    )
+    return Deformation(place, gradient, thickness, generalized_strains)
 
 
 def thickening(at: Deformation, by: Direction) -> Expr:
     """First variation of the thickness."""
-    m, shift = by.modes, by.shift
-    moved = at.modes[1] * shift[0] + at.modes[2] * shift[1]
+    m, shift = by.generalized_strains, by.shift
+    moved = at.generalized_strains[1] * shift[0] + at.generalized_strains[2] * shift[1]
     return m[0] + m[1] * at.position[0] + m[2] * at.position[1] + moved
 
 
 def second_thickening(one: Direction, other: Direction) -> Expr:
     """Second variation of the thickness (the position enters it times the gradients)."""
     return sum(
-        one.modes[i + 1] * other.shift[i] + other.modes[i + 1] * one.shift[i] for i in range(2)
+        one.generalized_strains[i + 1] * other.shift[i]
+        + other.generalized_strains[i + 1] * one.shift[i]
+        for i in range(2)
     )
 
 

@@ -1,8 +1,7 @@
 """Weak forms of the slice in generalized plane strain, small strain (thesis III.1-III.3).
 
 The slice lies between two planes whose distance is e(x, y) = a0 + a1 x + a2 y (37).  Beside the
-displacement in its plane it has up to four scalar degrees of freedom, the generalized strains
-(`modes` in the code):
+displacement in its plane it has up to four scalar degrees of freedom, the generalized strains:
 
     a0 - 1, a1, a2   strain of the thickness at the origin and its gradients (1, 1/m, 1/m),
     across           a uniform strain along y, for strips cut out of something wide.
@@ -30,7 +29,7 @@ import ufl
 
 Expr = Any
 SQRT2 = 2.0**0.5
-MODES = ("a0", "a1", "a2", "across")
+GENERALIZED_STRAINS = ("a0", "a1", "a2", "across")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +39,12 @@ class Direction:
     Attributes:
         gradient: Gradient of the displacement in the plane, (2, 2).
         shift: Displacement in the plane, (2,), m.
-        modes: Of the generalized strains, (4,), see the module.
+        generalized_strains: Of the generalized strains, (4,), see the module.
     """
 
     gradient: Expr
     shift: Expr
-    modes: Expr
+    generalized_strains: Expr
 
 
 def of_displacement(u: Expr) -> Direction:
@@ -53,11 +52,13 @@ def of_displacement(u: Expr) -> Direction:
     return Direction(ufl.grad(u), u, ufl.as_vector([0.0, 0.0, 0.0, 0.0]))
 
 
-def of_modes(modes: Expr, mesh: ufl.Mesh) -> Direction:
+def of_generalized_strains(generalized_strains: Expr, mesh: ufl.Mesh) -> Direction:
     """Motion by generalized strains alone."""
     y = ufl.SpatialCoordinate(mesh)[1]
-    gradient = ufl.as_tensor([[0.0, 0.0], [0.0, modes[3]]])
-    return Direction(gradient, ufl.as_vector([0.0, modes[3] * y]), modes)
+    gradient = ufl.as_tensor([[0.0, 0.0], [0.0, generalized_strains[3]]])
+    return Direction(
+        gradient, ufl.as_vector([0.0, generalized_strains[3] * y]), generalized_strains
+    )
 
 
 def mandel(in_plane: Expr, zz: Expr) -> Expr:
@@ -74,7 +75,7 @@ def trace(vector: Expr) -> Expr:
 
 def strain(direction: Direction, mesh: ufl.Mesh) -> Expr:
     """Strain of a motion: in the plane, and of the thickness (37)."""
-    x, m = ufl.SpatialCoordinate(mesh), direction.modes
+    x, m = ufl.SpatialCoordinate(mesh), direction.generalized_strains
     return mandel(direction.gradient, m[0] + m[1] * x[0] + m[2] * x[1])
 
 

@@ -246,7 +246,7 @@ def _between(
             return
 
 
-def secondary_doubts(case: Case) -> Iterator[Problem]:
+def secondary_warnings(case: Case) -> Iterator[Problem]:
     """Yield water that misses its face, and more or less of it than its nozzles are known for."""
     table = case.secondary
     rolls = None if case.machine is None else case.machine.pairs()

@@ -197,7 +197,7 @@ def _mould_exit(case: Case) -> float | None:
         return None
 
 
-def machine_doubts(case: Case) -> Iterator[Problem]:
+def machine_warnings(case: Case) -> Iterator[Problem]:
     """Yield what rolls of a sound case have that was probably not meant."""
     table, thickness = case.machine, thickness_of(case.section)
     rolls = None if table is None else table.pairs()

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from castfem.case import effort
 from castfem.case.check_cooling import law_groups
-from castfem.case.check_secondary import secondary_doubts
+from castfem.case.check_secondary import secondary_warnings
 from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
 from castfem.case.idle_keys import idle_keys
-from castfem.case.machine import machine_doubts
+from castfem.case.machine import machine_warnings
 from castfem.case.model import Case
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
@@ -56,8 +56,8 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from effort.many(case)
     yield from _cold(case)
     yield from _sprays(case)
-    yield from machine_doubts(case)
-    yield from secondary_doubts(case)
+    yield from machine_warnings(case)
+    yield from secondary_warnings(case)
     yield from idle_keys(case)
     if case.mould is not None:
         yield from _taper(case.mould, case.section)
@@ -70,7 +70,7 @@ def warnings(case: Case) -> Iterator[Problem]:
         start = case.casting.length if zone.to is None else zone.to
 
 
-def doubts_with(
+def warnings_with(
     case: Case, steel: Steel, law_carbon: float | None = None, law: Law | None = None
 ) -> Iterator[Problem]:
     """Yield what a sound case has that does not fit its steel.

@@ -37,17 +37,17 @@ def problems_of(
     except InputError as error:
         problems += error.problems
     if not problems:
-        _tell_doubts(reading, steel, law, law_carbon)
+        _print_warnings(reading, steel, law, law_carbon)
     return (None if problems else reading.case), steel, problems
 
 
-def _tell_doubts(
+def _print_warnings(
     reading: Reading, steel: Steel | None, law: Law | None, law_carbon: float | None
 ) -> None:
     """Log what a sound case has that was probably not meant."""
     warnings = list(reading.warnings)
     if isinstance(reading.case, Case) and steel is not None:
-        found = plausibility.doubts_with(reading.case, steel, law_carbon, law)
+        found = plausibility.warnings_with(reading.case, steel, law_carbon, law)
         warnings += [reading.line(problem) for problem in found]
     for warning in warnings:
         log.logger.warning("%s", warning)

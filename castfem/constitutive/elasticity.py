@@ -9,11 +9,12 @@ that is, the elastic strain which the stress at A stands for is kept while the m
 Liquid is the degenerate case: Poisson's ratio 0, stiffness a small part of the solid's (thesis
 V.1.6; no thermal strain there is the caller's part).  Two things follow from its being a stand-in:
 
-* The little stress a point carries as liquid or mush is an artefact of that stiffness.  Keeping its
-  *elastic strain* while the stiffness rises up to 1e6-fold on freezing would turn 1 kPa into 1 GPa.
+* The little stress a point carries before it is solid is an artefact of that stiffness.  Keeping
+  its *elastic strain* while the stiffness rises up to 1e6-fold on freezing would turn 1 kPa into
+  1 GPa.
   Liquid that is fed has no memory: a point that is not coherent solid at the start of a step
   starts free of stress.  Where liquid is to be an elastic body (`memory`) its *stress* is kept
-  (ratio 1), and where the stiffness falls, the smaller of the two (a mush that melts lets go).
+  (ratio 1), and where the stiffness falls, the smaller of the two (what melts lets go).
 * A point that freezes within a step takes up strain only from then on.  Its strain increment and
   its time are multiplied by the part of the step that lies below the solidus (temperature linear
   over the step), so that the stress of new shell does not depend on where the steps end.
@@ -57,8 +58,8 @@ class Solidity:
         solidus: Below it the steel is coherent solid, K.
         fraction: Solid fraction over temperature in K; None where nothing is ever liquid.
         stiffness_ratio: Young's modulus of the liquid over that of the solid.
-        mush: Between them the modulus goes geometrically or linearly with the solid fraction; with
-            "none" the mushy zone is as soft as the liquid down to the solidus.
+        mushy_zone: Between them the modulus goes geometrically or linearly with the solid
+            fraction; with "none" the mushy zone is as soft as the liquid down to the solidus.
         coherency: Solid fraction up to which the mushy zone is as soft as the liquid.
         from_freezing: Count the strain of a step only from the moment of freezing on.
         memory: Whether what is not solid keeps its stress from one step to the next.
@@ -70,7 +71,7 @@ class Solidity:
     solidus: float = np.inf
     fraction: Curve | None = None
     stiffness_ratio: float = 1e-5
-    mush: Literal["geometric", "linear", "none"] = "geometric"
+    mushy_zone: Literal["geometric", "linear", "none"] = "geometric"
     coherency: float = 0.0
     from_freezing: bool = True
     memory: bool = True
@@ -80,8 +81,10 @@ class Solidity:
             raise ValueError(f"stiffness_ratio ({self.stiffness_ratio}) must be within 0 ... 1")
         if not 0.0 <= self.coherency < 1.0:
             raise ValueError(f"coherency ({self.coherency}) must be at least 0 and below 1")
-        if self.mush not in ("geometric", "linear", "none"):
-            raise ValueError(f'mush ("{self.mush}") must be "geometric", "linear" or "none"')
+        if self.mushy_zone not in ("geometric", "linear", "none"):
+            raise ValueError(
+                f'mushy_zone ("{self.mushy_zone}") must be "geometric", "linear" or "none"'
+            )
 
     @classmethod
     def between(cls, solidus: float, liquidus: float, **options: object) -> Solidity:
@@ -108,14 +111,14 @@ class Solidity:
         """1 where coherent solid, 0 where liquid, by solid fraction in between."""
         if self.fraction is None:
             return np.ones_like(temperature)
-        if self.mush == "none":
+        if self.mushy_zone == "none":
             return np.where(temperature <= self.solidus, 1.0, 0.0)
         solid = (self.fraction(temperature) - self.coherency) / (1.0 - self.coherency)
         return np.where(temperature <= self.solidus, 1.0, np.clip(solid, 0.0, 1.0))
 
     def stiffness(self, weight: Array) -> Array:
         """Young's modulus over that of the solid."""
-        if self.mush == "linear":
+        if self.mushy_zone == "linear":
             return np.asarray(self.stiffness_ratio + (1.0 - self.stiffness_ratio) * weight)
         return np.asarray(self.stiffness_ratio ** (1.0 - weight))
 

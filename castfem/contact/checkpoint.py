@@ -12,7 +12,7 @@ BY_POINT = ("friction", "stress", "internal", "place", "normal", "gap", "pressur
             "weight")  # fmt: skip
 
 
-class ContactArchive:
+class ContactCheckpoint:
     """Takes a `ContactState` apart for a checkpoint, and puts it together again.
 
     Arrays are kept facet by facet, ordered by cell of the input mesh and place in the cell.

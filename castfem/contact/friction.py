@@ -6,7 +6,7 @@ the direction of the friction, without opening (non-associated, (246)-(248)).  O
 radial return, as in plasticity: fully implicit, where the thesis integrates the rates (261)-(262).
 
 What a law has at p = 0 (Tresca's threshold, a cohesion, viscous friction) fades in with the
-pressure: it is at most `steepest` times that.  Without this, friction jumps where contact begins: a
+pressure: it is at most `cap` times that.  Without this, friction jumps where contact begins: a
 point that its own friction lifts off the wall, and that comes back without it, has no solution.
 Surfaces that are pressed lightly touch on a few spots alone, in proportion to the pressure, so that
 such laws hold at pressures near the yield stress only (Wanheim and Bay, CIRP Annals 27 (1978) 189).
@@ -24,7 +24,7 @@ import numpy as np
 from castfem.values.types import Array, Flags
 
 SQRT3 = 3.0**0.5
-STEEPEST = 1.0  # friction over pressure, where the law itself has friction without pressure
+CAP = 1.0  # friction over pressure, where the law itself has friction without pressure
 FINITE = (1e-300, 1e300)
 ITERATIONS = 60  # for viscous friction, at most: as many halvings as the bracket takes
 FURTHEST = 60.0  # of the logarithm of the rate of slip: what is less is no slip
@@ -35,7 +35,7 @@ class Friction(Protocol):
     """A law of friction."""
 
     @property
-    def steepest(self) -> float:
+    def cap(self) -> float:
         """Friction beyond the threshold over the pressure, at most."""
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
@@ -61,13 +61,13 @@ class Coulomb:
     Attributes:
         coefficient: mu. cohesion: b, Pa.
         yield_stress: p0 of the weaker material, Pa; None for no limit.
-        steepest: Cohesion over pressure, at most.
+        cap: Cohesion over pressure, at most.
     """
 
     coefficient: float
     cohesion: float = 0.0
     yield_stress: float | None = None
-    steepest: float = STEEPEST
+    cap: float = CAP
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -75,11 +75,11 @@ class Coulomb:
         _check("cohesion", self.cohesion)
         if self.yield_stress is not None:
             _check("yield_stress", self.yield_stress, 1e-300)
-        _check("steepest", self.steepest, *FINITE)
+        _check("cap", self.cap, *FINITE)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""
-        limit, slope = _faded_in(self.cohesion, self.steepest, pressure)
+        limit, slope = _faded_in(self.cohesion, self.cap, pressure)
         limit, slope = limit + self.coefficient * pressure, slope + self.coefficient
         if self.yield_stress is None:
             return limit, slope
@@ -99,22 +99,22 @@ class Tresca:
 
     Attributes:
         share: m, 0 to 1. yield_stress: p0, Pa.
-        steepest: tau_c over pressure, at most.
+        cap: tau_c over pressure, at most.
     """
 
     share: float
     yield_stress: float
-    steepest: float = STEEPEST
+    cap: float = CAP
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check("share", self.share, 0.0, 1.0)
         _check("yield_stress", self.yield_stress)
-        _check("steepest", self.steepest, *FINITE)
+        _check("cap", self.cap, *FINITE)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""
-        return _faded_in(self.share * self.yield_stress / SQRT3, self.steepest, pressure)
+        return _faded_in(self.share * self.yield_stress / SQRT3, self.cap, pressure)
 
     def excess(self, rate: Array) -> tuple[Array, Array] | None:
         """See `Friction`."""
@@ -128,7 +128,7 @@ class Viscous:
     Attributes:
         base: Law of the threshold. share: alpha. yield_stress: p0, Pa.
         speed: u, m/s. exponent: n.
-        steepest: tau - tau_c over pressure, at most.
+        cap: tau - tau_c over pressure, at most.
     """
 
     base: Coulomb | Tresca
@@ -136,14 +136,14 @@ class Viscous:
     yield_stress: float
     speed: float
     exponent: float
-    steepest: float = STEEPEST
+    cap: float = CAP
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         for name in ("share", "yield_stress", "exponent"):
             _check(name, getattr(self, name))
         _check("speed", self.speed, 1e-300)
-        _check("steepest", self.steepest, *FINITE)
+        _check("cap", self.cap, *FINITE)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""
@@ -162,18 +162,18 @@ class Lubricant:
 
     Attributes:
         coefficient: beta, Pa (s/m)^n. exponent: n.
-        steepest: tau over pressure, at most.
+        cap: tau over pressure, at most.
     """
 
     coefficient: float
     exponent: float
-    steepest: float = STEEPEST
+    cap: float = CAP
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         _check("coefficient", self.coefficient)
         _check("exponent", self.exponent)
-        _check("steepest", self.steepest, *FINITE)
+        _check("cap", self.cap, *FINITE)
 
     def threshold(self, pressure: Array) -> tuple[Array, Array]:
         """See `Friction`."""
@@ -184,10 +184,10 @@ class Lubricant:
         return _power(rate, self.coefficient, self.exponent)
 
 
-def _faded_in(friction: float, steepest: float, pressure: Array) -> tuple[Array, Array]:
-    """The smaller of a friction and `steepest` times the pressure, and its derivative by p."""
-    steep = steepest * pressure < friction
-    return np.where(steep, steepest * pressure, friction), np.where(steep, steepest, 0.0)
+def _faded_in(friction: float, cap: float, pressure: Array) -> tuple[Array, Array]:
+    """The smaller of a friction and `cap` times the pressure, and its derivative by p."""
+    steep = cap * pressure < friction
+    return np.where(steep, cap * pressure, friction), np.where(steep, cap, 0.0)
 
 
 def _power(rate: Array, coefficient: float, exponent: float) -> tuple[Array, Array]:
@@ -238,7 +238,7 @@ def return_friction(
         new[slides], by_limit[slides] = _viscous(law, size[slides], limit[slides], damping)
         by_pressure, by_size = by_limit * slope, 1.0 - by_limit
         # Limited by the pressure the excess is the lower of two curves: the root is the lower, too.
-        most, rise = limit + law.steepest * pressure, slope + law.steepest
+        most, rise = limit + law.cap * pressure, slope + law.cap
         steep = new > most
         new, by_size = np.where(steep, most, new), np.where(steep, 0.0, by_size)
         by_pressure = np.where(steep, rise, by_pressure)

@@ -18,7 +18,7 @@ from dolfinx import fem
 from castfem.contact.interfaces import Motion
 from castfem.fem import reductions
 from castfem.fem.section import Section
-from castfem.forms.mechanics import Direction, of_modes
+from castfem.forms.mechanics import Direction, of_generalized_strains
 from castfem.values.types import Array
 
 
@@ -80,7 +80,7 @@ class Interaction(ABC):
         self.tags = section.required(on)
         self.section, self._motion = section, motion
         self._old: Any = NoHistory()
-        self._mode_work: fem.Form | None = None
+        self._generalized_work: fem.Form | None = None
 
     # What the mechanical problem compiles.
 
@@ -140,13 +140,13 @@ class Interaction(ABC):
         """
         if not directions.shape[1]:
             return np.zeros(0)
-        if self._mode_work is None:
-            form = self.virtual_work(of_modes(self._motion.one, self.section.mesh))
-            self._mode_work = self.section.compile(f"{self.name}.mode_work", form)
+        if self._generalized_work is None:
+            form = self.virtual_work(of_generalized_strains(self._motion.one, self.section.mesh))
+            self._generalized_work = self.section.compile(f"{self.name}.generalized_work", form)
         work = np.zeros(directions.shape[1])
         for i, direction in enumerate(directions.T):
             self._motion.one.value[:] = direction
-            work[i] = fem.assemble_scalar(self._mode_work)
+            work[i] = fem.assemble_scalar(self._generalized_work)
         resistance = directions[:3].T @ self._old.withdrawal_resistance
         return reductions.totals(self.section.comm, work) - resistance
 

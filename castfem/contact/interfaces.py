@@ -25,11 +25,11 @@ class Motion(Protocol):
         """Displacement at the start of the step, m."""
 
     @property
-    def modes(self) -> fem.Constant:
+    def generalized_strains(self) -> fem.Constant:
         """Generalized strains now (4,)."""
 
     @property
-    def modes_old(self) -> fem.Constant:
+    def generalized_strains_old(self) -> fem.Constant:
         """Generalized strains at the start of the step (4,)."""
 
     @property

@@ -21,7 +21,7 @@ from castfem.errors import InputError
 from castfem.fem import reductions
 from castfem.fem.section import Section
 from castfem.forms import finite_strain, supports
-from castfem.forms.mechanics import Direction, of_modes
+from castfem.forms.mechanics import Direction, of_generalized_strains
 from castfem.values.same_place import same_or_before
 from castfem.values.types import Array
 
@@ -227,11 +227,11 @@ class WinklerFoundation(Interaction):
         self.given, mesh = given, section.mesh
         self._now = None
         if solid.large_strain:
-            self._now = finite_strain.deformation(motion.u, motion.modes, mesh)
+            self._now = finite_strain.deformation(motion.u, motion.generalized_strains, mesh)
         self._values = {n: fem.Constant(mesh, np.zeros(3)) for n in given.on}  # p, K, w + s
         ds = ufl.Measure("ds", domain=mesh, subdomain_data=section.facet_tags, metadata=RULE)
         self._faces = {n: ds(tuple(section.required((n,)))) for n in given.on}
-        across = of_modes(motion.modes, mesh).shift
+        across = of_generalized_strains(motion.generalized_strains, mesh).shift
         self._moved = ufl.dot(ufl.FacetNormal(mesh), motion.u + across)
         self._read: list[tuple[fem.Form, ...]] = []
 

@@ -84,7 +84,7 @@ class Contact(SurfaceInteraction):
         return True
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """See `SurfaceInteraction`."""
         return self.friction is not None
 

@@ -10,19 +10,21 @@ from castfem.fem import reductions
 from castfem.values.types import Array
 
 
-def summary(contact: WallContact, state: ContactState, modes: Array) -> ContactSummary:
+def summary(
+    contact: WallContact, state: ContactState, generalized_strains: Array
+) -> ContactSummary:
     """Contact of the whole section (collective).
 
     Args:
         contact: Whose state it is.
         state: Contact at the facets' points.
-        modes: Generalized strains (4,), of which the slice's thickness comes.
+        generalized_strains: Generalized strains (4,), of which the slice's thickness comes.
     """
     comm, touches = contact.section.comm, state.status != OPEN
     weight, force = state.weight, -state.pressure[:, None] * state.normal
     along = np.column_stack([-state.normal[:, 1], state.normal[:, 0]])
     force = force + state.friction[:, :1] * along
-    area = weight * contact.thickness(state, modes)
+    area = weight * contact.thickness(state, generalized_strains)
     counts = [float((state.status == s).sum()) for s in (OPEN, STICK, SLIP)]
     sums = reductions.totals(
         comm,

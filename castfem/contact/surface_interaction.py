@@ -42,7 +42,7 @@ class SurfaceInteraction(ABC):
         return False
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """Whether it has friction along the strand."""
         return False
 

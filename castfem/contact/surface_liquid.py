@@ -27,7 +27,7 @@ class SurfaceLiquid:
         section: The distributed section.
         facets: Points of the surface.
         solid: What the slice is made of.
-        rubs: Whether there is friction to be borne.
+        has_friction: Whether there is friction to be borne.
 
     Attributes:
         at_vertices: Operator from vertex values to the points.
@@ -37,12 +37,17 @@ class SurfaceLiquid:
         pool: Pressure of fed liquid that is at the surface (n,), Pa; 0 elsewhere.
     """
 
-    def __init__(self, section: Section, facets: Facets, solid: Solid, rubs: bool) -> None:
-        self.section, self._facets, self._solid, self._rubs = section, facets, solid, rubs
+    def __init__(self, section: Section, facets: Facets, solid: Solid, has_friction: bool) -> None:
+        self.section, self._facets, self._solid, self._has_friction = (
+            section,
+            facets,
+            solid,
+            has_friction,
+        )
         space = section.vertex_space
         self.at_vertices = facets.operator(ufl.TrialFunction(space), space)
         self.fed = solid.liquid == "fed"
-        if self.fed and rubs:
+        if self.fed and has_friction:
             self._slopes = facets.operator(ufl.grad(ufl.TrialFunction(space)), space)
         nothing: Array = np.zeros(facets.count)
         self.temperatures: tuple[Array, Array] = (nothing, nothing)
@@ -64,7 +69,7 @@ class SurfaceLiquid:
         old, new = (np.asarray(self.at_vertices @ local) for local in self._local)
         self.temperatures, self._end, self._gap = (old, new), end, gap
         solidity = self._solid.law.elasticity.solidity
-        if self._rubs:
+        if self._has_friction:
             backed = np.maximum(new, self._below()) if self.fed else new
             self.molten = backed > solidity.solidus
         if self.fed:

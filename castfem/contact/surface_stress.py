@@ -84,12 +84,14 @@ class SurfaceStress:
         motion = self._motion
         change = motion.u.x.array - motion.u_old.x.array
         g = (self._gradients @ change).reshape(-1, 4)
-        modes = motion.modes.value - motion.modes_old.value
+        generalized_strains = (
+            motion.generalized_strains.value - motion.generalized_strains_old.value
+        )
         strain = np.column_stack(
             [
                 g[:, 0],
-                g[:, 3] + modes[3],
-                self._thickness @ modes[:3],
+                g[:, 3] + generalized_strains[3],
+                self._thickness @ generalized_strains[:3],
                 (g[:, 1] + g[:, 2]) / SQRT2,
             ]
         )

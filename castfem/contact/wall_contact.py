@@ -13,7 +13,7 @@ import ufl
 from dolfinx import fem
 
 from castfem.contact.average import SurfaceMean
-from castfem.contact.checkpoint import ContactArchive
+from castfem.contact.checkpoint import ContactCheckpoint
 from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
 from castfem.contact.interaction import Interaction
@@ -67,8 +67,8 @@ class WallContact(Interaction):
         trial = ufl.TrialFunction(space)
         self._moves = facets.operator(trial, space)
         self._gradients = facets.operator(ufl.grad(trial), space)
-        rubs = contact.friction is not None
-        self.liquid = SurfaceLiquid(section, facets, solid, rubs)
+        has_friction = contact.friction is not None
+        self.liquid = SurfaceLiquid(section, facets, solid, has_friction)
         self.at_vertices = self.liquid.at_vertices
         self._large = solid.large_strain
         self._surface, self._stress = self._geometry(mesh)
@@ -89,8 +89,8 @@ class WallContact(Interaction):
         surface: forms.Surface = forms.Undeformed(mesh)
         step = None
         if self._large:
-            now = finite_strain.deformation(motion.u, motion.modes, mesh)
-            old = finite_strain.deformation(motion.u_old, motion.modes_old, mesh)
+            now = finite_strain.deformation(motion.u, motion.generalized_strains, mesh)
+            old = finite_strain.deformation(motion.u_old, motion.generalized_strains_old, mesh)
             surface = forms.Deformed(now, old, mesh)
             step = (now, old)
         if self.contact.method != "nitsche":
@@ -178,9 +178,9 @@ class WallContact(Interaction):
             Stress that rounding of positions makes at the stiffest point, Pa.
         """
         motion = self._motion
-        place, moved = self._where(motion.u.x.array, motion.modes.value)
-        before = self._where(motion.u_old.x.array, motion.modes_old.value)[1]
-        strand, stretch = self.facing(motion.u.x.array, motion.modes.value)
+        place, moved = self._where(motion.u.x.array, motion.generalized_strains.value)
+        before = self._where(motion.u_old.x.array, motion.generalized_strains_old.value)[1]
+        strand, stretch = self.facing(motion.u.x.array, motion.generalized_strains.value)
         n, gap, curvature = self._gap_to_wall(moved, strand)
         near = np.minimum(gap, self._size)
         stress: Array | float = 0.0
@@ -242,24 +242,24 @@ class WallContact(Interaction):
         met = np.isfinite(gap)
         return n, np.where(met, gap, np.inf), np.where(met, met_wall.curvature, 0.0)
 
-    def _where(self, u: Array, modes: Array) -> tuple[Array, Array]:
+    def _where(self, u: Array, generalized_strains: Array) -> tuple[Array, Array]:
         """Place and displacement of the points (n, 2), m."""
         moved = (self._moves @ u).reshape(-1, 2)
-        moved[:, 1] += modes[3] * self.facets.position[:, 1]
+        moved[:, 1] += generalized_strains[3] * self.facets.position[:, 1]
         return self.facets.position + moved, moved
 
-    def facing(self, u: Array, modes: Array) -> tuple[Array, Array]:
+    def facing(self, u: Array, generalized_strains: Array) -> tuple[Array, Array]:
         """Outward normal of the strand (n, 2), and length of surface over undeformed length.
 
         Args:
             u: Displacement of this rank's nodes, ghosts included, m.
-            modes: Generalized strains (4,).
+            generalized_strains: Generalized strains (4,).
         """
         normal = self.facets.normal
         if not self._large:
             return normal, np.ones(len(normal))
         f = np.eye(2) + (self._gradients @ u).reshape(-1, 2, 2)
-        f[:, 1, 1] += modes[3]
+        f[:, 1, 1] += generalized_strains[3]
         # det F F^-T N
         turned = np.column_stack(
             [
@@ -304,8 +304,13 @@ class WallContact(Interaction):
         """
         self._kept_closed = np.zeros(self.facets.count, dtype=bool)
         if on:
-            u, modes = self._motion.u_old.x.array, self._motion.modes_old.value
-            _, gap, _ = self._gap_to_wall(self._where(u, modes)[1], self.facing(u, modes)[0])
+            u, generalized_strains = (
+                self._motion.u_old.x.array,
+                self._motion.generalized_strains_old.value,
+            )
+            _, gap, _ = self._gap_to_wall(
+                self._where(u, generalized_strains)[1], self.facing(u, generalized_strains)[0]
+            )
             self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 
@@ -345,27 +350,27 @@ class WallContact(Interaction):
         return np.asarray(state.pressure / (3.0 * elasticity.moduli(at)[1])), state.place
 
     @cached_property
-    def _archive(self) -> ContactArchive:
-        return ContactArchive(self.facets)
+    def _checkpoint(self) -> ContactCheckpoint:
+        return ContactCheckpoint(self.facets)
 
     def arrays(self, state: ContactState) -> dict[str, Array | None]:
         """See `Interaction`."""
-        return self._archive.arrays(state)
+        return self._checkpoint.arrays(state)
 
     def restored(self, arrays: dict[str, Array]) -> ContactState:
         """See `Interaction`."""
-        return self._archive.state(arrays, self.initial())
+        return self._checkpoint.state(arrays, self.initial())
 
     @cached_property
     def mean(self) -> SurfaceMean:
         """Means over a length of the surface (collective when it is first asked for)."""
         return SurfaceMean(self.facets)
 
-    def thickness(self, state: ContactState, modes: Array) -> Array:
+    def thickness(self, state: ContactState, generalized_strains: Array) -> Array:
         """Thickness of the slice at the points over the undeformed one (n,); 1 at small strain."""
         if not self._large:
             return np.ones(self.facets.count)
-        return np.asarray(1.0 + self._lever(state.place) @ modes[:3])
+        return np.asarray(1.0 + self._lever(state.place) @ generalized_strains[:3])
 
     def state(self) -> ContactState:
         """The state that was evaluated last (collective)."""

@@ -261,7 +261,7 @@ class StaggeredCoupling:
         """Let heat flow through the slice as it was strained, unless the case leaves that out."""
         problem = self.thermal.stepper.problem
         if problem.shape is not None:
-            problem.shape.take(state.displacement, state.modes)
+            problem.shape.take(state.displacement, state.generalized_strains)
             self.surface.follow_shape()
             problem.follow_shape()
 

@@ -16,7 +16,7 @@ from castfem.mechanics.state import MechanicalState
 from castfem.values.types import Array
 
 
-class Archive:
+class MechanicalCheckpoint:
     """Takes a `MechanicalState` apart for a checkpoint, and puts it together again.
 
     What belongs to points and to the nodes of the displacement is kept cell by cell, so that each
@@ -66,7 +66,7 @@ class Archive:
         bent = {} if state.bending == STRAIGHT else {"bending": _written(state.bending)}
         return bent | {
             "time": state.time,
-            "modes": state.modes.tolist(),
+            "modes": state.generalized_strains.tolist(),
             "scalars": state.scalars.tolist(),
             "scalar_rate": state.scalar_rate.tolist(),
             "unsteadiness": state.unsteadiness,
@@ -82,7 +82,7 @@ class Archive:
         return MechanicalState(
             time=description["time"],
             displacement=displacement,
-            modes=np.array(description["modes"], float),
+            generalized_strains=np.array(description["modes"], float),
             scalars=np.array(description["scalars"], float),
             rate=rate[: self.problem.owned],
             scalar_rate=np.array(description["scalar_rate"], float),

@@ -39,22 +39,24 @@ class Ferrostatic:
     Attributes:
         head: gamma D over time, Pa.
         solid_fraction: Over temperature, K.
-        mush: In the mushy zone: "proportional" to the liquid (219), "full" until all is solid,
+        mushy_zone: Pressure there: "proportional" to the liquid (219), "full" until all is solid,
             or "none" as soon as anything is (Fig. 63).
         outside: Where the surface is liquid, the pressure is "held" there, or it is "free".
     """
 
     head: TimeHistory
     solid_fraction: Callable[[Array], Array]
-    mush: Literal["proportional", "full", "none"] = "proportional"
+    mushy_zone: Literal["proportional", "full", "none"] = "proportional"
     outside: Literal["held", "free"] = "held"
 
     def __post_init__(self) -> None:
         """Check the names."""
         if self.outside not in ("held", "free"):
             raise InputError(f'ferrostatic.outside: "{self.outside}"; one of held, free')
-        if self.mush not in SHARES:
-            raise InputError(f'ferrostatic.mush: "{self.mush}"; one of {", ".join(SHARES)}')
+        if self.mushy_zone not in SHARES:
+            raise InputError(
+                f'ferrostatic.mushy_zone: "{self.mushy_zone}"; one of {", ".join(SHARES)}'
+            )
 
     def pressure(self, temperature: Array, time: float) -> Array:
         """Pressure at points with these temperatures (n,), K, at `time` (s): (n,), Pa."""
@@ -62,4 +64,4 @@ class Ferrostatic:
 
     def share(self, temperature: Array) -> Array:
         """How much of the head is felt at temperatures (n,), K."""
-        return SHARES[self.mush](np.asarray(self.solid_fraction(temperature)))
+        return SHARES[self.mushy_zone](np.asarray(self.solid_fraction(temperature)))

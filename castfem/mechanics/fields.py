@@ -22,17 +22,22 @@ class Fields:
     """What the forms see of material and motion.
 
     Attributes:
-        u: Displacement now. u_old: At the start of the step.
-        modes: Generalized strains now (4,). modes_old: At the start of the step.
-        one: A direction of the generalized strains (4,). other: A second one.
-        deviator: Stress deviator. tangent: Deviatoric tangent (4, 4).
-        mean: Mean stress. pressure: Ferrostatic pressure, or None; both linear on each cell.
+        u: Displacement now, m.
+        u_old: At the start of the step.
+        generalized_strains: Now (4,), see `castfem.forms.mechanics`.
+        generalized_strains_old: At the start of the step.
+        one: A direction of the generalized strains (4,).
+        other: A second one.
+        deviator: Stress deviator, Mandel (4,), Pa.
+        tangent: Deviatoric tangent (4, 4), Pa.
+        mean: Mean stress, linear on each cell, Pa.
+        pressure: Ferrostatic pressure, likewise; None without one.
     """
 
     u: fem.Function
     u_old: fem.Function
-    modes: fem.Constant
-    modes_old: fem.Constant
+    generalized_strains: fem.Constant
+    generalized_strains_old: fem.Constant
     one: fem.Constant
     other: fem.Constant
     deviator: fem.Function

@@ -29,16 +29,18 @@ class Forms:
     """Compiled forms; to stiffness, column, row and corner comes that of `VolumeStiffness`.
 
     Attributes:
-        work: Forces in the plane (vector). stiffness: Their derivative (matrix).
-        mode_work: Work of the stress on the direction `Fields.one` (scalar).
-        column: Derivative of the forces along that direction (vector); None without free modes.
-        row: Derivative of `mode_work` by the displacement (vector); None if it equals `column`.
+        work: Forces in the plane (vector).
+        stiffness: Their derivative (matrix).
+        generalized_work: Work of the stress on the direction `Fields.one` (scalar).
+        column: Derivative of the forces along that direction (vector); None if no generalized
+            strain is free.
+        row: Derivative of `generalized_work` by the displacement (vector); None if it is `column`.
         corner: Derivative of the work on `one` along `other` (scalar).
     """
 
     work: fem.Form
     stiffness: fem.Form
-    mode_work: fem.Form
+    generalized_work: fem.Form
     column: fem.Form | None
     row: fem.Form | None
     corner: fem.Form | None
@@ -49,8 +51,10 @@ class Directions:
     """Directions the forms are written for.
 
     Attributes:
-        nodal: Virtual displacement. moved: Displacement.
-        one: Along the generalized strains `Fields.one`. other: Along `Fields.other`.
+        nodal: Virtual displacement.
+        moved: Displacement.
+        one: Along the generalized strains `Fields.one`.
+        other: Along `Fields.other`.
     """
 
     nodal: mechanics.Direction
@@ -65,8 +69,8 @@ class Directions:
         return cls(
             mechanics.of_displacement(ufl.TestFunction(space)),
             mechanics.of_displacement(ufl.TrialFunction(space)),
-            mechanics.of_modes(fields.one, mesh),
-            mechanics.of_modes(fields.other, mesh),
+            mechanics.of_generalized_strains(fields.one, mesh),
+            mechanics.of_generalized_strains(fields.other, mesh),
         )
 
     @property
@@ -109,7 +113,7 @@ class Terms:
         return Forms(
             section.compile("mechanics.work", self.work),
             section.compile("mechanics.stiffness", self.matrix),
-            section.compile("mechanics.mode_work", self.along),
+            section.compile("mechanics.generalized_work", self.along),
             maybe("mechanics.column", self.column),
             maybe("mechanics.row", self.row),
             maybe("mechanics.corner", self.corner),
@@ -124,13 +128,15 @@ class Kinematics(ABC):
         points: Its quadrature points.
         fields: What the forms see.
         loads: On its surface.
-        modes: Whether any generalized strain is free.
+        free: Whether any generalized strain is free.
         interactions: What acts on its surface.
 
     Attributes:
-        forms: Compiled. symmetric: Whether the tangent is, if that of the law is.
-        volume: Stiffness against change of volume. constant: Whether volume changes by as much
-            per unit of each motion whatever the displacement.
+        forms: Compiled.
+        symmetric: Whether the tangent is, if that of the law is.
+        volume: Stiffness against change of volume.
+        constant: Whether volume changes by as much per unit of each motion whatever the
+            displacement.
     """
 
     constant: ClassVar[bool]
@@ -143,7 +149,7 @@ class Kinematics(ABC):
         points: Points,
         fields: Fields,
         loads: SurfaceLoads,
-        modes: bool,
+        free: bool,
         interactions: Interactions,
         symmetric: bool = True,
     ) -> None:
@@ -155,7 +161,7 @@ class Kinematics(ABC):
             fields.u.function_space, points.linear, weights, self._rates, self.constant
         )
         directions = Directions.of(fields, section.mesh)
-        terms = self._terms(section, loads, modes, directions)
+        terms = self._terms(section, loads, free, directions)
         self.forms = terms.touching(interactions, directions).compiled(section)
 
     @abstractmethod
@@ -164,7 +170,7 @@ class Kinematics(ABC):
 
     @abstractmethod
     def _terms(
-        self, section: Section, loads: SurfaceLoads, modes: bool, directions: Directions
+        self, section: Section, loads: SurfaceLoads, free: bool, directions: Directions
     ) -> Terms:
         """Forms of the stress and of the loads."""
 
@@ -193,7 +199,7 @@ class SmallStrain(Kinematics):
         self._thickness = np.column_stack([np.ones_like(x), x, y])
 
     def _terms(
-        self, section: Section, loads: SurfaceLoads, modes: bool, directions: Directions
+        self, section: Section, loads: SurfaceLoads, free: bool, directions: Directions
     ) -> Terms:
         fields, points, mesh = self._fields, self._points, section.mesh
         v = ufl.TestFunction(fields.u.function_space)
@@ -211,16 +217,20 @@ class SmallStrain(Kinematics):
 
         matrix = derivative(moved, nodal)
         along = mechanics.virtual_work(fields.deviator, stress, one, *rules)
-        column = derivative(one, nodal) if modes else None
-        row = derivative(nodal, one) if modes and not self.symmetric else None
-        corner = derivative(other, one) if modes else None
+        column = derivative(one, nodal) if free else None
+        row = derivative(nodal, one) if free and not self.symmetric else None
+        corner = derivative(other, one) if free else None
         return Terms(work, matrix, along, column, row, corner)
 
     def _rates(self) -> tuple[Array, Array]:
         """See `Kinematics`: the same for all displacements."""
         points = self._points
-        modes = np.column_stack([self._thickness, np.ones(points.count)])[points.deviator_points :]
-        found = np.concatenate([points.dilation, modes.reshape(*points.dilation.shape[:2], 4)], 2)
+        generalized_strains = np.column_stack([self._thickness, np.ones(points.count)])[
+            points.deviator_points :
+        ]
+        found = np.concatenate(
+            [points.dilation, generalized_strains.reshape(*points.dilation.shape[:2], 4)], 2
+        )
         return found, found
 
     def increments(self) -> tuple[Array, Array | None]:
@@ -228,9 +238,11 @@ class SmallStrain(Kinematics):
         fields = self._fields
         change = fields.u.x.array - fields.u_old.x.array
         strain = (self._points.strain @ change).reshape(-1, 4)
-        modes = fields.modes.value - fields.modes_old.value
-        strain[:, 1] += modes[3]
-        strain[:, 2] += self._thickness @ modes[:3]
+        generalized_strains = (
+            fields.generalized_strains.value - fields.generalized_strains_old.value
+        )
+        strain[:, 1] += generalized_strains[3]
+        strain[:, 2] += self._thickness @ generalized_strains[:3]
         return strain, None
 
 
@@ -242,8 +254,10 @@ class LargeStrain(Kinematics):
     def _prepare(self, section: Section, interactions: Interactions) -> None:
         self.symmetric = False
         points, fields, mesh = self._points, self._fields, section.mesh
-        self._now = finite_strain.deformation(fields.u, fields.modes, section.mesh)
-        self._old = finite_strain.deformation(fields.u_old, fields.modes_old, section.mesh)
+        self._now = finite_strain.deformation(fields.u, fields.generalized_strains, section.mesh)
+        self._old = finite_strain.deformation(
+            fields.u_old, fields.generalized_strains_old, section.mesh
+        )
         step = finite_strain.increment(self._now, self._old)
         self._steps = [
             Tabulation(section.mesh, step, rule.points) for rule in (points.deviator, points.mean)
@@ -257,11 +271,11 @@ class LargeStrain(Kinematics):
                     finite_strain.volume_rate(self._now, by),
                 )
             )
-            for by in (moved, mechanics.of_modes(fields.one, mesh))
+            for by in (moved, mechanics.of_generalized_strains(fields.one, mesh))
         )
 
     def _terms(
-        self, section: Section, loads: SurfaceLoads, modes: bool, directions: Directions
+        self, section: Section, loads: SurfaceLoads, free: bool, directions: Directions
     ) -> Terms:
         fields, points, mesh = self._fields, self._points, section.mesh
         now, old = self._now, self._old
@@ -276,7 +290,7 @@ class LargeStrain(Kinematics):
 
         work = finite_strain.virtual_work(now, fields.deviator, stress, nodal, *rules)
         matrix = derivative(moved, nodal)
-        column = derivative(one, nodal) if modes else None
+        column = derivative(one, nodal) if free else None
         for tags, traction, _ in loads.tractions:
             work -= mechanics.traction_work(traction, v, loads.measure(tags))
         for tags, pressure in loads.pressing(section):
@@ -286,8 +300,8 @@ class LargeStrain(Kinematics):
             if column is not None:
                 column -= finite_strain.pressure_stiffness(now, pressure, one, v, mesh, ds)
         along = finite_strain.virtual_work(now, fields.deviator, stress, one, *rules)
-        row = derivative(nodal, one) if modes else None
-        corner = derivative(other, one) if modes else None
+        row = derivative(nodal, one) if free else None
+        corner = derivative(other, one) if free else None
         return Terms(work, matrix, along, column, row, corner)
 
     def _rates(self) -> tuple[Array, Array]:

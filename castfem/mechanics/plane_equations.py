@@ -54,8 +54,8 @@ class PlaneEquations:
 
     def begin(self, old: MechanicalState, time: float) -> None:
         """Prepare a step from the committed state `old` to `time` (s)."""
-        self.motions = ScaledPlanes.of(self._planes, old.bending, time, self._scales.length)
-        self._from = old.scalars / self.motions.scaling
+        self.scaled = ScaledPlanes.of(self._planes, old.bending, time, self._scales.length)
+        self._from = old.scalars / self.scaled.scaling
 
     def hold(self, young: float) -> None:
         """Hold the planes where they are, with a section of this Young's modulus, Pa; 0 for no."""
@@ -66,13 +66,13 @@ class PlaneEquations:
         work = np.zeros(directions.shape[1])
         for i, direction in enumerate(directions.T):
             self._fields.one.value[:] = direction
-            work[i] = fem.assemble_scalar(self._kinematics.forms.mode_work)
+            work[i] = fem.assemble_scalar(self._kinematics.forms.generalized_work)
         return reductions.totals(self._comm, work) if len(work) else work
 
     def balance(self, scalars: Array) -> Array:
         """Residual along the test directions at these scaled scalars (free,), N/m."""
-        found = self.work_on(self.motions.test_directions) - self.motions.load
-        found += self._interactions.work_on(self.motions.test_directions)
+        found = self.work_on(self.scaled.test_directions) - self.scaled.load
+        found += self._interactions.work_on(self.scaled.test_directions)
         return np.asarray(found + self._drag * (scalars - self._from))
 
     def fill(
@@ -88,15 +88,15 @@ class PlaneEquations:
             assemble: A linear form and what stands beside it, at this rank's own unknowns.
             prescribed: Unknowns whose displacement is given.
         """
-        compiled, fields, motions = self._kinematics.forms, self._fields, self.motions
-        volume, free = self._kinematics.volume, motions.directions.shape[1]
+        compiled, fields, scaled = self._kinematics.forms, self._fields, self.scaled
+        volume, free = self._kinematics.volume, scaled.directions.shape[1]
         corner = np.zeros_like(bordered.corner)
         for i in range(free):
             assert compiled.column is not None and compiled.corner is not None
-            direction, test = motions.directions[:, i], motions.test_directions[:, i]
+            direction, test = scaled.directions[:, i], scaled.test_directions[:, i]
             fields.one.value[:] = direction
             bordered.columns[:, i] = assemble(compiled.column, volume.column(direction))
-            if motions.coupled or compiled.row is not None:
+            if scaled.coupled or compiled.row is not None:
                 fields.one.value[:] = test
                 form = compiled.row or compiled.column
                 bordered.rows[:, i] = assemble(form, volume.row(test))
@@ -104,7 +104,7 @@ class PlaneEquations:
                 bordered.rows[:, i] = bordered.columns[:, i]
             bordered.columns[prescribed, i] = 0.0
             for j in range(free):
-                other = motions.directions[:, j]
+                other = scaled.directions[:, j]
                 fields.other.value[:] = other
                 corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(test, other)
         if free:

@@ -22,7 +22,7 @@ import numpy as np
 
 from castfem.contact.interaction import NOTHING_ADDED
 from castfem.errors import InputError
-from castfem.forms.mechanics import MODES
+from castfem.forms.mechanics import GENERALIZED_STRAINS
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -155,29 +155,31 @@ class ScaledPlanes:
         coupled = not np.array_equal(test, directions)
         return cls(offset, directions * scaling, test * scaling, load, scaling, coupled)
 
-    def modes(self, unknowns: Array) -> Array:
+    def generalized_strains(self, unknowns: Array) -> Array:
         """Generalized strains (4,)."""
         return np.asarray(self.offset + self.directions @ unknowns)
 
 
-def allowed_modes(groups: tuple[str, ...]) -> tuple[str, ...]:
+def allowed_strains(groups: tuple[str, ...]) -> tuple[str, ...]:
     """Generalized strains that the symmetry of a section leaves, by its boundary groups.
 
     A section mirrored at x = 0 (group symmetry_x) has no a1, one mirrored at y = 0 no a2.
     """
     barred = {"a1": "symmetry_x", "a2": "symmetry_y"}
     return tuple(
-        name for name in MODES[:3] if not any(g.startswith(barred.get(name, "?")) for g in groups)
+        name
+        for name in GENERALIZED_STRAINS[:3]
+        if not any(g.startswith(barred.get(name, "?")) for g in groups)
     )
 
 
-def check_modes(names: tuple[str, ...], groups: tuple[str, ...]) -> None:
+def check_strains(names: tuple[str, ...], groups: tuple[str, ...]) -> None:
     """Refuse generalized strains that the symmetry of the section excludes.
 
     Raises:
         InputError: Naming each.
     """
-    allowed = (*allowed_modes(groups), "across")
+    allowed = (*allowed_strains(groups), "across")
     wrong = [n for n in names if n not in allowed]
     if wrong:
         raise InputError(
@@ -199,7 +201,7 @@ class PlainPlanes:
     """Each generalized strain free, or imposed over time (fixed at zero by default).
 
     Attributes:
-        free: Those that are free, of `MODES`.
+        free: Those that are free, of `GENERALIZED_STRAINS`.
         imposed: Value over time (s) of others: strain, 1/m, 1/m, strain.
         force: External axial force, N. moment_x: External moment of sigma_zz with x, N m (thesis'
             M_y). moment_y: The same with y (M_x). Each over time.
@@ -214,8 +216,10 @@ class PlainPlanes:
     def __post_init__(self) -> None:
         """Check the names."""
         for name in (*self.free, *self.imposed):
-            if name not in MODES:
-                raise InputError(f"{name}: not a generalized strain; one of {', '.join(MODES)}")
+            if name not in GENERALIZED_STRAINS:
+                raise InputError(
+                    f"{name}: not a generalized strain; one of {', '.join(GENERALIZED_STRAINS)}"
+                )
         both = [n for n in self.free if n in self.imposed]
         if both or len(set(self.free)) < len(self.free):
             raise InputError(f"{', '.join(both or self.free)}: either free or imposed, once")
@@ -224,8 +228,8 @@ class PlainPlanes:
         """See `Planes`."""
         offset = np.zeros(4)
         for name, history in self.imposed.items():
-            offset[MODES.index(name)] = history(time)
-        directions = np.eye(4)[:, [MODES.index(n) for n in self.free]]
+            offset[GENERALIZED_STRAINS.index(name)] = history(time)
+        directions = np.eye(4)[:, [GENERALIZED_STRAINS.index(n) for n in self.free]]
         return offset, directions, directions
 
     def load(self, time: float) -> Array:

@@ -1,6 +1,6 @@
 """Equilibrium of the slice at the end of a step, solved by SNES.
 
-Unknowns are the displacement and the free motions of the planes (`castfem.mechanics.planes`).  The
+Unknowns are the displacement and the free generalized strains (`castfem.mechanics.planes`).  The
 latter are scaled to lengths, so that all unknowns have one unit, all residuals another, and nothing
 in the solution depends on the units chosen.
 """
@@ -31,7 +31,7 @@ from castfem.mechanics.liquid import FedLiquid
 from castfem.mechanics.material_points import FedPoints, Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.plane_equations import PlaneEquations
-from castfem.mechanics.planes import check_modes
+from castfem.mechanics.planes import check_strains
 from castfem.mechanics.quadrature import Integration, Points, displacement_element
 from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales
@@ -66,9 +66,9 @@ class MechanicalProblem:
     Attributes:
         space: Space of the displacement. points: Quadrature points. scales: Sizes.
         interactions: What acts on the surface.
-        owned: This rank's own displacement unknowns. free: Free motions of the planes.
+        owned: This rank's own displacement unknowns. free: Free generalized strains.
         liquid: Where the liquid is fed; None where it is an elastic body.
-        planes: Equations of the planes' free motions.
+        planes: Equilibrium along the free generalized strains.
         iterations: Newton iterations since the start.
 
     Raises:
@@ -87,7 +87,7 @@ class MechanicalProblem:
     ) -> None:
         self.section, self.slice = section, slice_
         self.watch = watch if watch is not None else Stopwatch()
-        check_modes(slice_.planes.free, section.groups)
+        check_strains(slice_.planes.free, section.groups)
         self.free = len(slice_.planes.free)
         self.space = fem.functionspace(section.mesh, displacement_element(section.cell))
         self.owned = dof_values.owned_of(self.space)
@@ -171,7 +171,7 @@ class MechanicalProblem:
             fed = None if self.liquid is None else self._feed(self.liquid, after, time)
             self._material.begin(stiff(before), stiff(after), thermal, self.dt, fed)
         fields.u_old.x.array[:] = old.displacement
-        fields.modes_old.value[:] = old.modes
+        fields.generalized_strains_old.value[:] = old.generalized_strains
         self.planes.begin(old, time)
         self.pressure: Array = np.zeros(0)
         if slice_.ferrostatic is not None and fields.pressure is not None:
@@ -254,7 +254,7 @@ class MechanicalProblem:
         if self.liquid is not None:
             guess = guess.copy()
             guess[self.liquid.deep] = self._target[self.liquid.deep]
-        return self.bordered.join(guess, scalars / self.planes.motions.scaling)
+        return self.bordered.join(guess, scalars / self.planes.scaled.scaling)
 
     def _imbalance(self, local: Array) -> float:
         """Size of the residual at local unknowns."""
@@ -270,7 +270,7 @@ class MechanicalProblem:
 
     def free_scalars(self, local: Array) -> Array:
         """Free scalars, on every rank, of the local unknowns."""
-        return np.asarray(self.bordered.share(local) * self.planes.motions.scaling)
+        return np.asarray(self.bordered.share(local) * self.planes.scaled.scaling)
 
     def _evaluate(self, local: Array) -> ResidualState:
         """Stress and forces at a set of unknowns: the law is integrated here, and only here."""
@@ -278,8 +278,8 @@ class MechanicalProblem:
         fields.u.x.array[: self.owned] = local[: self.owned]
         fields.u.x.scatter_forward()
         scalars = self.bordered.share(local)
-        modes = self.planes.motions.modes(scalars)
-        fields.modes.value[:] = modes
+        generalized_strains = self.planes.scaled.generalized_strains(scalars)
+        fields.generalized_strains.value[:] = generalized_strains
         with self.watch.section("kinematics"):
             strain, angle = self.kinematics.increments()
             if self._added is not None:
@@ -300,7 +300,7 @@ class MechanicalProblem:
             balance = self.planes.balance(scalars)
         scale = self.scales.stress(parts, response, local[: self.owned], self._first, noise)
         self._first = self._first or scale.typical
-        return ResidualState(local.copy(), modes, forces, balance, scale)
+        return ResidualState(local.copy(), generalized_strains, forces, balance, scale)
 
     def _assemble(self, form: fem.Form, beside: Array | float = 0.0) -> Array:
         """Assembled linear form and what stands beside it at the local unknowns, ghosts included.
@@ -403,7 +403,7 @@ class MechanicalProblem:
         """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""
         assert self.residual_state is not None
         residual = f.getArray(readonly=True)
-        sizes = self._criteria.sizes(self.residual_state, residual, self.planes.motions.load)
+        sizes = self._criteria.sizes(self.residual_state, residual, self.planes.scaled.load)
         return {name: size / self._slack for name, size in sizes.items()}
 
     def destroy(self) -> None:

@@ -275,15 +275,15 @@ class Points:
         """Displacement of the owned vertices (owned, 2), from that of all nodes of this rank."""
         return np.asarray(displacement.reshape(-1, 2)[self._vertex_nodes])
 
-    def moved(self, displacement: Array, modes: Array) -> Array:
+    def moved(self, displacement: Array, generalized_strains: Array) -> Array:
         """How far the owned vertices have moved (owned, 2), m, by the strain `across` too.
 
         Args:
             displacement: Of all nodes of this rank, m.
-            modes: Generalized strains (4,).
+            generalized_strains: Generalized strains (4,).
         """
         found = self.nodal(displacement)
-        found[:, 1] += modes[3] * self._vertex_heights
+        found[:, 1] += generalized_strains[3] * self._vertex_heights
         return found
 
     def to_vertices(self, density: Array) -> Array:

@@ -13,14 +13,14 @@ class ResidualState:
     """The residual at one set of unknowns, and what was found with it.
 
     Attributes:
-        local: The unknowns of this rank. modes: Generalized strains (4,).
+        local: The unknowns of this rank. generalized_strains: Generalized strains (4,).
         forces: Nodal forces (owned,), N/m; at supports what they carry.
         balance: Work of the stress less that of the load along each test direction, N/m.
         scale: How large the stress is.
     """
 
     local: Array
-    modes: Array
+    generalized_strains: Array
     forces: Array
     balance: Array
     scale: StressScale

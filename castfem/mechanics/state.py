@@ -22,7 +22,7 @@ class MechanicalState:
     Attributes:
         time: Since the meniscus, s.
         displacement: Of this rank's nodes, ghosts included, x and y by turns, m.
-        modes: Generalized strains [a0 - 1, a1, a2, across] (4,).
+        generalized_strains: [a0 - 1, a1, a2, across] (4,).
         scalars: Free degrees of freedom of the planes (free,).
         rate: d displacement / dt of the owned nodes over the last step, m/s.
         scalar_rate: d scalars / dt.
@@ -38,7 +38,7 @@ class MechanicalState:
 
     time: float
     displacement: Array
-    modes: Array
+    generalized_strains: Array
     scalars: Array
     rate: Array
     scalar_rate: Array

@@ -44,11 +44,11 @@ class MechanicalStepper:
         problem = self.problem
         points, law = problem.points.count, problem.slice.law
         scalars = np.zeros(problem.free)
-        modes = problem.slice.planes.at(time)[0]
+        generalized_strains = problem.slice.planes.at(time)[0]
         return MechanicalState(
             time=time,
             displacement=np.zeros_like(problem.fields.u.x.array),
-            modes=modes,
+            generalized_strains=generalized_strains,
             scalars=scalars,
             rate=np.zeros(problem.owned),
             scalar_rate=scalars.copy(),
@@ -119,7 +119,7 @@ class MechanicalStepper:
         return MechanicalState(
             time=time,
             displacement=displacement,
-            modes=residual_state.modes,
+            generalized_strains=residual_state.generalized_strains,
             scalars=scalars,
             rate=rate,
             scalar_rate=np.asarray((scalars - old.scalars) / problem.dt),
@@ -133,7 +133,7 @@ class MechanicalStepper:
                 old.bending,
                 time,
                 self._moment,
-                residual_state.modes - old.modes,
+                residual_state.generalized_strains - old.generalized_strains,
                 temperature,
                 added,
             ),

@@ -206,23 +206,23 @@ class Constraints:
         high = np.array([reductions.largest(section.comm, v) for v in points.T])
         size, found = float((high - low).max()), []
 
-        def motions(component: int, places: Array) -> Array:
+        def rigid_motions(component: int, places: Array) -> Array:
             """What two translations and a rotation are there, (n, 3)."""
             x, y = ((places - 0.5 * (low + high)) / size).T
             one, none = np.ones_like(x), np.zeros_like(x)
             return np.column_stack([one, none, -y] if component == 0 else [none, one, x])
 
-        rows = [motions(h.component, places) for _, _, places, h in self._parts]
+        rows = [rigid_motions(h.component, places) for _, _, places, h in self._parts]
         if borne is not None:
             x, y = borne[1].T[:, :, None]
-            rows.append(x * motions(0, borne[0]) + y * motions(1, borne[0]))
+            rows.append(x * rigid_motions(0, borne[0]) + y * rigid_motions(1, borne[0]))
         here = np.linalg.qr(np.concatenate([np.zeros((0, 3)), *rows]), mode="r")
         _, strength, basis = np.linalg.svd(np.concatenate(section.comm.allgather(here)))
         basis = basis[: int((strength > NOT_HELD * strength.max(initial=0.0)).sum())]
         for component, where in PINS:
             share = np.array([{"low": 0.0, "mid": 0.5, "high": 1.0}[w] for w in where])
             place = _nearest(section.comm, points, low + share * (high - low), size)
-            row = motions(component, np.array([place]))[0]
+            row = rigid_motions(component, np.array([place]))[0]
             row -= basis.T @ (basis @ row)
             if (left := float(np.linalg.norm(row))) > NOT_HELD:
                 basis = np.vstack([basis, row / left])

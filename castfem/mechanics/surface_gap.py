@@ -50,10 +50,13 @@ class SurfaceGap:
         """
         contact = self._contact
         position = contact.contact.position(state.time)
-        normal = contact.facing(state.displacement, state.modes)[0]
+        normal = contact.facing(state.displacement, state.generalized_strains)[0]
         weights = contact.facets.weight
         mean = np.column_stack([self._gathered(weights * c) for c in normal.T])[self.dofs]
         mean /= np.maximum(np.hypot(*mean.T), 1e-300)[:, None]
-        place = self._places + self._points.moved(state.displacement, state.modes)[self.dofs]
+        place = (
+            self._places
+            + self._points.moved(state.displacement, state.generalized_strains)[self.dofs]
+        )
         met = contact.contact.wall.gap_function(place, mean, position)
         return np.asarray(met.gap) * np.einsum("ni,ni->n", met.normal, mean)

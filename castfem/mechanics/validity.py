@@ -108,7 +108,7 @@ class Validity:
             self._limits = replace(SMALL, rotation=TURNED)
         self._comm = points.section.comm
         mesh = points.section.mesh
-        now = deformation(fields.u, fields.modes, mesh)
+        now = deformation(fields.u, fields.generalized_strains, mesh)
         f = now.gradient
         seen = ufl.as_vector([f[0, 0], f[0, 1], f[1, 0], f[1, 1], now.thickness, *now.position])
         self._now = Tabulation(mesh, seen, points.deviator.points)

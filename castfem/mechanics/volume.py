@@ -175,23 +175,23 @@ class VolumeStiffness:
         """Forces on the local unknowns (n,) as they move by `moved` (n,)."""
         return self._nodal(self._answer @ (self._change[:, :, self._nodes] @ self._of_cells(moved)))
 
-    def column(self, modes: Array) -> Array:
-        """Forces on the local unknowns (n,) as the generalized strains change by `modes` (4,)."""
-        return self._nodal(self._answer @ self._along(self._change, modes))
+    def column(self, change: Array) -> Array:
+        """Forces on the local unknowns (n,) as the generalized strains change by `change` (4,)."""
+        return self._nodal(self._answer @ self._along(self._change, change))
 
-    def row(self, modes: Array) -> Array:
-        """Derivative by the local unknowns (n,) of the work on generalized strains `modes` (4,)."""
-        factors = self._answer.transpose(0, 2, 1) @ self._along(self._work, modes)
+    def row(self, virtual: Array) -> Array:
+        """Derivative by the local unknowns (n,) of the work on the generalized strains `virtual`."""
+        factors = self._answer.transpose(0, 2, 1) @ self._along(self._work, virtual)
         nodes = self._change[:, :, self._nodes].transpose(0, 2, 1)
         return self._scattered((nodes @ factors)[:, :, 0])
 
-    def corner(self, virtual: Array, modes: Array) -> float:
-        """Derivative of the work on generalized strains `virtual` (4,) along `modes` (4,)."""
-        answer = self._answer @ self._along(self._change, modes)
+    def corner(self, virtual: Array, change: Array) -> float:
+        """Derivative of the work on generalized strains `virtual` (4,) along `change` (4,)."""
+        answer = self._answer @ self._along(self._change, change)
         return float(np.vdot(self._along(self._work, virtual), answer))
 
-    def _along(self, rates: Array, modes: Array) -> Array:
-        return rates[:, :, self._nodes.stop :] @ modes[:, None]
+    def _along(self, rates: Array, change: Array) -> Array:
+        return rates[:, :, self._nodes.stop :] @ change[:, None]
 
     def _of_cells(self, local: Array) -> Array:
         return local[self._dofs][:, :, None]

@@ -61,7 +61,10 @@ class MechanicalSampler:
         stress = equivalent_stress(recovered)
         places = points.deviator.position
         peak, *where = reductions.peak(self.section.comm, stress, places)
-        fields = [points.moved(state.displacement, state.modes), points.at_vertices(stress)]
+        fields = [
+            points.moved(state.displacement, state.generalized_strains),
+            points.at_vertices(stress),
+        ]
         fields += (
             [] if self._gap is None else [self._on_surface(np.minimum(self._gap.at(state), FAR))]
         )
@@ -70,7 +73,7 @@ class MechanicalSampler:
         contact = None
         gap = {n: float(values[3]) for n, values in starts.items() if len(values) > 3}
         if self._wall is not None and state.contact is not None:
-            contact = summary(self._wall, state.contact, state.modes)
+            contact = summary(self._wall, state.contact, state.generalized_strains)
         return MechanicalSample(
             newton=0 if result is None else result.newton,
             flowing=0.0 if result is None else result.flowing,
@@ -79,7 +82,7 @@ class MechanicalSampler:
             surface_stress={n: float(values[2]) for n, values in starts.items()},
             moved=moved,
             across=self._across(moved),
-            strain=float(state.modes[0]),
+            strain=float(state.generalized_strains[0]),
             balance=None if result is None else result.balance,
             load=self._load(state),
             withdrawal_resistance=float(state.withdrawal_resistance[0]),
@@ -125,7 +128,7 @@ class MechanicalSampler:
         ):
             offset, directions, _ = planes.at(time)
             ends.append(offset + directions @ scalars)
-        return self._with_modes(found, np.asarray((ends[0] - ends[1]) / INSTANT))
+        return self._with_generalized_strains(found, np.asarray((ends[0] - ends[1]) / INSTANT))
 
     def _axial(self, recovered: Array) -> dict[str, float]:
         """Axial stress at the start of each probe, Pa; empty where no machine bends the strand."""
@@ -157,7 +160,7 @@ class MechanicalSampler:
 
     def displaced(self, profiles: dict[str, Profile], state: MechanicalState) -> dict[str, Profile]:
         """Profiles over the depth below the surface as both are now (collective)."""
-        moved = self.problem.points.moved(state.displacement, state.modes)
+        moved = self.problem.points.moved(state.displacement, state.generalized_strains)
         along_x, along_y = (self.probes.along(np.ascontiguousarray(u)) for u in moved.T)
         found = {}
         for name, profile in profiles.items():
@@ -171,7 +174,7 @@ class MechanicalSampler:
         points = self.problem.points
         found: dict[str, Array] = {}
         if "displacement" in names:
-            found["displacement"] = points.moved(state.displacement, state.modes)
+            found["displacement"] = points.moved(state.displacement, state.generalized_strains)
         if {"stress", "von_mises"} & set(names):
             recovered = points.recovered(state.stress)
             if "stress" in names:
@@ -211,14 +214,16 @@ class MechanicalSampler:
     def _strain(self, state: MechanicalState) -> Array:
         """Strain (37) of the undeformed slice at the deviator's points, Mandel (n, 4)."""
         points = self.problem.points
-        return self._with_modes(points.strain @ state.displacement, state.modes)
+        return self._with_generalized_strains(
+            points.strain @ state.displacement, state.generalized_strains
+        )
 
-    def _with_modes(self, values: Array, modes: Array) -> Array:
+    def _with_generalized_strains(self, values: Array, generalized_strains: Array) -> Array:
         """Strain in the plane at all points, with that of the planes, at the deviator's."""
         points = self.problem.points
         strain = values.reshape(-1, 4)[: points.deviator_points]
         x, y = points.deviator.position.T
-        a0, a1, a2, across = modes
+        a0, a1, a2, across = generalized_strains
         strain[:, 1] += across
         strain[:, 2] += a0 + a1 * x + a2 * y
         return np.asarray(strain)

@@ -209,7 +209,7 @@ def _declare_thickness(place: str, share: float) -> None:
         """Distance of the planes that bound the slice, of what it was at the meniscus."""
         mechanical, height = sample.state.mechanical, thickness_of(sample.simulation.case.section)
         assert mechanical is not None and height is not None
-        a0, _, a2, _ = mechanical.modes
+        a0, _, a2, _ = mechanical.generalized_strains
         return float(1.0 + a0 + a2 * share * height)
 
 

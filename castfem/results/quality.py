@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from castfem.results.mechanical import MechanicalSampler
     from castfem.simulation.simulation import Simulation
 
-Motion = tuple[float, float, float, float]
-"""Time (s), and the motions a0 - 1, a1, a2 of the planes."""
+TimedStrains = tuple[float, float, float, float]
+"""Time (s), and the generalized strains a0 - 1, a1, a2."""
 _NEAR = 1e-9  # of the section's size: a place that is a vertex of the surface
 _HALVINGS = 60  # of the mushy zone, to find the temperature of a solid fraction
 
@@ -53,7 +53,7 @@ class QualityState:
     Attributes:
         line: The surface. caster: The rolls.
         time: s; -1 before the first sample. temperature: At the owned vertices, K.
-        motions: Of the planes, from one pitch ago to now.
+        strain_history: Generalized strains from one pitch ago to now.
         values: Of each index at the owned vertices.
         largest: Of each index here. worst: From the meniscus to here. in_phase: Within bending and
             straightening, as far as the slice has come there.
@@ -66,7 +66,7 @@ class QualityState:
     caster: Stations
     time: float = -1.0
     temperature: Array = field(default_factory=lambda: np.zeros(0))
-    motions: tuple[Motion, ...] = ()
+    strain_history: tuple[TimedStrains, ...] = ()
     values: Mapping[str, Array] = field(default_factory=dict)
     largest: Mapping[str, Worst] = field(default_factory=dict)
     worst: Mapping[str, Worst] = field(default_factory=dict)
@@ -137,8 +137,8 @@ class QualitySampler:
         old, time = self.state, strand.thermal.time
         kelvin = strand.thermal.point.temperature
         first = not old.time < time  # at the meniscus, or a state that a checkpoint had
-        motions = self._motions(strand, position, first)
-        step = self._step(strand, kelvin, motions, position)
+        strain_history = self._strain_history(strand, position, first)
+        step = self._step(strand, kelvin, strain_history, position)
         values = dict(old.values)
         for index in self.indexes:
             if not (first and index.accumulates):
@@ -149,29 +149,36 @@ class QualitySampler:
             in_phase[phase] = _worse(in_phase.get(phase, {}), largest)
         known = np.isfinite(centre)
         self.state = replace(
-            old, time=time, temperature=kelvin, motions=motions, values=values, largest=largest,
+            old, time=time, temperature=kelvin, strain_history=strain_history, values=values,
+            largest=largest,
             worst=_worse(old.worst, largest), in_phase=in_phase, centre=centre,
             passed=self._passed(centre, time),
             solid_fraction=float(self.simulation.steel.solid_fraction(centre)) if known else None,
         )  # fmt: skip
         return self.state
 
-    def _motions(self, strand: StrandState, position: float, first: bool) -> tuple[Motion, ...]:
-        """Motions of the planes from one pitch ago, the longest there is, to now."""
+    def _strain_history(
+        self, strand: StrandState, position: float, first: bool
+    ) -> tuple[TimedStrains, ...]:
+        """Generalized strains from one pitch ago, the longest there is, to now."""
         if strand.mechanical is None:
             return ()
-        a0, a1, a2 = (float(a) for a in strand.mechanical.modes[:3])
+        a0, a1, a2 = (float(a) for a in strand.mechanical.generalized_strains[:3])
         now = (strand.mechanical.time, a0, a1, a2)
         if first:
-            return (*self.state.motions[:-1], now)
+            return (*self.state.strain_history[:-1], now)
         longest = self.state.caster.longest_pitch
         since = self.simulation.machine.time_at(max(position - longest, 0.0))
-        before = self.state.motions
-        kept = sum(motion[0] <= since for motion in before[:-1])
+        before = self.state.strain_history
+        kept = sum(strains[0] <= since for strains in before[:-1])
         return (*before[max(kept - 1, 0) :], now)
 
     def _step(
-        self, strand: StrandState, kelvin: Array, motions: tuple[Motion, ...], position: float
+        self,
+        strand: StrandState,
+        kelvin: Array,
+        strain_history: tuple[TimedStrains, ...],
+        position: float,
     ) -> SliceStep:
         """What the indexes are computed from."""
         old = self.state
@@ -181,8 +188,8 @@ class QualitySampler:
         if self._mechanics is not None and strand.mechanical is not None:
             stress = self._mechanics.axial_at_vertices(strand.mechanical)
             if duration > 0.0:
-                rate = self._rate(np.array(motions[-2]), np.array(motions[-1]))
-                pitch_rate = self._over_a_pitch(motions, position)
+                rate = self._rate(np.array(strain_history[-2]), np.array(strain_history[-1]))
+                pitch_rate = self._over_a_pitch(strain_history, position)
         return SliceStep(
             self.settings, self.simulation.steel, duration, self.place, kelvin,
             old.temperature if duration > 0.0 else kelvin, stress, rate, pitch_rate, none,
@@ -190,25 +197,25 @@ class QualitySampler:
         )  # fmt: skip
 
     def _rate(self, start: Array, end: Array) -> Array:
-        """Axial strain rate between two motions of the planes (n,), 1/s.
+        """Axial strain rate between two instants (n,), 1/s.
 
         Where the slice strains largely it is that of the true strain, as its stress sees it.
         """
         assert self.simulation.case.mechanics is not None
-        before, after = (self._strain(motion) for motion in (start, end))
+        before, after = (self._strain(strains) for strains in (start, end))
         if self.simulation.case.mechanics.strain == "large":
             before, after = np.log1p(before), np.log1p(after)
         return np.asarray((after - before) / (end[0] - start[0]))
 
-    def _strain(self, motion: Array) -> Array:
-        """Axial strain by motions of the planes (n,)."""
-        return np.asarray(motion[1] + self.place @ motion[2:])
+    def _strain(self, strains: Array) -> Array:
+        """Axial strain by generalized strains (n,)."""
+        return np.asarray(strains[1] + self.place @ strains[2:])
 
-    def _over_a_pitch(self, motions: tuple[Motion, ...], position: float) -> Array:
+    def _over_a_pitch(self, strain_history: tuple[TimedStrains, ...], position: float) -> Array:
         """Axial strain rate, mean over the last pitch of rolls or what has passed of it, (n,)."""
         if not self.state.caster.longest_pitch:
             return np.zeros(len(self.place))
-        pitch, table = self.state.caster.pitch(position), np.array(motions)
+        pitch, table = self.state.caster.pitch(position), np.array(strain_history)
         since = self.simulation.machine.time_at(max(position - pitch, 0.0))
         start = np.array([np.interp(since, table[:, 0], column) for column in table.T])
         return self._rate(start, table[-1])
@@ -268,7 +275,7 @@ class QualitySampler:
         return {
             "time": state.time,
             "centre": state.centre if np.isfinite(state.centre) else None,
-            "motions": [list(motion) for motion in state.motions],
+            "motions": [list(strains) for strains in state.strain_history],
             "worst": _plain(state.worst),
             "in_phase": {phase: _plain(worst) for phase, worst in state.in_phase.items()},
             "passed": [[fraction, position] for fraction, position in state.passed.items()],
@@ -280,11 +287,11 @@ class QualitySampler:
         for name in values:
             if f"quality_{name}" in by_node:
                 values[name] = np.asarray(by_node[f"quality_{name}"], float)[nodes]
-        motions = (
+        strain_history = (
             (float(t), float(a0), float(a1), float(a2)) for t, a0, a1, a2 in memory["motions"]
         )
         self.state = replace(
-            self.state, time=memory["time"], values=values, motions=tuple(motions),
+            self.state, time=memory["time"], values=values, strain_history=tuple(strain_history),
             centre=np.nan if memory["centre"] is None else memory["centre"],
             worst=_named(memory["worst"]),
             in_phase={phase: _named(worst) for phase, worst in memory["in_phase"].items()},

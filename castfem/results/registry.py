@@ -44,7 +44,7 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     "mould": lambda simulation: simulation.case.mould is not None,
     "friction": lambda simulation: (
         simulation.mechanics is not None
-        and any(one.rubs for one in simulation.mechanics.problem.slice.interactions)
+        and any(one.has_friction for one in simulation.mechanics.problem.slice.interactions)
     ),
     "bulging": lambda simulation: (
         simulation.case.mechanics is not None

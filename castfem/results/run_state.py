@@ -15,7 +15,7 @@ from castfem.simulation.start import starting_state
 
 if TYPE_CHECKING:
     from castfem.coupling.subcycling import SubSteps
-    from castfem.mechanics.checkpoint import Archive
+    from castfem.mechanics.checkpoint import MechanicalCheckpoint
     from castfem.mechanics.state import MechanicalResult
     from castfem.output.summary import Quantity
     from castfem.results.quality import QualityState
@@ -100,7 +100,7 @@ class RunState:
         simulation: The objects of the run.
         state: The committed state.
         sampler: Takes samples of the state, and knows the extremes of the whole run.
-        archive: Takes the mechanical state apart for checkpoints; None without mechanics.
+        mechanical_checkpoint: Takes the mechanical state apart; None without mechanics.
         counts: Of steps and iterations.
         sample: The last one; None before the first.
         zone: Index of the cooling; -1 before the first.
@@ -112,7 +112,7 @@ class RunState:
     simulation: Simulation
     state: StrandState
     sampler: Sampler
-    archive: Archive | None = None
+    mechanical_checkpoint: MechanicalCheckpoint | None = None
     counts: Counts = field(default_factory=Counts)
     sample: Sample | None = None
     zone: int = -1
@@ -129,12 +129,12 @@ class RunState:
             if simulation.coupling is None
             else simulation.coupling.start(thermal)
         )
-        archive = None
+        mechanical_checkpoint = None
         if simulation.mechanics is not None:
-            from castfem.mechanics.checkpoint import Archive
+            from castfem.mechanics.checkpoint import MechanicalCheckpoint
 
-            archive = Archive(simulation.mechanics.problem)
-        return cls(simulation, state, Sampler(simulation), archive)
+            mechanical_checkpoint = MechanicalCheckpoint(simulation.mechanics.problem)
+        return cls(simulation, state, Sampler(simulation), mechanical_checkpoint)
 
     @property
     def position(self) -> float:

@@ -97,7 +97,7 @@ def pressed_rolls(
 
 
 class LiquidWidth:
-    """Width of what is liquid in the middle of the thickness, m; mush counts by its liquid.
+    """Width of what is liquid in the middle of the thickness, m; of the mushy zone its liquid part.
 
     Args:
         section: Whole, or half of it.

@@ -35,7 +35,7 @@ def build_law(
     solidity = Solidity.of(
         steel,
         stiffness_ratio=table.liquid_stiffness,
-        mush=table.mush or ("none" if fed and not table.coherency else "geometric"),
+        mushy_zone=table.mush or ("none" if fed and not table.coherency else "geometric"),
         coherency=table.coherency,
         memory=not fed,
     )

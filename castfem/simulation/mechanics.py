@@ -21,7 +21,7 @@ from castfem.mechanics.bent_planes import BentPlanes
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.imposed_axis import ImposedAxis
-from castfem.mechanics.planes import PlainPlanes, Planes, TimeHistory, allowed_modes
+from castfem.mechanics.planes import PlainPlanes, Planes, TimeHistory, allowed_strains
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import PrescribedDisplacement
@@ -148,7 +148,7 @@ def _planes(
     if case.bends:
         effort = _effort(case, table, machine, steel, section)
         return _bent(case, table, machine, force, effort, section.multiplicity)
-    free = given.free_strains(table, allowed_modes(section.groups))
+    free = given.free_strains(table, allowed_strains(section.groups))
     imposed = {
         name: as_function(value)
         for name in ("a0", "a1", "a2", "across")

@@ -35,8 +35,8 @@ class Shape:
         mesh = section.mesh
         self.solidus = solidus
         self._displacement = fem.Function(space)
-        self._modes = fem.Constant(mesh, np.zeros(4))
-        moved = deformation(self._displacement, self._modes, mesh)
+        self._generalized_strains = fem.Constant(mesh, np.zeros(4))
+        moved = deformation(self._displacement, self._generalized_strains, mesh)
         sound = ufl.gt(ufl.det(moved.gradient), FOLDED)
         still = ufl.Identity(2)
         self.gradient = ufl.as_tensor(
@@ -68,12 +68,12 @@ class Shape:
         now = assemble_owned(self._volume, self._owned) / self.area
         return np.where(temperature < self.solidus, before, now)
 
-    def take(self, displacement: Array, modes: Array) -> None:
+    def take(self, displacement: Array, generalized_strains: Array) -> None:
         """Move the slice.
 
         Args:
             displacement: Of this rank's nodes, ghosts included, x and y by turns, m.
-            modes: Generalized strains [a0 - 1, a1, a2, across] (4,).
+            generalized_strains: Generalized strains [a0 - 1, a1, a2, across] (4,).
         """
         self._displacement.x.array[:] = displacement
-        self._modes.value[:] = modes
+        self._generalized_strains.value[:] = generalized_strains

@@ -24,8 +24,8 @@ def arrays(run: RunState) -> dict[str, Array | None]:
     found = {name: gather(getattr(state.thermal, own)) for name, own in STATE.items()}
     if run.simulation.problem.shape is not None:
         found["filled"] = gather(state.thermal.filled)
-    if run.archive is not None and state.mechanical is not None:
-        found |= run.archive.arrays(state.mechanical)
+    if run.mechanical_checkpoint is not None and state.mechanical is not None:
+        found |= run.mechanical_checkpoint.arrays(state.mechanical)
         if run.simulation.case.coupling.dissipation:
             found["heating"] = gather(state.heating)
         if run.simulation.case.coupling.order == "mechanics_first":
@@ -55,8 +55,8 @@ def description(run: RunState) -> dict[str, Any]:
         "results": _plain(results),
         "forces": {name: _plain(terms) for name, terms in forces.items()},
     }
-    if run.archive is not None and mechanical is not None:
-        found["mechanical"] = run.archive.description(mechanical)
+    if run.mechanical_checkpoint is not None and mechanical is not None:
+        found["mechanical"] = run.mechanical_checkpoint.description(mechanical)
     if run.sampler.quality is not None:
         found["quality"] = run.sampler.quality.memory()
     return found
@@ -77,8 +77,8 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
         low, high = meta["allowed"]
         thermal.allowed = low, np.inf if high is None else high
     mechanical = None
-    if run.archive is not None:
-        mechanical = run.archive.state(meta["mechanical"], by_node)
+    if run.mechanical_checkpoint is not None:
+        mechanical = run.mechanical_checkpoint.state(meta["mechanical"], by_node)
     heating, trend = (
         np.asarray(by_node[name])[nodes] if name in by_node else np.zeros(0)
         for name in ("heating", "trend")

@@ -18,8 +18,8 @@ from castfem.values.types import Array
 class ThreeZones:
     """Similarity solution of an alloy whose solid fraction is linear in T (thesis (12)).
 
-    Half-space x > 0, initially at `initial`, surface held at `surface` from t = 0.  Solid, mush and
-    liquid obey the same k and c, the mushy zone with c + L / (Tl - Ts).  In each zone T is an error
+    Half-space x > 0, initially at `initial`, surface held at `surface` from t = 0.  Solid and
+    liquid obey the same k and c, the mushy zone k and c + L / (Tl - Ts).  In each zone T is an error
     function of eta = x / (2 sqrt t); temperature and flux are continuous at both fronts.
     """
 
@@ -34,10 +34,10 @@ class ThreeZones:
 
     @property
     def diffusivities(self) -> tuple[float, float]:
-        """Of solid (and liquid) and of mush, m2/s."""
+        """Of solid (and liquid) and of the mushy zone, m2/s."""
         rho, c = self.density, self.specific_heat
-        mush = c + self.latent_heat / (self.liquidus - self.solidus)
-        return self.conductivity / (rho * c), self.conductivity / (rho * mush)
+        mushy_zone = c + self.latent_heat / (self.liquidus - self.solidus)
+        return self.conductivity / (rho * c), self.conductivity / (rho * mushy_zone)
 
     def fronts(self) -> tuple[float, float]:
         """Eta of the solidus and of the liquidus, m/sqrt(s)."""
@@ -46,12 +46,12 @@ class ThreeZones:
 
         def mismatch(eta: Array) -> list[float]:
             s, l = eta * ra  # noqa: E741
-            d_mush = erf(l / rm) - erf(s / rm)
+            d_mushy = erf(l / rm) - erf(s / rm)
             solid = (self.solidus - self.surface) * np.exp(-((s / ra) ** 2)) / (ra * erf(s / ra))
-            mush_s = (self.liquidus - self.solidus) * np.exp(-((s / rm) ** 2)) / (rm * d_mush)
-            mush_l = (self.liquidus - self.solidus) * np.exp(-((l / rm) ** 2)) / (rm * d_mush)
+            mushy_s = (self.liquidus - self.solidus) * np.exp(-((s / rm) ** 2)) / (rm * d_mushy)
+            mushy_l = (self.liquidus - self.solidus) * np.exp(-((l / rm) ** 2)) / (rm * d_mushy)
             liquid = (self.initial - self.liquidus) * np.exp(-((l / ra) ** 2)) / (ra * erfc(l / ra))
-            return [solid / mush_s - 1.0, liquid / mush_l - 1.0]
+            return [solid / mushy_s - 1.0, liquid / mushy_l - 1.0]
 
         eta = fsolve(mismatch, [0.5, 0.7], xtol=1e-12)
         assert np.abs(mismatch(eta)).max() < 1e-9
@@ -65,9 +65,9 @@ class ThreeZones:
         eta = np.asarray(x) / (2 * np.sqrt(t))
         solid = self.surface + (self.solidus - self.surface) * erf(eta / ra) / erf(s / ra)
         share = (erf(eta / rm) - erf(s / rm)) / (erf(l / rm) - erf(s / rm))
-        mush = self.solidus + (self.liquidus - self.solidus) * share
+        mushy_zone = self.solidus + (self.liquidus - self.solidus) * share
         liquid = self.initial - (self.initial - self.liquidus) * erfc(eta / ra) / erfc(l / ra)
-        return np.where(eta < s, solid, np.where(eta < l, mush, liquid))
+        return np.where(eta < s, solid, np.where(eta < l, mushy_zone, liquid))
 
     def heat(self, t: float) -> float:
         """Heat that has left through the surface by time t, J/m2."""

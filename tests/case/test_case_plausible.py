@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from castfem.case import Case, read_case, shipped_cases
-from castfem.case.plausibility import doubts_with
+from castfem.case.plausibility import warnings_with
 from castfem.materials import load_steel
 
 TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
@@ -143,7 +143,7 @@ def _with(steel: dict[str, object], law_carbon: float | None, *changes: str) -> 
     reading = read_case(TAPERED, [*named, *changes])
     assert isinstance(reading.case, Case) and not reading.problems
     made = load_steel("plain_carbon", composition=steel)
-    return [problem.text for problem in doubts_with(reading.case, made, law_carbon)]
+    return [problem.text for problem in warnings_with(reading.case, made, law_carbon)]
 
 
 @pytest.mark.parametrize(

@@ -96,12 +96,14 @@ def test_freezing_keeps_the_stress_of_the_liquid_not_its_elastic_strain() -> Non
     assert 0.0 < np.abs(before).max() < 5e4
     after = integrated(law, [*squeezed, step_of([0.0] * 4, liquid, solid)])
     np.testing.assert_allclose(after, before, rtol=1e-12)
-    through_mush = [
+    through_mushy_zone = [
         step_of([0.0] * 4, liquid, SOLIDUS + 30.0),
         step_of([0.0] * 4, SOLIDUS + 30.0, SOLIDUS + 1.0),
         step_of([0.0] * 4, SOLIDUS + 1.0, solid),
     ]
-    np.testing.assert_allclose(integrated(law, [*squeezed, *through_mush]), before, rtol=1e-12)
+    np.testing.assert_allclose(
+        integrated(law, [*squeezed, *through_mushy_zone]), before, rtol=1e-12
+    )
 
 
 def test_melting_lets_go() -> None:
@@ -144,9 +146,9 @@ def test_freezing_can_count_the_whole_step() -> None:
     np.testing.assert_allclose(found, hooke(strain), rtol=1e-12)
 
 
-@pytest.mark.parametrize(("mush", "middle"), [("geometric", 1e-3), ("linear", 0.5)])
-def test_stiffness_of_mush_and_liquid(mush: Any, middle: float) -> None:
-    solidity = Solidity.between(1700.0, 1800.0, stiffness_ratio=1e-6, mush=mush)
+@pytest.mark.parametrize(("mushy_zone", "middle"), [("geometric", 1e-3), ("linear", 0.5)])
+def test_stiffness_of_mushy_zone_and_liquid(mushy_zone: Any, middle: float) -> None:
+    solidity = Solidity.between(1700.0, 1800.0, stiffness_ratio=1e-6, mushy_zone=mushy_zone)
     elasticity = Elasticity.constant(E, NU, solidity)
     t = np.array([1500.0, 1700.0, 1750.0, 1800.0, 1900.0])
     shear, bulk, young = elasticity.moduli(t)
@@ -166,7 +168,7 @@ def test_a_steel_says_where_it_is_solid() -> None:
     assert young[3] == pytest.approx(1e-5 * young[1], rel=1e-9)
 
 
-def test_coherency_keeps_the_mush_soft() -> None:
+def test_coherency_keeps_the_mushy_zone_soft() -> None:
     solidity = Solidity.between(1700.0, 1800.0, stiffness_ratio=1e-4, coherency=0.6)
     young = Elasticity.constant(E, NU, solidity).moduli(np.array([1745.0, 1720.0, 1700.0]))[2]
     np.testing.assert_allclose(young / E, [1e-4, 1e-2, 1.0], rtol=1e-9)
@@ -177,7 +179,7 @@ def test_coherency_keeps_the_mush_soft() -> None:
     [
         ({"stiffness_ratio": 0.0}, "stiffness_ratio"),
         ({"coherency": 1.0}, "coherency"),
-        ({"mush": "cubic"}, "mush"),
+        ({"mushy_zone": "cubic"}, "mushy_zone"),
     ],
 )
 def test_solidity_refuses(options: dict[str, Any], text: str) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mechanics.casting import STEEL, CastSetup, billet_mesh
 
-from castfem.contact.checkpoint import ContactArchive
+from castfem.contact.checkpoint import ContactCheckpoint
 from castfem.contact.friction import Coulomb
 from castfem.contact.settings import Contact
 from castfem.contact.summary import summary
@@ -51,7 +51,9 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
     for setup in (alone, together):
         contact, state = setup.problem.contact, setup.state.contact
         assert contact is not None and state is not None
-        states.append((contact.arrays(state), summary(contact, state, setup.state.modes)))
+        states.append(
+            (contact.arrays(state), summary(contact, state, setup.state.generalized_strains))
+        )
     (one, first), (many, second) = states
     for name in ("force", "axial", "length", "pressure"):
         assert getattr(second, name) == pytest.approx(getattr(first, name), rel=1e-6)
@@ -66,13 +68,13 @@ def test_many_ranks_give_what_one_gives(cell: str, method: str, large: bool) -> 
 
 
 @pytest.mark.mpi
-def test_archive_gives_the_state_back() -> None:
+def test_checkpoint_gives_the_state_back() -> None:
     setup = cast(MPI.COMM_WORLD, 0.01, method="nitsche", friction=Coulomb(0.2)).advance(0.5, 0.25)
     contact, state = setup.problem.contact, setup.state.contact
     assert contact is not None and state is not None
-    archive = ContactArchive(contact.facets)
-    arrays = {k: MPI.COMM_WORLD.bcast(v) for k, v in archive.arrays(state).items()}
-    back = archive.state(arrays, contact.initial())
+    checkpoint = ContactCheckpoint(contact.facets)
+    arrays = {k: MPI.COMM_WORLD.bcast(v) for k, v in checkpoint.arrays(state).items()}
+    back = checkpoint.state(arrays, contact.initial())
     for name in (
         "friction",
         "withdrawal_resistance",
@@ -104,7 +106,7 @@ def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
     hot = np.full(len(setup.vertices), STEEL.liquidus + 10.0)
     result = setup.stepper.step(setup.state, 0.5, hot)
     assert result.converged
-    found = summary(setup.problem.contact, result.state.contact, result.state.modes)
+    found = summary(setup.problem.contact, result.state.contact, result.state.generalized_strains)
     head = 7000.0 * 9.81 * SPEED * 0.5
     carried = head if outside == "free" else 0.0
     assert found.pressure == pytest.approx(carried, rel=0.03, abs=1e-6 * head)
@@ -118,7 +120,7 @@ def test_contact_lost_first_at_the_corner() -> None:
     setup = cast(MPI.COMM_SELF, 0.0)
     gaps = SurfaceGap(setup.problem.contact, setup.problem.points)
     setup.advance(2.0, 0.25)
-    found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
     assert 0.0 < found.share < 1.0 and found.penetration < 1e-6
     assert found.widest[0] > 0.055 and found.widest[1] > 0.055
     assert found.force[0] == pytest.approx(found.force[1], rel=1e-4)

@@ -25,7 +25,7 @@ def test_resultant(method: str, cell: str) -> None:
     for time in STEPS:
         result = setup.step(time)
         assert result.newton <= 5
-    found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
     assert -found.force[1] == pytest.approx(FORCE, rel=5e-4)
     assert found.share == 1.0
     assert found.penetration < 2e-8
@@ -57,7 +57,7 @@ def test_three_decades_of_stiffness(method: str, factor: float) -> None:
     setup = tapered_block(method, factor=factor / 100 if method == "nitsche" else factor)
     for time in STEPS:
         assert setup.step(time).newton <= 5
-    found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
     assert -found.force[1] == pytest.approx(FORCE, rel=5e-4)
 
 

@@ -28,8 +28,8 @@ LAWS: dict[str, Any] = {
     "cohesion": (Coulomb(MU, cohesion=1e5), MU * PRESSURE + 1e5),
     "limited": (Coulomb(3.0, yield_stress=20e6), np.sqrt((400e12 - PRESSURE**2) / 3)),
     "tresca": (Tresca(0.2, P0), 0.2 * P0 / np.sqrt(3)),
-    "light": (Tresca(0.5, P0, steepest=0.4), 0.4 * PRESSURE),
-    "sticky": (Coulomb(MU, cohesion=1e6, steepest=0.1), (MU + 0.1) * PRESSURE),
+    "light": (Tresca(0.5, P0, cap=0.4), 0.4 * PRESSURE),
+    "sticky": (Coulomb(MU, cohesion=1e6, cap=0.1), (MU + 0.1) * PRESSURE),
 }
 
 
@@ -133,7 +133,7 @@ def test_axial_friction_pulls(method: str, cell: str, free: tuple[str, ...]) -> 
             [force, 0.5 * WIDTH * force, 0.0]
         )
         assert result.balance.axial_error < 1e-9
-        found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+        found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
         assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=1e-7)
         # With a2 free the pull acts where it comes from, at the foot.
         y = setup.places[:, 1]
@@ -161,13 +161,13 @@ def test_a_strand_drawn_thick_by_its_friction(method: str) -> None:
     assert balance.axial[0] == pytest.approx(setup.state.contact.withdrawal_resistance[0], rel=1e-8)
     # The midpoint rule's logarithm: off by (step of strain)^2 / 12.
     strain = np.log(thickness)
-    assert setup.state.modes[0] == pytest.approx(
+    assert setup.state.generalized_strains[0] == pytest.approx(
         thickness - 1.0, rel=(strain / steps) ** 2 + pressed
     )
-    found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
     assert found.axial == pytest.approx(-MU * PRESSURE * WIDTH, rel=pressed)
     assert found.force[1] == pytest.approx(
-        PRESSURE * WIDTH * (1.0 + setup.state.modes[0]), rel=pressed
+        PRESSURE * WIDTH * (1.0 + setup.state.generalized_strains[0]), rel=pressed
     )
 
 
@@ -223,7 +223,7 @@ def test_the_root_of_viscous_friction_is_found_in_a_few_steps(
     monkeypatch.setattr(
         type(law), "excess", lambda self, rate: counts.append(len(rate)) or excess(self, rate)
     )
-    object.__setattr__(law, "steepest", 1e30)
+    object.__setattr__(law, "cap", 1e30)
     trial = np.column_stack([size, 0.0 * size])
     found = return_friction(law, trial, limit, stiffness, 0.1).traction[:, 0]
     assert sum(n > 0 for n in counts) <= 25

@@ -77,7 +77,7 @@ def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -
     for time in (2.0, 5.0, 9.0, lost * (1 - 1e-4), lost * (1 + 1e-4), 12.0, 15.0):
         setup.step(time, 1000.0 - 4.0 * time**2)
         state = setup.state.contact
-        found = summary(setup.problem.contact, state, setup.state.modes)
+        found = summary(setup.problem.contact, state, setup.state.generalized_strains)
         if time < lost:
             stiffness = setup.problem.contact.stiffness[0] if method == "penalty" else np.inf
             near = 1e-6 * YOUNG * ALPHA if large else 0.0
@@ -164,11 +164,11 @@ def test_no_wall_below_the_mould() -> None:
         given={"interactions": (Contact(**contact, position=lambda t: 0.1 * t),)},
     )
     setup.step(5.0)
-    inside = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+    inside = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
     assert inside.pressure > 0.0 and inside.share > 0.9
     assert inside.force[0] == pytest.approx(inside.force[1], rel=1e-8)
     setup.step(7.0)
-    outside = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+    outside = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
     assert outside.pressure == 0.0 and outside.gap == 0.0 and outside.length == 0.0
     assert np.all(np.isinf(setup.state.contact.gap))
     assert np.abs(setup.state.displacement).max() < 1e-12

@@ -67,7 +67,12 @@ def mean_errors(cells: int, method: str, cell: str) -> Array:
     setup, found = cylinder(cells, method, cell, lambda t: 16e-6 * t), []
     for time in np.linspace(0.4, 1.0, 5):
         setup.step(time)
-        force = 2 * summary(setup.problem.contact, setup.state.contact, setup.state.modes).force[1]
+        force = (
+            2
+            * summary(
+                setup.problem.contact, setup.state.contact, setup.state.generalized_strains
+            ).force[1]
+        )
         found.append(against_hertz(setup.state.contact, force))
     return np.asarray(np.sqrt(np.mean(np.square(found), axis=0)))
 
@@ -94,7 +99,7 @@ def test_one_load_in_numbers(method: str) -> None:
     while abs(forces[-1] / load - 1.0) > 1e-6:  # the depth at this load, by secants
         assert len(depths) < 8
         setup.step(float(len(forces)))
-        found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+        found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
         forces.append(2 * found.force[1])
         slope = (depths[-1] - depths[-2]) / (forces[-1] - forces[-2])
         depths.append(depths[-1] + slope * (load - forces[-1]))

@@ -69,7 +69,7 @@ def test_block_that_only_friction_holds(method: str, large: bool, angle: float) 
         assert setup.step(time).newton <= 16
     state = setup.state.contact
     assert state is not None
-    found = summary(setup.problem.contact, state, setup.state.modes)
+    found = summary(setup.problem.contact, state, setup.state.generalized_strains)
     load = state.weight @ state.pressure
     assert np.abs(found.force).max() < 1e-4 * load and found.axial == 0.0
     # It flows out of the middle.

@@ -64,7 +64,7 @@ def test_wall_presses_a_block(method: str, cell: str, kind: str) -> None:
     assert np.abs(state.gap + pressure / spring).max() < 1e-8 * depth
     assert setup.stress[:, 1] == pytest.approx(-pressure, rel=1e-8)
     support = setup.results[-1].balance.support  # type: ignore[union-attr]
-    force = summary(setup.problem.contact, state, setup.state.modes).force
+    force = summary(setup.problem.contact, state, setup.state.generalized_strains).force
     assert force == pytest.approx([0.0, -pressure * WIDTH], rel=1e-8)
     assert force[1] == pytest.approx(-support[1], rel=1e-8)
 
@@ -131,7 +131,7 @@ def test_free_block_on_an_oblique_wall(method: str) -> None:
         },
     )
     setup.step(1.0)
-    found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)  # type: ignore[arg-type]
+    found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)  # type: ignore[arg-type]
     normal = np.array([-np.sin(angle), np.cos(angle)])
     assert found.force == pytest.approx(normal * 1e5 * WIDTH / np.cos(angle), rel=1e-7)
     assert 0.0 < found.share < 1.0

@@ -19,7 +19,7 @@ from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep
 from castfem.contact.roll_support import Bed, GivenFoundation, RollSupport
 from castfem.errors import InputError
-from castfem.mechanics.checkpoint import Archive
+from castfem.mechanics.checkpoint import MechanicalCheckpoint
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
@@ -241,9 +241,9 @@ def test_a_state_comes_back_from_a_checkpoint_with_what_the_foundation_remembers
         RollSupport(("bottom",), Counting()), RollSupport(("top",), GivenFoundation(BED)), comm=comm
     )
     setup.step(0.5)
-    archive = Archive(setup.problem)
-    arrays = {k: comm.bcast(v) for k, v in archive.arrays(setup.state).items()}
-    back = archive.state(archive.description(setup.state), arrays)
+    checkpoint = MechanicalCheckpoint(setup.problem)
+    arrays = {k: comm.bcast(v) for k, v in checkpoint.arrays(setup.state).items()}
+    back = checkpoint.state(checkpoint.description(setup.state), arrays)
     setup.step(1.0)
     again = setup.stepper.step(back, 1.0, back.temperature)
     assert np.array_equal(again.state.displacement, setup.state.displacement)

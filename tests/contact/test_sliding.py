@@ -44,7 +44,7 @@ class Dashpot:
     def most(self, speed: float) -> float:
         """Friction at a speed of slip."""
         excess = float(self.law.excess(np.array([speed]))[0][0])
-        return self.threshold + min(excess, self.law.steepest * PRESSURE)
+        return self.threshold + min(excess, self.law.cap * PRESSURE)
 
     @staticmethod
     def top(time: float) -> float:
@@ -77,7 +77,7 @@ VISCOUS: dict[str, Any] = {
     "linear": LINEAR,
     "root": Lubricant(1.5e8, 0.5),
     "threshold": Viscous(Coulomb(0.1), 0.2, P0, SPEED, 0.5),
-    "light": Lubricant(1e11, 1.0, steepest=0.3),
+    "light": Lubricant(1e11, 1.0, cap=0.3),
 }
 
 
@@ -149,7 +149,7 @@ def test_an_oscillating_mould_pushes_the_strand_while_it_is_faster(method: str) 
         old = time - period / steps
         slip = SPEED * (time - old) - (stroke(time) - stroke(old))
         setup.step(time)
-        found = summary(setup.problem.contact, setup.state.contact, setup.state.modes)
+        found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
         assert found.axial == pytest.approx(-np.sign(slip) * MU * PRESSURE * WIDTH, rel=1e-7)
         pull -= found.axial * SPEED * (time - old)
         assert setup.state.contact.withdrawal_resistance[0] == pytest.approx(
@@ -197,5 +197,5 @@ def test_a_point_at_the_edge_of_contact(method: str, law: Any) -> None:
         assert state is not None
         touching.add(int((state.pressure > 0.0).sum()))
         size, limit = np.hypot(*state.friction.T), law.threshold(state.pressure)[0]
-        assert np.all(size <= limit + (1.0 + 1e-9) * law.steepest * state.pressure)
+        assert np.all(size <= limit + (1.0 + 1e-9) * law.cap * state.pressure)
     assert len(touching) > 2 and max(touching) == 16

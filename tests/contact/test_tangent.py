@@ -97,7 +97,7 @@ def test_jacobian_where_liquid_presses(large: bool, method: str) -> None:
     Cells of liquid are so soft that a tangent without it leads away from the solution.
     """
     size, head = 1e-3 if large else 2e-5, 3e9
-    solidity = Solidity.between(190.0, 300.0, stiffness_ratio=1e-5, mush="none", memory=False)
+    solidity = Solidity.between(190.0, 300.0, stiffness_ratio=1e-5, mushy_zone="none", memory=False)
     law = ThermoElastic(Elasticity.constant(10e9, 0.3, solidity))
     contact = Contact(
         TwoWalls((0.1, 0.06), 50 * size), ("right", "top"), lambda t: t,

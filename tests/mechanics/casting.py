@@ -16,7 +16,7 @@ from castfem.machine import Machine, Steady
 from castfem.materials import load_steel
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
-from castfem.mechanics.planes import PlainPlanes, allowed_modes
+from castfem.mechanics.planes import PlainPlanes, allowed_strains
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import MechanicalResult
 from castfem.mechanics.stepper import MechanicalStepper
@@ -60,7 +60,7 @@ class CastSetup:
         elasticity = load_elasticity("elastic_steel", Solidity.of(STEEL, stiffness_ratio=ratio))
         slice_: dict[str, Any] = {
             "law": load_law("norton_hoff_kozlowski", elasticity),
-            "planes": PlainPlanes(allowed_modes(section.groups)),
+            "planes": PlainPlanes(allowed_strains(section.groups)),
             "ferrostatic": Ferrostatic(Machine(Steady(0.06)).head(7000.0), STEEL.solid_fraction),
         }
         made = Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | given))

@@ -56,7 +56,7 @@ def test_an_elastic_strand_is_shortened_by_bending() -> None:
     for steps in (4, 8):
         setup = strand(elastic(E))
         run(setup, steps, end=1.0)
-        errors.append(setup.state.modes[0] / exact - 1.0)
+        errors.append(setup.state.generalized_strains[0] / exact - 1.0)
         force, moment = forces(setup)
         # The work of bending, to second order E I k^2 / 2, is what N - k M has grown by.
         bending = setup.state.bending
@@ -74,7 +74,7 @@ def test_an_elastic_strand_comes_back_straight() -> None:
     stress = E * MIDDLE * HALF
     assert abs(force) < 1e-9 * stress * AREA
     assert abs(moment) < 1e-9 * stress * AREA * HALF
-    assert abs(setup.state.modes[[0, 2]]).max() < 1e-12
+    assert abs(setup.state.generalized_strains[[0, 2]]).max() < 1e-12
     assert abs(setup.state.bending.work) < 1e-9 * E * INERTIA * MIDDLE**2
 
 
@@ -120,7 +120,7 @@ def energies(setup: SliceSetup) -> tuple[float, float]:
     stored = (1.3 * (stress**2).sum(axis=1) - 0.3 * stress[:, :3].sum(axis=1) ** 2) / (2 * E)
     force, moment = forces(setup)
     k = setup.state.bending.curvature
-    drawn = (force - k * moment) * (1.0 + setup.state.modes[0])
+    drawn = (force - k * moment) * (1.0 + setup.state.generalized_strains[0])
     return drawn, flowed + float(volume @ stored)
 
 
@@ -155,11 +155,11 @@ def test_the_neutral_axis_is_where_the_thickness_stays() -> None:
     setup.step(1.5)
     assert setup.state.bending.axis is None
     for i in range(1, 21):
-        old = setup.state.modes
+        old = setup.state.generalized_strains
         setup.step(2.0 + i / 20)
     axis = setup.state.bending.axis
     assert axis is not None
     assert -HALF < axis < 0.0
-    change = setup.state.modes - old
+    change = setup.state.generalized_strains - old
     assert change[0] + change[2] * axis == pytest.approx(0.0, abs=1e-15)
     assert np.isclose(setup.state.bending.curvature, 0.0, atol=1e-15)

@@ -34,12 +34,12 @@ def test_unrestrained_square_has_the_mean_thermal_strain(cell: str, poisson: flo
     for rows in (slice(0, points.deviator_points), slice(points.deviator_points, None)):
         mean = points.volume[rows] @ heat[rows] / points.volume[rows].sum()
         # The points of the mean stress see the field less sharply than those of the deviator.
-        assert setup.state.modes[0] == pytest.approx(alpha * mean, rel=1e-9)
+        assert setup.state.generalized_strains[0] == pytest.approx(alpha * mean, rel=1e-9)
     assert result.balance is not None
     assert result.balance.axial_error < 1e-12
     # The stress along the strand is that of the strain left over, and of the stress in the plane.
     hot = heat[: points.deviator_points]
-    strain = setup.state.modes[0] - alpha * hot
+    strain = setup.state.generalized_strains[0] - alpha * hot
     if poisson == 0.0:
         stress = setup.state.stress[: points.deviator_points, 2]
         assert np.abs(stress - young * strain).max() < 1e-10 * young * np.abs(strain).max()
@@ -54,7 +54,7 @@ def test_free_corner_of_the_square() -> None:
         setup.step(1.0, quench)
         corner = setup.stress[np.argmax(setup.places.sum(axis=1))]
         place = setup.places[np.argmax(setup.places.sum(axis=1))]
-        exact = young * (setup.state.modes[0] - alpha * quench(*place))
+        exact = young * (setup.state.generalized_strains[0] - alpha * quench(*place))
         errors.append(abs(corner[2] / exact - 1.0))
     assert errors[-1] < 0.01
     assert np.log2(errors[0] / errors[-1]) / 2 > 1.0
@@ -81,7 +81,7 @@ def test_thermoelastic_tube(cell: str) -> None:
         error = setup.stress[:, 2] - axial
         found.append(float(np.sqrt(np.mean(error**2)) / level))
         mean = 2 * alpha * hot * (0.25 * (b**2 - a**2) - 0.5 * a**2 * log) / (log * (b**2 - a**2))
-        assert setup.state.modes[0] == pytest.approx(mean, rel=0.7 / n**2)
+        assert setup.state.generalized_strains[0] == pytest.approx(mean, rel=0.7 / n**2)
     assert found[-1] < 0.01
     assert np.log2(found[0] / found[1]) > (1.0 if cell == "triangle" else 1.7)
 

@@ -22,8 +22,10 @@ YOUNG, HEAD = 10e9, 2e5
 
 
 def soft(ratio: float, fed: bool) -> ThermoElastic:
-    mush: Any = "none" if fed else "geometric"
-    solidity = Solidity.between(SOLIDUS, LIQUIDUS, stiffness_ratio=ratio, mush=mush, memory=not fed)
+    mushy_zone: Any = "none" if fed else "geometric"
+    solidity = Solidity.between(
+        SOLIDUS, LIQUIDUS, stiffness_ratio=ratio, mushy_zone=mushy_zone, memory=not fed
+    )
     return ThermoElastic(Elasticity.constant(YOUNG, 0.3, solidity))
 
 

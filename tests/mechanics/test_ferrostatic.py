@@ -33,19 +33,19 @@ def nodal_forces(setup: SliceSetup, temperature: Any) -> Array:
 
 
 def setup_on(
-    shape: Map, cell: str, mush: str, cells: int = 9, order: int = 1, outside: str = "free"
+    shape: Map, cell: str, mushy_zone: str, cells: int = 9, order: int = 1, outside: str = "free"
 ) -> SliceSetup:
-    pressure = Ferrostatic(lambda t: HEAD, fraction, mush, outside)  # type: ignore[arg-type]
+    pressure = Ferrostatic(lambda t: HEAD, fraction, mushy_zone, outside)  # type: ignore[arg-type]
     mesh = mapped(cells, cells, shape, cell, order)
     return SliceSetup(mesh, elastic(), given={"ferrostatic": pressure}, start=1600.0)
 
 
-@pytest.mark.parametrize("mush", list(SHARES))
+@pytest.mark.parametrize("mushy_zone", list(SHARES))
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_resultant_of_a_straight_front(cell: str, mush: str) -> None:
+def test_resultant_of_a_straight_front(cell: str, mushy_zone: str) -> None:
     """Gamma D times the height, wherever the front lies and however wide the mushy zone."""
     height = 0.06
-    setup = setup_on(box(0.1, height), cell, mush)
+    setup = setup_on(box(0.1, height), cell, mushy_zone)
     x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
     # All but what the line of symmetry carries is the shell's and the mushy zone's.
     shell = x >= 1e-9
@@ -66,13 +66,13 @@ def test_resultant_on_distorted_cells(cell: str) -> None:
     assert force[shell, 0].sum() == pytest.approx(HEAD * 0.06, rel=1e-10)
 
 
-@pytest.mark.parametrize("mush", list(SHARES))
+@pytest.mark.parametrize("mushy_zone", list(SHARES))
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])
-def test_resultant_of_a_curved_front(cell: str, mush: str) -> None:
+def test_resultant_of_a_curved_front(cell: str, mushy_zone: str) -> None:
     """A round pool in a quarter: gamma D times its radius on each line, better on finer meshes."""
     radius, errors = 0.05, []
     for cells in (8, 16, 32):
-        setup = setup_on(box(0.1, 0.1), cell, mush, cells)
+        setup = setup_on(box(0.1, 0.1), cell, mushy_zone, cells)
         force = nodal_forces(
             setup, lambda x, y: 1725.0 + 4000.0 * (radius - np.hypot(x, y)) / radius
         )
@@ -84,9 +84,9 @@ def test_resultant_of_a_curved_front(cell: str, mush: str) -> None:
     assert errors[-1] < 0.01
 
 
-@pytest.mark.parametrize("mush", list(SHARES))
-def test_nothing_where_there_is_no_liquid(mush: str) -> None:
-    setup = setup_on(box(0.1, 0.06), "quadrilateral", mush, 10)
+@pytest.mark.parametrize("mushy_zone", list(SHARES))
+def test_nothing_where_there_is_no_liquid(mushy_zone: str) -> None:
+    setup = setup_on(box(0.1, 0.06), "quadrilateral", mushy_zone, 10)
     force = nodal_forces(setup, lambda x, y: np.where(x < 0.035, 1780.0, 1600.0))
     x = setup.problem.space.tabulate_dof_coordinates()[:, 0]
     assert np.abs(force[x > 0.0401]).max() == 0.0
@@ -98,13 +98,13 @@ def test_nothing_where_there_is_no_liquid(mush: str) -> None:
     assert not cold.any()
 
 
-def test_shares_of_the_mush() -> None:
+def test_shares_of_the_mushy_zone() -> None:
     """(219) and the two extremes of Fig. 63."""
     solid = np.array([0.0, 1e-9, 0.5, 1.0 - 1e-9, 1.0])
     assert SHARES["proportional"](solid) == pytest.approx(1 - solid, abs=0.0)
     assert list(SHARES["full"](solid)) == [1, 1, 1, 1, 0]
     assert list(SHARES["none"](solid)) == [1, 0, 0, 0, 0]
-    with pytest.raises(InputError, match=r"ferrostatic\.mush"):
+    with pytest.raises(InputError, match=r"ferrostatic\.mushy_zone"):
         Ferrostatic(lambda t: 0.0, fraction, "half")  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"ferrostatic\.outside"):
         Ferrostatic(lambda t: 0.0, fraction, outside="open")  # type: ignore[arg-type]

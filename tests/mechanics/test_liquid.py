@@ -48,7 +48,7 @@ def test_fully_liquid_slice() -> None:
     setup.step(1.0)
     corner = setup.displacement(lambda x, y: (x > 0.0999) & (y > 0.0999))[0]
     assert corner == pytest.approx([0.1 * head / (ratio * YOUNG)] * 2, rel=1e-9)
-    assert setup.state.modes[0] == pytest.approx(0.0, abs=1e-12)
+    assert setup.state.generalized_strains[0] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_liquid_does_not_contract() -> None:

@@ -46,7 +46,7 @@ def test_free_expansion_makes_no_stress(cell: str, order: int) -> None:
         given={"planes": PlainPlanes(("a0", "a1", "a2"))},
     )
     setup.step(1.0, 500.0)
-    assert setup.state.modes == pytest.approx([5e-3, 0.0, 0.0, 0.0], abs=1e-13)
+    assert setup.state.generalized_strains == pytest.approx([5e-3, 0.0, 0.0, 0.0], abs=1e-13)
     assert np.abs(setup.state.stress).max() < 1e-10 * E * 5e-3
 
 
@@ -76,7 +76,7 @@ def test_bar_bending_is_exact(cell: str, order: int, imposed: bool) -> None:
     setup = SliceSetup(mesh, elastic(E, NU), given={"planes": planes})
     result = setup.step(1.0)
     y = setup.places[:, 1]
-    assert setup.state.modes == pytest.approx([e0, 0.0, k, 0.0], abs=1e-13)
+    assert setup.state.generalized_strains == pytest.approx([e0, 0.0, k, 0.0], abs=1e-13)
     largest = E * (e0 + k * height / 2)
     assert np.abs(setup.stress[:, 2] - E * (e0 + k * y)).max() < 1e-10 * largest
     assert np.abs(setup.stress[:, [0, 1, 3]]).max() < 1e-10 * largest
@@ -105,7 +105,7 @@ def test_one_cell(cell: str) -> None:
     setup.step(1.0)
     assert setup.stress[:, 2] == pytest.approx(1e7, rel=1e-11)
     assert np.abs(setup.stress[:, [0, 1, 3]]).max() < 1e-4
-    assert setup.state.modes[0] == pytest.approx(1e7 / E, rel=1e-11)
+    assert setup.state.generalized_strains[0] == pytest.approx(1e7 / E, rel=1e-11)
 
 
 @pytest.mark.parametrize("cell", ["quadrilateral", "triangle"])

@@ -10,7 +10,7 @@ import pytest
 
 from castfem.errors import InputError
 from castfem.mechanics.bent_planes import BentPlanes
-from castfem.mechanics.planes import PlainPlanes, allowed_modes, check_modes
+from castfem.mechanics.planes import PlainPlanes, allowed_strains, check_strains
 from castfem.mechanics.supports import PrescribedDisplacement
 from mechanics.setups import SliceSetup, box, elastic, mapped
 
@@ -18,8 +18,8 @@ FREE = ("left", "bottom", "right", "top")
 E = 200e9
 
 
-def thickness(modes: np.ndarray, y: float) -> float:
-    return float(1.0 + modes[0] + modes[2] * y)
+def thickness(generalized_strains: np.ndarray, y: float) -> float:
+    return float(1.0 + generalized_strains[0] + generalized_strains[2] * y)
 
 
 @pytest.mark.parametrize("radius", [4.0, 10.0, 1e9])
@@ -29,10 +29,10 @@ def test_planes_meet_in_the_centre_of_curvature(radius: float) -> None:
     offset, directions, test = planes.at(0.0)
     assert test[:, 0] == pytest.approx([1.0, 0.0, 0.0, 0.0], abs=0.0)
     for strain in (0.0, 0.02, -0.01):
-        modes = offset + directions @ [strain]
-        assert modes[0] == pytest.approx(strain, abs=1e-15)
-        assert modes[2] == pytest.approx(-(1 + strain) / (radius - 0.1), rel=1e-12)
-        assert abs(thickness(modes, radius - 0.1)) < 1e-12
+        generalized_strains = offset + directions @ [strain]
+        assert generalized_strains[0] == pytest.approx(strain, abs=1e-15)
+        assert generalized_strains[2] == pytest.approx(-(1 + strain) / (radius - 0.1), rel=1e-12)
+        assert abs(thickness(generalized_strains, radius - 0.1)) < 1e-12
 
 
 @pytest.mark.parametrize("axis", [-0.05, 0.0, 0.08])
@@ -41,10 +41,12 @@ def test_imposed_neutral_axis(axis: float) -> None:
     radius, half = 10.0, 0.11
     planes = BentPlanes(lambda t: 1 / radius, half, neutral_axis=axis)
     assert planes.free == ()
-    modes = planes.at(0.0)[0]
-    assert thickness(modes, axis) == pytest.approx(1.0, abs=1e-14)
-    assert 1 + modes[0] == pytest.approx((radius - half) / (radius - half - axis), rel=1e-14)
-    assert modes[2] == pytest.approx(-1 / (radius - half - axis), rel=1e-14)
+    generalized_strains = planes.at(0.0)[0]
+    assert thickness(generalized_strains, axis) == pytest.approx(1.0, abs=1e-14)
+    assert 1 + generalized_strains[0] == pytest.approx(
+        (radius - half) / (radius - half - axis), rel=1e-14
+    )
+    assert generalized_strains[2] == pytest.approx(-1 / (radius - half - axis), rel=1e-14)
 
 
 def test_straight_strand_is_no_special_case() -> None:
@@ -66,7 +68,7 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     setup = SliceSetup(mesh, elastic(E), given={"planes": planes})
     for time in (0.25, 0.5, 1.0):
         result = setup.step(time)
-    a0, a2 = setup.state.modes[[0, 2]]
+    a0, a2 = setup.state.generalized_strains[[0, 2]]
     assert a0 == pytest.approx(0.0, abs=1e-12)
     assert a2 == pytest.approx(-1 / (radius - half), rel=1e-11)
     assert result.balance is not None
@@ -80,7 +82,9 @@ def test_bending_a_slab_about_its_own_neutral_axis() -> None:
     balance = pulled.step(1.0).balance
     assert balance is not None
     assert balance.axial[0] == pytest.approx(1e6, rel=1e-9)
-    assert pulled.state.modes[0] == pytest.approx(1e6 / (E * 0.1 * 2 * half), rel=1e-9)
+    assert pulled.state.generalized_strains[0] == pytest.approx(
+        1e6 / (E * 0.1 * 2 * half), rel=1e-9
+    )
 
 
 def test_what_a_strain_across_moves() -> None:
@@ -94,19 +98,21 @@ def test_what_a_strain_across_moves() -> None:
             given={"planes": PlainPlanes(("a0",), imposed), "held": (side,)},
         )
         setup.step(1.0)
-        found.append(setup.problem.points.moved(setup.state.displacement, setup.state.modes))
+        found.append(
+            setup.problem.points.moved(setup.state.displacement, setup.state.generalized_strains)
+        )
     assert np.ptp(found[0][:, 1]) == pytest.approx(1e-4)
     assert np.allclose(*found, rtol=1e-9, atol=1e-14)
 
 
 def test_symmetry_leaves_what_it_must() -> None:
     quarter = ("wide_face", "narrow_face", "symmetry_x", "symmetry_y")
-    assert allowed_modes(quarter) == ("a0",)
-    assert allowed_modes(("wide_face", "symmetry_x")) == ("a0", "a2")
-    assert allowed_modes(("wide_face",)) == ("a0", "a1", "a2")
-    check_modes(("a0", "across"), quarter)
+    assert allowed_strains(quarter) == ("a0",)
+    assert allowed_strains(("wide_face", "symmetry_x")) == ("a0", "a2")
+    assert allowed_strains(("wide_face",)) == ("a0", "a1", "a2")
+    check_strains(("a0", "across"), quarter)
     with pytest.raises(InputError, match="a2: the symmetry"):
-        check_modes(("a0", "a2"), quarter)
+        check_strains(("a0", "a2"), quarter)
 
 
 def test_a_setup_carries_only_the_planes_it_asked_for() -> None:

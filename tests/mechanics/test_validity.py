@@ -16,14 +16,18 @@ LAW = ThermoElastic(Elasticity.constant(1e10, 0.3, Solidity.between(1700.0, 1750
 
 
 def refusal(
-    temperature: float, *, large: bool = False, modes: tuple[float, ...] = (0, 0, 0, 0), **u: float
+    temperature: float,
+    *,
+    large: bool = False,
+    generalized_strains: tuple[float, ...] = (0, 0, 0, 0),
+    **u: float,
 ) -> str:
     """What is said of a square of 4 x 4 cells whose middle, or all of it, is displaced.
 
     Args:
         temperature: Of all of it, K.
         large: Whether strain is large.
-        modes: Generalized strains.
+        generalized_strains: Generalized strains.
         u: "middle": the middle node along x, m; "xx", "xy", "yx": displacement gradients.
     """
     given = {"large_strain": large}
@@ -34,15 +38,19 @@ def refusal(
     moved = np.column_stack([u.get("xx", 0.0) * x + u.get("xy", 0.0) * y, u.get("yx", 0.0) * x])
     moved[np.hypot(x - 0.5 * SIZE, y - 0.5 * SIZE) < 1e-9, 0] += u.get("middle", 0.0)
     problem.fields.u.x.array[:] = moved.ravel()
-    problem.fields.modes.value[:] = modes
-    state = replace(setup.state, displacement=moved.ravel(), modes=np.array(modes, float))
+    problem.fields.generalized_strains.value[:] = generalized_strains
+    state = replace(
+        setup.state,
+        displacement=moved.ravel(),
+        generalized_strains=np.array(generalized_strains, float),
+    )
     return judge.refusal(state, np.full(problem.points.count, temperature))
 
 
 @pytest.mark.parametrize("large", [False, True])
 def test_what_is_as_it_was_is_kept(large: bool) -> None:
     assert refusal(COLD, large=large) == "" == refusal(HOT, large=large)
-    assert refusal(COLD, large=large, xx=-0.02, modes=(-0.02, 0.1, 0.1, 0.01)) == ""
+    assert refusal(COLD, large=large, xx=-0.02, generalized_strains=(-0.02, 0.1, 0.1, 0.01)) == ""
 
 
 def test_liquid_that_folds_means_nothing_at_small_strain() -> None:
@@ -57,11 +65,13 @@ def test_liquid_that_folds_means_nothing_at_small_strain() -> None:
 def test_thickness(temperature: float) -> None:
     """The planes are those of solid and liquid alike."""
     for a0, times in ((-1.2, -0.2), (-1.0, 0.0), (-0.15, 0.85), (0.2, 1.2)):
-        assert f"{times:.3g} times as thick" in refusal(temperature, modes=(a0, 0, 0, 0))
-    assert refusal(temperature, modes=(0.2, 0, 0, 0), large=True) == ""
-    assert "as thick" in refusal(temperature, modes=(0, -12.0, 0, 0))
-    assert "as thick" in refusal(temperature, modes=(0, -12.0, 0, 0), large=True)
-    assert "times as thick" in refusal(temperature, modes=(np.nan, 0, 0, 0))
+        assert f"{times:.3g} times as thick" in refusal(
+            temperature, generalized_strains=(a0, 0, 0, 0)
+        )
+    assert refusal(temperature, generalized_strains=(0.2, 0, 0, 0), large=True) == ""
+    assert "as thick" in refusal(temperature, generalized_strains=(0, -12.0, 0, 0))
+    assert "as thick" in refusal(temperature, generalized_strains=(0, -12.0, 0, 0), large=True)
+    assert "times as thick" in refusal(temperature, generalized_strains=(np.nan, 0, 0, 0))
 
 
 def test_small_strain_has_a_range() -> None:
@@ -73,7 +83,7 @@ def test_small_strain_has_a_range() -> None:
     assert "bulge or shrinkage is 0.15" in refusal(COLD, xx=0.15)
     assert "look at loads" in refusal(COLD, xx=0.15)
     assert "look at loads" in refusal(HOT, xx=0.15)
-    assert "there is no shell yet" in refusal(HOT, modes=(0.15, 0, 0, 0))
+    assert "there is no shell yet" in refusal(HOT, generalized_strains=(0.15, 0, 0, 0))
     assert refusal(HOT, xx=0.15, large=True) == ""
 
 

@@ -215,9 +215,9 @@ def test_friction_laws_as_contact_computes_them(write):
     assert tresca.threshold(pressure)[0] == pytest.approx(3e6 / math.sqrt(3.0))
     viscous = 'law = "viscous", stress = "20 kPa", speed = "30 mm/s", exponent = 0.5'
     assert law(viscous).excess(rate)[0] == pytest.approx(2e4 * math.sqrt(2.0))
-    assert law(f"{viscous}, steepest = 0.5").steepest == 0.5
+    assert law(f"{viscous}, steepest = 0.5").cap == 0.5
     both = law(f'{viscous}, coefficient = 0.1, yield_stress = "3 MPa", steepest = 0.5')
-    assert both.steepest == 0.5 and law(viscous).steepest == 1.0
+    assert both.cap == 0.5 and law(viscous).cap == 1.0
     assert both.threshold(pressure)[0] == [1e5]
     assert both.excess(rate)[0] == pytest.approx(2e4 * math.sqrt(2.0))
 

@@ -101,8 +101,8 @@ class ThermalSetup:
         """Displace the points x (3, n) by (2, n) and stretch the slice."""
         assert self.problem.shape is not None
         self.displacement.interpolate(displacement)
-        modes = np.array([axial, 0.0, 0.0, 0.0])
-        self.problem.shape.take(self.displacement.x.array, modes)
+        generalized_strains = np.array([axial, 0.0, 0.0, 0.0])
+        self.problem.shape.take(self.displacement.x.array, generalized_strains)
         self.surface.follow_shape()
         self.problem.follow_shape()
         return self

@@ -15,7 +15,7 @@ def strained(window: str, *sets: str) -> Kept:
 
 def axial_strains(kept: Kept) -> list[float]:
     """Axial strain after each window."""
-    return [s.mechanical.modes[0] for s in kept.states if s.mechanical is not None]
+    return [s.mechanical.generalized_strains[0] for s in kept.states if s.mechanical is not None]
 
 
 @pytest.mark.parametrize("sets", [(), (RUBBING,)], ids=["smooth", "rubbing"])

@@ -48,7 +48,7 @@ def test_the_planes_follow_the_rolls() -> None:
     seen = []
     for state, sample in zip(kept.states, kept.samples[-len(kept.states) :], strict=True):
         assert state.mechanical is not None
-        a0, a1, a2, _ = state.mechanical.modes
+        a0, a1, a2, _ = state.mechanical.generalized_strains
         curvature = float(np.interp(sample.position, rolls, chi))
         middle = curvature / (1.0 - curvature * HALF)
         assert a2 == pytest.approx(-(1.0 + a0) * middle, rel=1e-12, abs=1e-15)
