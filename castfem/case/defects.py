@@ -236,9 +236,9 @@ def check_defects(case: Case) -> Iterator[Problem]:
         path = ("machine", "defect", i)
         for key, fault in defect.problems(case, len(normal.pairs)):
             yield Problem((*path, key), fault)
-        if (told := defect.model_dump()) in seen:
+        if (keys := defect.model_dump()) in seen:
             yield Problem(path, "stands there twice; leave one of the two out")
-        seen.append(told)
+        seen.append(keys)
     rolls = with_defects(normal, table.defect)
     if len(rolls.there) < 2:
         yield Problem(("machine", "defect"), "leave fewer than two pairs that hold the strand")

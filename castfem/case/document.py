@@ -249,11 +249,11 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
     )
     if dropped:
         where = document.origin(("section", "shape"))
-        told = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]
+        listed = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]
         shape = document.data["section"]["shape"]
         document.left_out.append(
             f'{where}: section.shape: "{shape}" does not know what was inherited, which is left '
-            f"out: {', '.join(told)}"
+            f"out: {', '.join(listed)}"
         )
     outdated.mark(before, document.data)
 
@@ -304,11 +304,11 @@ def entitle(document: Document) -> None:
     """Say in the title what was changed, unless that was: it heads tables and pictures."""
     title, changes = document.data.get("title"), dict(document.changes)
     keys = sorted(changes, key=lambda key: key.partition(".")[0] in _LESS_NEWS)
-    told = {key: changes[key] for key in keys if key.partition(".")[0] not in _NO_NEWS}
-    if not isinstance(title, str) or "title" in changes or not told:
+    listed = {key: changes[key] for key in keys if key.partition(".")[0] not in _NO_NEWS}
+    if not isinstance(title, str) or "title" in changes or not listed:
         return
-    parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in told]
-    named = [f"{key} = {shown(value).strip(chr(34))}" for key, value in told.items()]
+    parts = [p for p in title.split("; ") if p.partition(" = ")[0] not in listed]
+    named = [f"{key} = {shown(value).strip(chr(34))}" for key, value in listed.items()]
     more = [f"and {len(named) - _NAMED} more"] if len(named) > _NAMED else []
     document.data["title"] = "; ".join([*parts, *named[:_NAMED], *more])
 

@@ -52,8 +52,8 @@ def drive_lines(rolls: Rolls, known: KnownResistance) -> list[str]:
         if known.capacities[i] > 0.0:
             left = known.capacities[i] - shares.drive[i]
             forces = (shares.effort[i], shares.drive[i], left)
-            told = ["" if math.isinf(force) else f"{1e-3 * force:.2f}" for force in forces]
-            rows.append((f"#{i + 1}", f"{pair.position:.3f}", *told))
+            cells = ["" if math.isinf(force) else f"{1e-3 * force:.2f}" for force in forces]
+            rows.append((f"#{i + 1}", f"{pair.position:.3f}", *cells))
     sums = (float(known.steps.sum()), float(known.capacities.sum()))
     drawn = "" if math.isinf(sums[1]) else f", the drives could take {1e-3 * sums[1]:.5g} kN"
     most = int(np.argmax(shares.effort))

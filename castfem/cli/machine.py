@@ -45,8 +45,8 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
     solid = None if run is None else solid_at(run)
     print_rows(machine_rows(rolls, thickness))
     if run is not None:
-        told = "not in this run" if solid is None else f"at {solid:.4g} m, {_near(rolls, solid)}"
-        print(f"solid throughout: {told} ({run})")
+        where = "not in this run" if solid is None else f"at {solid:.4g} m, {_near(rolls, solid)}"
+        print(f"solid throughout: {where} ({run})")
     print()
     print("\n".join(roll_lines(rolls, thickness)))
     if case.secondary is not None and case.secondary.circuit:

@@ -62,7 +62,7 @@ def run_case(options: Options) -> None:
             try:
                 _run_case(case, target, comm, options)
             except Exception as error:
-                _told_to_file(error)
+                _log_to_file(error)
                 raise
     finally:
         log.close()
@@ -164,7 +164,7 @@ def _show(target: Path, quiet: bool, *, figures: bool) -> None:
         print(f"results in {target}")
 
 
-def _told_to_file(error: Exception) -> None:
+def _log_to_file(error: Exception) -> None:
     """Leave the error in run.log, with the traceback if it was not raised on purpose."""
     known = isinstance(error, CastfemError)
     text = str(error) if known else "".join(traceback.format_exception(error))

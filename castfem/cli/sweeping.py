@@ -134,10 +134,10 @@ def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
         sweep.jobs, before, sweep.record, comm,
         processes=options.processes, quiet=options.quiet, noted=noted,
     )  # fmt: skip
-    return _told(sweep, options.quiet)
+    return _report(sweep, options.quiet)
 
 
-def _told(sweep: _Sweep, quiet: bool) -> int:
+def _report(sweep: _Sweep, quiet: bool) -> int:
     """Print and write the table of results; return the exit status."""
     table = rows(sweep.variants, sweep.record)
     target = sweep.record.folder

@@ -53,15 +53,15 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
 def _bounds(runs: Sequence[Run], table: Sequence[Line]) -> list[str]:
     """Which runs keep to the bounds given for them, and by how much others miss theirs."""
     found = {}
-    for told, verdict in (("bounds met", True), ("bounds missed", False)):
+    for heading, verdict in (("bounds met", True), ("bounds missed", False)):
         parts = []
         for line in table:
             those = [i for i in range(len(runs)) if line.verdict(i) is verdict]
             names = [runs[i].label + ("" if verdict else _miss(line, i)) for i in those]
             unit = f", {SHARE}" if line.unit == SHARE else ""
             parts += [f"{line.label}{unit} ({', '.join(names)})"] if names else []
-        found[told] = "; ".join(parts)
-    return [f"{told}: {text}" for told, text in found.items() if text]
+        found[heading] = "; ".join(parts)
+    return [f"{heading}: {text}" for heading, text in found.items() if text]
 
 
 def _miss(line: Line, run: int) -> str:

@@ -69,7 +69,7 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
         problems.append("two runs are needed to compare")
     if problems:
         raise InputError(problems)
-    return _told_apart(list(known.values()))
+    return _distinct(list(known.values()))
 
 
 def _run(folder: Path, label: str = "") -> Run:
@@ -108,7 +108,7 @@ def _sweep(folder: Path) -> list[Run]:
     ]
 
 
-def _told_apart(runs: Sequence[Run]) -> list[Run]:
+def _distinct(runs: Sequence[Run]) -> list[Run]:
     """Give runs with the same label those of their folders above, too."""
     labels = [run.label for run in runs]
     return [

@@ -184,14 +184,14 @@ def _draw_shape(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
             lines = [*lines, *draw_outlines(ax, shape, factor, "black")]
         handles |= {str(line.get_label()): line for line in lines}
         if math.isfinite(section.gap):
-            title = _headed(title, _gap_told(section.gap))
+            title = _headed(title, _gap_text(section.gap))
         ax.set_title(title, fontsize=9)
     bar(figure, shades, "temperature [°C]")
     legend(figure, handles)
     return figure
 
 
-def _gap_told(gap: float) -> str:
+def _gap_text(gap: float) -> str:
     """The largest gap [m] in words."""
     if gap < _CLOSED:
         return "no gap"

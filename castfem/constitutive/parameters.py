@@ -289,7 +289,7 @@ def load_elasticity(name: str = "elastic_steel", solidity: Solidity | None = Non
     return Elasticity(young, poisson, solidity or Solidity())
 
 
-def told_of(where: str, error: InputError) -> InputError:
+def problems_at(where: str, error: InputError) -> InputError:
     """The problems of a parameter set, told as those of the key that names it."""
     return InputError([f"{where}: {problem.removeprefix('law: ')}" for problem in error.problems])
 

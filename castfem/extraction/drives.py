@@ -75,11 +75,11 @@ def refuse_standstill(resistance: float, capacities: Array) -> None:
     most = math.fsum(capacities)
     if resistance > most * (1.0 + _HAIR):
         raise StrandStopsError(
-            f"the strand would stop: its rolls resist with {_told(resistance)}, all its drives "
-            f"together pull with {_told(most)} at most; free the rolls that are locked, or check "
+            f"the strand would stop: its rolls resist with {_in_kn(resistance)}, all its drives "
+            f"together pull with {_in_kn(most)} at most; free the rolls that are locked, or check "
             "the capacities of the rolls of [machine]"
         )
 
 
-def _told(force: float) -> str:
+def _in_kn(force: float) -> str:
     return f"{convert(force, 'N', 'kN'):.5g} kN"

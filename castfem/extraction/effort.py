@@ -54,10 +54,11 @@ class Withdrawal:
         return self.resistance - self.drives
 
     @classmethod
-    def restored(cls, told: dict[str, Any]) -> Withdrawal:
+    def restored(cls, entries: dict[str, Any]) -> Withdrawal:
         """The state of a checkpoint, whose tuples are lists."""
         found: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value for key, value in told.items()
+            key: tuple(value) if isinstance(value, list) else value
+            for key, value in entries.items()
         }
         return cls(**found)
 

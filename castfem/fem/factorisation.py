@@ -54,7 +54,7 @@ def _tried(ksp: PETSc.KSP) -> str:
     comm: MPI.Comm = ksp.comm.tompi4py()
     if not reductions.any_of(comm, failed):
         return ""
-    return next(told for told in comm.allgather(_reason(pc, error) if failed else "") if told)
+    return next(reason for reason in comm.allgather(_reason(pc, error) if failed else "") if reason)
 
 
 def _reason(pc: PETSc.PC, error: str) -> str:

@@ -101,7 +101,7 @@ class Together(Closing):
                 if self._world.rank == 0 and self._last_words is not None:
                     with suppress(Exception):
                         self._last_words(error)
-                self._world.Abort(_told_alone(error, self._world.rank))
+                self._world.Abort(_report_alone(error, self._world.rank))
             own = isinstance(error, self._kinds)
             self._met = bool(self._comm.allreduce(own, op=MPI.LAND))
         return bool(self._met)
@@ -117,7 +117,7 @@ class Together(Closing):
         self._comm = None
 
 
-def _told_alone(error: BaseException, rank: int) -> int:
+def _report_alone(error: BaseException, rank: int) -> int:
     """Say what only this rank has met, and return the exit status of all.
 
     With the traceback of what was not raised on purpose: no caller will ever see it.

@@ -142,9 +142,9 @@ def _read(name: str) -> bool:
     return bool(found.value)
 
 
-def _refused(prefix: str, options: Options, told: str) -> str:
+def _refused(prefix: str, options: Options, message: str) -> str:
     """What PETSc says of a value, after the options that hold it (all, if it does not tell)."""
-    reason = re.sub(r"^\[\d+\] ", "", told.splitlines()[-1])
+    reason = re.sub(r"^\[\d+\] ", "", message.splitlines()[-1])
     meant = {
         k: v for k, v in options.items() if re.search(rf"(?<!\w){re.escape(str(v))}\b", reason)
     }

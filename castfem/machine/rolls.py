@@ -58,8 +58,8 @@ class Pair:
     def defect(self) -> str:
         """What is wrong with it, in words; empty for nothing."""
         off = f"{1e3 * self.offset:g} mm off" if self.offset else ""
-        told = (off, "locked" if self.locked else "", "lost" if self.lost else "")
-        return ", ".join(word for word in told if word)
+        listed = (off, "locked" if self.locked else "", "lost" if self.lost else "")
+        return ", ".join(word for word in listed if word)
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,8 +200,8 @@ def _known(columns: Mapping[str, Sequence[Any]]) -> str | None:
         raise _ColumnError(f"{' and '.join(given)}: give the radius of one face")
     lengths = {name: len(cells) for name, cells in columns.items()}
     if len(set(lengths.values())) > 1:
-        told = ", ".join(f"{n} of {name}" for name, n in lengths.items())
-        raise _ColumnError(f"columns of different lengths: {told}")
+        listed = ", ".join(f"{n} of {name}" for name, n in lengths.items())
+        raise _ColumnError(f"columns of different lengths: {listed}")
     if not lengths["position"]:
         raise _ColumnError("no rolls; a machine without rolls needs no [machine]")
     return given[0] if given else None

@@ -25,16 +25,16 @@ def describe_steel(steel: Steel) -> list[tuple[str, str]]:
     if steel.composition:
         rows.append(("composition", ", ".join(f"{w:g} %{e}" for e, w in steel.composition.items())))
     for label, value in (("solidus", steel.solidus), ("liquidus", steel.liquidus)):
-        told = _told(steel, label, "solid_fraction")
-        rows.append((label, f"{celsius(value)} °C{told}"))
+        note = _origin_note(steel, label, "solid_fraction")
+        rows.append((label, f"{celsius(value)} °C{note}"))
     diagram = steel.diagram
     if diagram is not None and diagram.gamma_start is not None and diagram.gamma_end is not None:
         span = celsius(diagram.gamma_start), celsius(diagram.gamma_end)
         text = f"{span[0]} to {span[1]} °C" if span[0] != span[1] else f"at {span[0]} °C"
         rows.append(("δ to γ", f"{text}  [Fe-C diagram]"))
     latent = f"{steel.latent_heat / 1e3:.4g} kJ/kg"
-    rows.append(("latent heat", f"{latent}{_told(steel, 'latent_heat', 'enthalpy')}"))
-    rows.append(("solid fraction", _told(steel, "solid_fraction").strip()))
+    rows.append(("latent heat", f"{latent}{_origin_note(steel, 'latent_heat', 'enthalpy')}"))
+    rows.append(("solid fraction", _origin_note(steel, "solid_fraction").strip()))
     for key, label, form, factor, unit in _LABELS:
         if steel.has(key):
             at = (1273.15, steel.solidus, steel.liquidus)
@@ -42,11 +42,11 @@ def describe_steel(steel: Steel) -> list[tuple[str, str]]:
             text = f"{shown[0]}{unit}"
             if len(set(shown)) > 1:
                 text = f"{' / '.join(shown)}{unit} at 1000 °C / solidus / liquidus"
-            rows.append((label, f"{text}{_told(steel, key)}"))
+            rows.append((label, f"{text}{_origin_note(steel, key)}"))
     if steel.has("thermal_expansion"):
         mean = 1e6 * float(steel.thermal_expansion(1273.15))
-        told = _told(steel, "thermal_expansion")
-        rows.append(("thermal expansion", f"{mean:.1f}e-6 1/K from solidus to 1000 °C{told}"))
+        note = _origin_note(steel, "thermal_expansion")
+        rows.append(("thermal expansion", f"{mean:.1f}e-6 1/K from solidus to 1000 °C{note}"))
     return rows
 
 
@@ -55,12 +55,12 @@ def celsius(temperature: float) -> str:
     return f"{round(temperature - ZERO_CELSIUS, 2):g}"
 
 
-def _told(steel: Steel, *keys: str) -> str:
+def _origin_note(steel: Steel, *keys: str) -> str:
     """Return "  [status: law; source]" of the first of the properties that is in the set."""
     for key in keys:
         origin = steel.origins.get(key)
         if origin is not None:
             law = origin.law if origin.law.startswith(("formula", "table")) else ""
-            told = "; ".join(text for text in (law, origin.source) if text)
-            return f"  [{origin.status}: {told or 'no source given'}]"
+            note = "; ".join(text for text in (law, origin.source) if text)
+            return f"  [{origin.status}: {note or 'no source given'}]"
     return ""

@@ -118,10 +118,10 @@ def _written(bending: Bending) -> dict[str, Any]:
     return found
 
 
-def _restored(told: dict[str, Any]) -> Bending:
+def _restored(entries: dict[str, Any]) -> Bending:
     """The bending of a checkpoint."""
-    if "withdrawal" not in told:
-        return Bending(**told)
+    if "withdrawal" not in entries:
+        return Bending(**entries)
     from castfem.extraction.effort import Withdrawal
 
-    return Bending(**told | {"withdrawal": Withdrawal.restored(told["withdrawal"])})
+    return Bending(**entries | {"withdrawal": Withdrawal.restored(entries["withdrawal"])})

@@ -28,11 +28,11 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
             counts as an overshoot.
     """
 
-    def told(share: float) -> float:
+    def work_after(share: float) -> float:
         found = work(share)
         return found if math.isfinite(found) else -first
 
-    full = told(1.0)
+    full = work_after(1.0)
     if not first > 0.0 or full >= -OVERSHOOT * first:
         return 1.0
     low, high, share = 0.0, 1.0, 1.0
@@ -40,7 +40,7 @@ def step_share(first: float, work: Callable[[float], float]) -> float:
     for _ in range(TRIALS):
         crossing = (at_low * high - at_high * low) / (at_low - at_high)
         share = 0.1 * high if low == 0.0 else crossing
-        found = told(share)
+        found = work_after(share)
         if abs(found) <= CLOSE * first:
             break
         if found > 0.0:

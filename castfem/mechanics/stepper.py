@@ -93,9 +93,11 @@ class MechanicalStepper:
         if self._validity is not None:
             loads = loads_at(self.problem.slice.planes, old.bending, time)
             unborne = self._validity.unborne(loads, self.problem.at_points(temperature))
-        told = f"{unborne} ({reason.removesuffix(f'; {NO_SHELL}')})" if unborne else reason
+        message = f"{unborne} ({reason.removesuffix(f'; {NO_SHELL}')})" if unborne else reason
         nothing = np.zeros(self.problem.points.deviator_points)
-        return MechanicalResult(False, old, newton, told, None, nothing, 0.0, unborne=bool(unborne))
+        return MechanicalResult(
+            False, old, newton, message, None, nothing, 0.0, unborne=bool(unborne)
+        )
 
     def _guesses(self, old: MechanicalState) -> list[tuple[Array, Array]]:
         """Where to start: where the last rates lead if they were steady, else one of two."""

@@ -71,14 +71,14 @@ class Judged:
 
     Attributes:
         values: On this rank (n,); the larger, the worse. places: Where (n, 2), m.
-        limit: Of the values. told: What to say beyond it, of the value and of its opposite.
+        limit: Of the values. message: What to say beyond it, of the value and of its opposite.
         loaded: Whether a load from outside makes it large where there is no shell yet.
     """
 
     values: Array
     places: Array
     limit: float
-    told: str
+    message: str
     loaded: bool = False
 
 
@@ -158,9 +158,9 @@ class Validity:
             if not worst <= one.limit:  # NaN is beyond any limit
                 _, x, y = reductions.peak(self._comm, one.values, one.places)
                 at = f" at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm" if np.isfinite(x) else ""
-                told = f"beyond {self._limits.name}: {one.told.format(worst, -worst)}{at}"
+                message = f"beyond {self._limits.name}: {one.message.format(worst, -worst)}{at}"
                 early = one.loaded and not reductions.any_of(self._comm, bool(solid.any()))
-                return f"{told}; {NO_SHELL if early else self._limits.mend}"
+                return f"{message}; {NO_SHELL if early else self._limits.mend}"
         return ""
 
     def _judged(self, state: MechanicalState, temperature: Array, coherent: Flags) -> list[Judged]:
@@ -172,25 +172,25 @@ class Validity:
         turned = np.abs(np.arctan2(f[:, 2] - f[:, 1], f[:, 0] + f[:, 3]))
         solid, mean = coherent[: len(place)], coherent[len(place) :]
         thinnest, thickest = limits.thickness
-        told = "the slice is {{{}:.3g}} times as thick as it was (at {} {:.2g})"
+        message = "the slice is {{{}:.3g}} times as thick as it was (at {} {:.2g})"
         found = [
-            Judged(-thickness, place, -thinnest, told.format(1, "least", thinnest), True),
-            Judged(thickness, place, thickest, told.format(0, "most", thickest), True),
+            Judged(-thickness, place, -thinnest, message.format(1, "least", thinnest), True),
+            Judged(thickness, place, thickest, message.format(0, "most", thickest), True),
             Judged(-area[solid], place[solid], -FOLDED, "the shell folds"),
         ]
         if self._large:  # its equations are written on the slice as it is
             found.append(Judged(-area, place, 0.0, "the liquid folds"))
         else:
-            told = f"the shell turns by {{0:.3g}} rad (at most {limits.rotation:g})"
-            found.append(Judged(turned[solid], place[solid], limits.rotation, told))
+            message = f"the shell turns by {{0:.3g}} rad (at most {limits.rotation:g})"
+            found.append(Judged(turned[solid], place[solid], limits.rotation, message))
             shell = reductions.any_of(self._comm, bool(solid.any()))
             found += self._bulges(place, moved[solid] if shell else moved)
         borne = self._borne(state, temperature, solid)
-        told = f"the shell is strained by {{0:.3g}} (at most {limits.strain:g})"
-        found.append(Judged(borne, place[solid], limits.strain, told))
-        told = f"its mean stress alone strains the shell by {{0:.3g}} (at most {COMPRESSED:g})"
+        message = f"the shell is strained by {{0:.3g}} (at most {limits.strain:g})"
+        found.append(Judged(borne, place[solid], limits.strain, message))
+        message = f"its mean stress alone strains the shell by {{0:.3g}} (at most {COMPRESSED:g})"
         squeezed = self._squeezed(state, temperature, mean)
-        found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, told))
+        found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, message))
         return found + self._pressed(state)
 
     def _pressed(self, state: MechanicalState) -> list[Judged]:
@@ -198,10 +198,10 @@ class Validity:
         if not self._interactions:
             return []
         local = dof_values.with_ghosts(self._points.section.vertex_space, state.temperature)
-        told = f"the wall's pressure alone strains it by {{0:.3g}} (at most {COMPRESSED:g})"
+        message = f"the wall's pressure alone strains it by {{0:.3g}} (at most {COMPRESSED:g})"
         pairs = self._interactions.with_states(state.interactions)
         found = [one.strain_by_pressure(its, local) for one, its in pairs]
-        return [Judged(*one, COMPRESSED, told) for one in found if one is not None]
+        return [Judged(*one, COMPRESSED, message) for one in found if one is not None]
 
     def _bulges(self, place: Array, moved: Array) -> list[Judged]:
         """How far points of the shell, or of all that is, move apart, over the section's size.
@@ -212,8 +212,8 @@ class Validity:
         high = reductions.largest_of(self._comm, [v.max(initial=-np.inf) for v in ends])
         share = (high[4:6] + high[6:]) / (high[:2] + high[2:4])
         nowhere = np.full((1, 2), np.nan)
-        told = f"bulge or shrinkage is {{0:.3g}} of the section (at most {self._limits.size:g})"
-        return [Judged(share[[i]], nowhere, self._limits.size, told) for i in range(2)]
+        message = f"bulge or shrinkage is {{0:.3g}} of the section (at most {self._limits.size:g})"
+        return [Judged(share[[i]], nowhere, self._limits.size, message) for i in range(2)]
 
     def _borne(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
         """Strain that the solid deviator's points have borne since they froze."""

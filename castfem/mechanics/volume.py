@@ -180,7 +180,7 @@ class VolumeStiffness:
         return self._nodal(self._answer @ self._along(self._change, change))
 
     def row(self, virtual: Array) -> Array:
-        """Derivative by the local unknowns (n,) of the work on the generalized strains `virtual`."""
+        """Derivative by the local unknowns (n,) of the work on generalized strains `virtual`."""
         factors = self._answer.transpose(0, 2, 1) @ self._along(self._work, virtual)
         nodes = self._change[:, :, self._nodes].transpose(0, 2, 1)
         return self._scattered((nodes @ factors)[:, :, 0])

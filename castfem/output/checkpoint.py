@@ -142,10 +142,10 @@ def _check_head(path: Path, file: h5py.File, physics: str | None, case: Mapping[
         )
     written = file.attrs.get("physics")
     if physics is not None and written != physics:
-        told = differences(_words(file, "case"), case)
-        told = told or f"physics {str(written)[:12]} there, {physics[:12]} here"
+        changes = differences(_words(file, "case"), case)
+        changes = changes or f"physics {str(written)[:12]} there, {physics[:12]} here"
         raise InputError(
-            f"{path}: belongs to another case ({told}); undo the change of the case, or {_ANEW}"
+            f"{path}: belongs to another case ({changes}); undo the change of the case, or {_ANEW}"
         )
 
 

@@ -177,8 +177,8 @@ def written(folder: Path, gathered: h5py.File) -> list[Step]:
         except FileNotFoundError:
             raise
         except UNREADABLE as error:
-            told = system_reason(error)[1]
-            log.logger.warning("%s: cannot be read (%s); this time is left out", path, told)
+            reason = system_reason(error)[1]
+            log.logger.warning("%s: cannot be read (%s); this time is left out", path, reason)
     return [found[number] for number in sorted(found)]
 
 

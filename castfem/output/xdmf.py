@@ -262,11 +262,11 @@ class FieldWriter(Closing):
         """Adds one grid to the text of the XDMF."""
         units = {"time": "s", "position": "m", "coordinates": "m"}
         units |= {name: UNITS[name] for name in sorted(self._layout) if name in UNITS}
-        told = ", ".join(f"{name} [{unit}]" for name, unit in units.items())
+        listed = ", ".join(f"{name} [{unit}]" for name, unit in units.items())
         grid = [
             f'<Grid Name="strand" GridType="Uniform"><Time Value="{step.time!r}"/>'
             f'<Information Name="position" Value="{step.position!r}"/>\n'
-            f'<Information Name="units" Value="{told}"/>\n'
+            f'<Information Name="units" Value="{listed}"/>\n'
             f"{self._mesh}"
         ]
         for field, (centre, width) in sorted(self._layout.items()):

@@ -147,11 +147,11 @@ class CrackReport:
             ranked = self.maxima(one.name)[:_RANKS] if one.name in self.indexes() else []
             for rank, found in enumerate(ranked):
                 less = f"{100.0 * (found.value / ranked[0].value - 1.0):.0f} %" if rank else "worst"
-                value = f"{_told(from_si(found.value, one.shown))} {one.shown}"
+                value = f"{_rounded(from_si(found.value, one.shown))} {one.shown}"
                 yield one.name if not rank else "", value, less, self.words(found)
 
 
-def _told(value: float) -> str:
+def _rounded(value: float) -> str:
     """A number to three digits; a small one in parts of 1e-5, as rates of strain are told."""
     return f"{value:.3g}" if abs(value) >= _SMALL else f"{1e5 * value:.3g}e-5"
 

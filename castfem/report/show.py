@@ -112,7 +112,7 @@ def small_gap(value: float, unit: str) -> str | None:
     return None
 
 
-def _told(name: str, quantity: Quantity) -> tuple[str, str]:
+def _cells(name: str, quantity: Quantity) -> tuple[str, str]:
     """Value and unit of a quantity as the table of a run prints them."""
     value, unit, error = quantity.shown, quantity.shown_unit, quantity.shown_error
     if is_gap(name) and (small := small_gap(value, unit)) is not None:
@@ -299,7 +299,7 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
             label = label.replace("mid-face", "both faces") if same else label
         mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
         if all(c.reference.at is not None for c in mine):
-            rows.append((label, *_told(name, quantity), "", "", ""))
+            rows.append((label, *_cells(name, quantity), "", "", ""))
         rows.extend(_comparison_row(c, label, sources, quantity) for c in mine)
     for comparison in summary.references:
         if comparison.missing:
@@ -310,7 +310,7 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
 
 def _same(name: str, one: Quantity, other: Quantity | None) -> bool:
     """Whether two quantities would be printed alike, as those of the faces of a square."""
-    return other is not None and _told(name, one) == _told(name, other)
+    return other is not None and _cells(name, one) == _cells(name, other)
 
 
 def unit_shown(unit: str) -> str:

@@ -37,7 +37,7 @@ class SprayRange:
             for index, model in enumerate(table.nozzle)
             if model.table is not None
         }
-        self._told: set[tuple[int, bool]] = set()
+        self._warned: set[tuple[int, bool]] = set()
 
     def note(self, time: float, temperature: Array) -> None:
         """Look at the temperatures of the owned vertices (owned,), K, at a time, s (collective)."""
@@ -66,9 +66,9 @@ class SprayRange:
             (False, coldest < ends[0], coldest),
             (True, hottest > ends[1], hottest),
         ):
-            if not (beyond and np.isfinite(value)) or (index, hot) in self._told:
+            if not (beyond and np.isfinite(value)) or (index, hot) in self._warned:
                 continue
-            self._told.add((index, hot))
+            self._warned.add((index, hot))
             low, high = (format(end, "K", "degC") for end in ends)
             place = self._simulation.machine.position(time)
             log.logger.warning(

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from castfem.constitutive.elasticity import Elasticity, Solidity
 from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.parameters import DeltaShare, load_elasticity, load_law, told_of
+from castfem.constitutive.parameters import DeltaShare, load_elasticity, load_law, problems_at
 from castfem.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,12 +44,12 @@ def build_law(
     try:
         elasticity = _elasticity(table, steel, solidity)
     except InputError as error:
-        problems += told_of(elasticity_origin, error).problems
+        problems += problems_at(elasticity_origin, error).problems
         elasticity = load_elasticity(solidity=solidity)
     try:
         law = load_law(table.law, elasticity, carbon=steel.composition.get("C"), delta_share=delta)
     except InputError as error:
-        problems += told_of(law_origin, error).problems
+        problems += problems_at(law_origin, error).problems
     if problems:
         raise InputError(problems)
     return law

@@ -38,7 +38,7 @@ class _Terminal(logging.Handler):
 class _LogFile(logging.FileHandler):
     """The log of a run: that it cannot be written, as on a full disk, is said once, in one line."""
 
-    told = False
+    has_warned = False
 
     def filter(self, record: logging.LogRecord) -> bool:
         return not getattr(record, "terminal_only", False) and bool(super().filter(record))
@@ -56,8 +56,8 @@ class _LogFile(logging.FileHandler):
         stream, self.stream, self.mode = self.stream, None, "a"  # type: ignore[assignment]
         with suppress(OSError):
             stream.close()
-        if not self.told:
-            self.told = True
+        if not self.has_warned:
+            self.has_warned = True
             reason = getattr(error, "strerror", None) or error
             name = Path(self.baseFilename).name
             logger.warning("%s: cannot be written (%s)", name, reason, extra=TERMINAL_ONLY)

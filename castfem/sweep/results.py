@@ -108,9 +108,9 @@ def printed(table: Sequence[Row], width: int) -> Table:
 
     found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     columns = _leading_columns(table)
-    told = [_told(row) for row in table]
-    room = width - sum(_width(*column) for column in columns) - min(30, max(map(len, told)))
-    for column in _chief_columns(table):
+    remarks = [_remark(row) for row in table]
+    room = width - sum(_width(*column) for column in columns) - min(30, max(map(len, remarks)))
+    for column in _main_columns(table):
         room -= _width(*column)
         if room < 0:
             break
@@ -120,7 +120,7 @@ def printed(table: Sequence[Row], width: int) -> Table:
     found.add_column("")
     for number, row in enumerate(table):
         style = "red" if row.status == "failed" else ""
-        found.add_row(*(column[number] for _, column in columns), told[number], style=style)
+        found.add_row(*(column[number] for _, column in columns), remarks[number], style=style)
     return found
 
 
@@ -142,7 +142,7 @@ def _leading_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     return columns
 
 
-def _chief_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
+def _main_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     """Header and cells of the headline results, the most wanted first."""
     from castfem.report.show import shown
 
@@ -166,7 +166,7 @@ def _width(header: str, cells: Sequence[str]) -> int:
     return max(map(len, [*header.split("\n"), *cells])) + 2
 
 
-def _told(row: Row) -> str:
+def _remark(row: Row) -> str:
     if row.status == "finished" and not row.message:
         return ""
     return f"{row.status}: {row.message}" if row.message else row.status

@@ -15,7 +15,7 @@ from castfem.constitutive import load_elasticity, load_law
 from castfem.constitutive.analytical import axial_stress
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import RadialReturn
-from castfem.constitutive.parameters import law_from, told_of
+from castfem.constitutive.parameters import law_from, problems_at
 from castfem.constitutive.uniaxial import Tension, pull
 from castfem.errors import InputError, RunFailure
 from castfem.output.folder import PROPERTIES_NAME, OutputFolder
@@ -78,7 +78,7 @@ class TensileTest:
         try:
             known = load_elasticity(given.elasticity)
         except InputError as error:
-            raise told_of(f"{origin}.elasticity", error) from None
+            raise problems_at(f"{origin}.elasticity", error) from None
         elasticity = Elasticity(
             known.young if given.young is None else as_function(given.young),
             known.poisson if given.poisson is None else as_function(given.poisson),
@@ -91,7 +91,7 @@ class TensileTest:
             try:
                 law = load_law(given.material, elasticity, carbon=carbon)
             except InputError as error:
-                raise told_of(where, error) from None
+                raise problems_at(where, error) from None
         try:
             law.coefficients(self.temperature[:-1], self.temperature[1:])
         except ValueError as error:

@@ -59,9 +59,9 @@ def check(
     if existing.problems or existing.case is None:
         raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
     if existing.case.physics_hash() != case.physics_hash():
-        told = differences(existing.case.document(), case.document(), _NOT_PHYSICS)
-        told = told or "the steel's file has changed"
-        raise InputError(f"{folder}: holds a run of another case ({told}); {mend}")
+        changes = differences(existing.case.document(), case.document(), _NOT_PHYSICS)
+        changes = changes or "the steel's file has changed"
+        raise InputError(f"{folder}: holds a run of another case ({changes}); {mend}")
     if isinstance(case, Case) and (folder / RUN_NAME).is_file():
         _check_length(folder, case, resume, mend)
 

@@ -19,8 +19,8 @@ class ThreeZones:
     """Similarity solution of an alloy whose solid fraction is linear in T (thesis (12)).
 
     Half-space x > 0, initially at `initial`, surface held at `surface` from t = 0.  Solid and
-    liquid obey the same k and c, the mushy zone k and c + L / (Tl - Ts).  In each zone T is an error
-    function of eta = x / (2 sqrt t); temperature and flux are continuous at both fronts.
+    liquid obey the same k and c, the mushy zone k and c + L / (Tl - Ts).  In each zone T is an
+    error function of eta = x / (2 sqrt t); temperature and flux are continuous at both fronts.
     """
 
     conductivity: float

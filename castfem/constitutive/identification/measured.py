@@ -36,7 +36,7 @@ COLUMNS = {
 HEADER = "temperature [degC], strain rate [1/s], strain [-], stress [MPa]"
 SAME_TEMPERATURE = 1.0  # K: tests closer than this are of one temperature
 SAME_RATE = 0.02  # relative
-TOLD = 10  # bad rows that are listed one by one
+LISTED = 10  # bad rows that are listed one by one
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +105,8 @@ def read_tensile(path: str | os.PathLike[str]) -> TensileData:
             points.append(_point(row.cells, places, units))
         except ValueError as error:
             problems.append(f"{source}: line {row.line}: {error}")
-    if len(problems) > TOLD:
-        problems[TOLD:] = [f"{source}: {len(problems) - TOLD} more lines cannot be read"]
+    if len(problems) > LISTED:
+        problems[LISTED:] = [f"{source}: {len(problems) - LISTED} more lines cannot be read"]
     if not problems and not points:
         problems.append(f"{source}: there is no row under the header")
     if problems:
