@@ -39,6 +39,7 @@ BENCHMARKS = {
     "liquid": "benchmarks.liquid",
     "order": "benchmarks.order",
     "bulging": "benchmarks.bulging",
+    "lost_roll": "benchmarks.lost_roll",
     "slabs": "benchmarks.slabs",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
@@ -62,6 +63,7 @@ PAGES = {
     "liquid": "mechanics.md",
     "order": "coupling.md",
     "bulging": "slab.md",
+    "lost_roll": "slab.md",
     "slabs": "slab.md",
 }
 """Pages of those whose tables do not stand in the first."""

@@ -1,0 +1,143 @@
+"""How much a shell bulges where a roll is lost, by what is assumed of it.
+
+A shell of 40 mm, 1000 degC at its surface, under 0.25 MPa, pitches of 250 mm, 1.2 m/min: from the
+elastic strip to one lost roll between sound ones.  Two of the rows are computed once more by an
+ODE solver (`benchmarks.ode_strip`).  Writes a table of docs/slab.md.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from benchmarks.ode_strip import OdeStrip
+from benchmarks.report import Output, table
+from castfem.bulging import (
+    Bulge,
+    CreepingStrip,
+    ElasticStrip,
+    Rolls,
+    Shell,
+    Span,
+    over_rolls,
+)
+from castfem.bulging.creep import nodes
+from castfem.bulging.layers import Layers
+from castfem.bulging.result import deflected
+from castfem.bulging.uneven import UnevenRolls
+from castfem.constitutive import ThermoElastic, load_elasticity, load_law
+from castfem.constitutive.base import Law
+from castfem.values.types import Array
+
+THICKNESS, SURFACE, FRONT = 0.04, 1273.15, 1763.15
+PITCH, PRESSURE, SPEEDS = 0.25, 0.25e6, (0.02, 0.01)
+PLACES = PITCH * np.delete(np.arange(10), 4)  # one lost
+SHELL = Shell(THICKNESS, lambda depth: SURFACE + (FRONT - SURFACE) / THICKNESS * depth)
+ELASTIC = load_elasticity()
+COUNT = 33
+Found = tuple[float, float, float]
+
+
+def austenite(name: str = "kozlowski_zhu_signed") -> Law:
+    """The law of a shell without delta ferrite."""
+    return load_law(name, ELASTIC, carbon=0.1, delta_share=np.zeros_like)
+
+
+def steel() -> Law:
+    """The law of a shell whose front is delta ferrite."""
+    return load_law("kozlowski_zhu_signed", ELASTIC, carbon=0.1)
+
+
+def alternate(law: Law, speed: float) -> Found:
+    """Every second roll lost: a single pitch that repeats itself."""
+    return _extremes(CreepingStrip(law).bulge(Span(2 * PITCH, PRESSURE, speed), SHELL))
+
+
+def single(law: Law, speed: float) -> Found:
+    """One roll lost, those that would have to pull hold nevertheless."""
+    rolls = Rolls(tuple(PLACES), (0.0,) * len(PLACES), PRESSURE, speed)
+    return _extremes(over_rolls(CreepingStrip(law), rolls, SHELL), PLACES[3])
+
+
+def leaving(law: Law, speed: float) -> Found:
+    """One roll lost, and the shell leaves rolls that would have to pull: as in a case."""
+    places = PITCH * np.delete(np.arange(12), 6)
+    rolls = UnevenRolls(
+        CreepingStrip(law), places, np.zeros(len(places)), (5,), (PITCH, PITCH), COUNT
+    )
+    spans = {k: Span(float(places[k + 1] - places[k]), PRESSURE, speed) for k in (5, 6, 7)}
+    found = {k: rolls.bulge(k, span, SHELL, 1.0).bulge for k, span in spans.items()}
+    top, at, _ = found[5].extremes()
+    return top, at / (2 * PITCH), min(one.extremes()[2] for one in found.values())
+
+
+def unsettled(law: Law, speed: float) -> Found:
+    """The first pitch of virgin steel, with the moment of an elastic strip at the rolls."""
+    length = 2 * PITCH
+    layers, z = Layers(law, SHELL.points(48)), nodes(length, 256)
+    moment = PRESSURE * (0.5 * z * (length - z) - length**2 / 12.0)
+    loaded = layers.advance(layers.virgin(), moment[:1], np.array([1e-6])).end
+    bent = layers.advance(loaded, moment[1:], np.diff(z) / speed).curvature
+    w = deflected(z, bent - np.trapezoid(bent, z) / length)[0]
+    return float(w.max()), float(z[w.argmax()] / length), float(w.min())
+
+
+def by_ode(rolls: Array | None, speed: float) -> Found:
+    """By `benchmarks.ode_strip`: over rolls, or with every second one lost."""
+    strip = OdeStrip(ELASTIC, THICKNESS, SURFACE, FRONT)
+    start = 0.0
+    if rolls is None:
+        one = strip.periodic(PRESSURE, 2 * PITCH, speed)
+        z, w = one.z, one.w
+    else:
+        (z, w, _), start = strip.over(rolls, PRESSURE, speed), float(rolls[3])
+    return float(w.max()), float((z[w.argmax()] - start) / (2 * PITCH)), float(w.min())
+
+
+def _extremes(bulge: Bulge, start: float = 0.0) -> Found:
+    top, at, low = bulge.extremes()
+    return top, (at - start) / (2 * PITCH), low
+
+
+def main(output: Output, quick: bool) -> None:
+    """One row for each assumption."""
+    gamma, delta, elastic = austenite(), steel(), ThermoElastic(ELASTIC)
+
+    def clamped(speed: float) -> Found:
+        return _extremes(ElasticStrip(ELASTIC).bulge(Span(2 * PITCH, PRESSURE, speed), SHELL))
+
+    rows: list[dict[str, Any]] = []
+    for lost, what, computed, again in (
+        ("every second", "elastic", clamped, False),
+        ("every second", "austenite, moment of the elastic strip, first pitch",
+         lambda speed: unsettled(gamma, speed), False),
+        ("every second", "austenite, accumulated hardening, four pitches",
+         lambda speed: alternate(austenite("kozlowski_zhu"), speed), False),
+        ("every second", "austenite", lambda speed: alternate(gamma, speed), True),
+        ("every second", "delta ferrite at the front", lambda speed: alternate(delta, speed),
+         False),
+        ("one", "elastic", lambda speed: single(elastic, speed), False),
+        ("one", "austenite", lambda speed: single(gamma, speed), True),
+        ("one", "delta ferrite at the front", lambda speed: single(delta, speed), False),
+        ("one", "the same, which leaves rolls that would pull",
+         lambda speed: leaving(delta, speed), False),
+    ):  # fmt: skip
+        top, at, low = computed(SPEEDS[0])
+        row: dict[str, Any] = {"lost": lost, "what": what, "largest": 1e3 * top, "at": at}
+        row |= {"least": 1e3 * low, "slow": 1e3 * computed(SPEEDS[1])[0], "ode": None}
+        if again and not (quick and lost == "one"):
+            row["ode"] = 1e3 * by_ode(PLACES if lost == "one" else None, SPEEDS[0])[0]
+        rows.append(row)
+    output.csv("lost_roll", rows)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """The table, from the data."""
+    head = {
+        "lost": "rolls lost", "what": "strip", "largest": "bulge, mm", "at": "at z/L",
+        "least": "least, mm", "ode": "by an ODE solver, mm", "slow": "at half the speed, mm",
+    }  # fmt: skip
+    forms = dict.fromkeys(("largest", "least", "ode", "slow"), ".2f") | {"at": ".2f"}
+    output.insert("lost roll", table(output.rows("lost_roll"), head, forms))
