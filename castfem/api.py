@@ -198,6 +198,17 @@ class Result(Closing):
 
         return read_history(self.folder / HISTORY_NAME)
 
+    @cached_property
+    def probes(self) -> dict[str, pandas.DataFrame]:
+        """Name of each [[output.probe]] to its table, one row a step, as `history` has them."""
+        from castfem.output.folder import PROBES_NAME
+        from castfem.output.history import read_history
+
+        return {
+            probe.name: read_history(self.folder / PROBES_NAME / f"{probe.name}.csv")
+            for probe in self.case.output.probe
+        }
+
     @property
     def times(self) -> NDArray[np.float64]:
         """Times of the fields, s."""

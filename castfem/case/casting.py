@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import AfterValidator, Field, field_validator
 
 from castfem.case.base import TableModel, written
+from castfem.case.probe import Probe
 from castfem.machine.travel import Changing, Steady, Travel
 from castfem.values import units
 from castfem.values.quantities import Kind, Length, Percent, Superheat, Temperature, Time
@@ -141,6 +142,7 @@ class Output(TableModel):
         strict=True,
         description="steps between two checkpoints (for --resume); 0 for none",
     )
+    probe: tuple[Probe, ...] = ()
 
 
 def _quantity(text: str) -> str:

@@ -187,6 +187,7 @@ class Case(TableModel):
             (tables.get("machine", {}), "segment"),
             (tables.get("secondary", {}), "nozzle"),
             (tables.get("secondary", {}), "circuit"),
+            (tables["output"], "probe"),
         ):
             if key in table and not table[key]:
                 del table[key]

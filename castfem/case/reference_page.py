@@ -28,6 +28,7 @@ from castfem.case.mechanics import (
     WindowMark,
 )
 from castfem.case.mould import ContactSettings, Copper, Friction, Mould
+from castfem.case.probe import Probe
 from castfem.case.problems import submodels
 from castfem.case.quality import Quality, Range
 from castfem.case.secondary import Circuit, NozzleModel, RollContact, Secondary
@@ -131,6 +132,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[[secondary.circuit]]", Circuit),
     ("[quality]", Quality),
     ("[output]", Output),
+    ("[[output.probe]]", Probe),
     ("[verification]", Verification),
     ("[[reference]]", Reference),
     ("[tensile]", Tensile),

@@ -15,6 +15,7 @@ from castfem.case.build_mould import check_mould
 from castfem.case.bulging import check_bulging
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting, Start
 from castfem.case.check_cooling import check_cooling, in_mm, is_complete, unknown_groups
+from castfem.case.check_output import check_output
 from castfem.case.check_secondary import check_secondary
 from castfem.case.defects import check_defects
 from castfem.case.extraction import check_extraction
@@ -36,6 +37,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _section(case)
     yield from _mesh(case)
     yield from check_cooling(case)
+    yield from check_output(case)
     yield from _stepping(case)
     yield from effort.too_many(case)
     yield from _mechanics(case)

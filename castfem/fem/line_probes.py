@@ -8,15 +8,14 @@ from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from dolfinx import geometry
 from scipy import sparse
 
-from castfem.fem import dolfinx_compat, reductions
+from castfem.fem import reductions
+from castfem.fem.locate import locate
 from castfem.fem.section import Section
 from castfem.values.types import Array, Indices
 
 SAMPLES = 401  # along a line, packed towards the surface
-_NEARLY = 1e-2  # of a cell: how far outside a sample may lie (a curved face, cut by straight cells)
 _INSIDE = 1e-9  # of the line's length: how far the first and last sample are drawn inward
 
 
@@ -85,7 +84,7 @@ class LineProbes:
         ]
         self._along = np.repeat(np.array(unit).reshape(-1, 2), SAMPLES, axis=0)
         self._points = np.vstack(points) if points else np.zeros((0, 2))
-        rows, columns, weights, sizes = self._locate()
+        rows, columns, weights, sizes = locate(section, self._points, self._along)
         self._matrix = self._interpolation(rows, columns, weights)
         self._field, self._samples = self._matrix.createVecs()
         self._starts = self._rows_of_starts(rows, columns, weights)
@@ -134,54 +133,6 @@ class LineProbes:
         """Values of all samples, line by line."""
         return np.split(values, len(self.lines)) if self.lines else []
 
-    def _locate(self) -> tuple[Indices, list[npt.NDArray[np.int32]], list[Array], Array]:
-        """The samples this rank has; vertices, weights and size of the cell of each.
-
-        The vertices are global ones, the size is that along the line, m.
-        Of all cells whose box holds a sample the one is taken in which it lies deepest, on all
-        ranks: a sample on an edge, or a rounding outside a face, is found the same way on any
-        number of ranks.
-        """
-        section, n = self.section, len(self._points)
-        mesh, dofmap = section.mesh, section.vertex_space.dofmap
-        best = np.full(n, np.inf)
-        cells, shapes = np.full(n, -1), np.zeros((n, 3 if section.cell == "triangle" else 4))
-        sizes, along = np.zeros(n), self._along
-        local = mesh.topology.index_map(2).size_local
-        if local and n:
-            tree = geometry.bb_tree(
-                mesh, 2, entities=np.arange(local, dtype=np.int32), padding=1e-9
-            )
-            xyz = np.column_stack([self._points, np.zeros(n)])
-            near = geometry.compute_collisions_points(tree, xyz)
-            node_of, x = dolfinx_compat.geometry_dofmap(mesh), mesh.geometry.x[:, :2]
-            cmap = dolfinx_compat.coordinate_map(mesh)
-            for i in range(n):
-                for cell in near.links(i):
-                    corners = np.ascontiguousarray(x[node_of[cell]])
-                    xi = cmap.pull_back(self._points[i : i + 1], corners)[0]
-                    outside = _outside(section.cell, xi)
-                    if outside < best[i]:
-                        best[i], cells[i] = outside, cell
-                        shapes[i] = _first_order_shapes(section.cell, xi)
-                        sizes[i] = np.ptp(corners @ along[i])
-        rows = self._won(best)
-        columns = [
-            dofmap.index_map.local_to_global(dofmap.cell_dofs(int(cells[i]))).astype(np.int32)
-            for i in rows
-        ]
-        return rows, columns, [shapes[i] for i in rows], sizes[rows]
-
-    def _won(self, outside: Array) -> npt.NDArray[np.int64]:
-        """The samples that lie deepest in a cell of this rank; a tie goes to the lower rank."""
-        comm = self.section.comm
-        least = -reductions.largest_of(comm, -outside)
-        if (least > _NEARLY).any():
-            x, y = self._points[np.argmax(least)]
-            raise ValueError(f"probe point ({x:g}, {y:g}) m lies outside the section")
-        rank = np.where(outside <= least + 1e-12, comm.rank, comm.size).astype(float)
-        return np.flatnonzero(-reductions.largest_of(comm, -rank) == comm.rank)
-
     def sample(self, owned: Array) -> dict[str, Profile]:
         """Temperature profiles of a vertex field (owned,) along every line, on every rank."""
         return {
@@ -212,19 +163,3 @@ class LineProbes:
         """Free the PETSc objects."""
         for thing in (self._matrix, self._field, self._samples):
             thing.destroy()
-
-
-def _first_order_shapes(cell: str, xi: Array) -> Array:
-    """First-order shape functions of the cell at reference point xi (2,)."""
-    r, s = xi[0], xi[1]
-    if cell == "triangle":
-        return np.array([1 - r - s, r, s])
-    return np.array([(1 - r) * (1 - s), r * (1 - s), (1 - r) * s, r * s])
-
-
-def _outside(cell: str, xi: Array) -> float:
-    """How far reference point xi (2,) lies outside its cell; negative inside."""
-    r, s = xi
-    if cell == "triangle":
-        return float(max(-r, -s, r + s - 1))
-    return float(max(-r, -s, r - 1, s - 1))

@@ -5,6 +5,7 @@
     run.json       how it went: status, versions, ranks, wall time (`castfem.output.run_record`)
     run.log        what was said on the way
     history.csv    one row a step (`castfem.output.history`)
+    probes/        the points that are followed, likewise
     surface_maps.h5   the surface unrolled over time (`castfem.output.surface_maps`), those of a
     surface_maps.rows run that has not ended
     fields.xdmf    the fields over time, for ParaView (`castfem.output.xdmf`) ...
@@ -23,6 +24,7 @@ ends. No host name is written, and no path outside the folder but those of the c
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -55,6 +57,7 @@ CASE_NAME = "case.toml"
 LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"
+PROBES_NAME = "probes"
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 ERROR_NAME, ERROR_ENDING = "error.json", "_error"
 """File of the errors of a case, and what its folder has behind the name of a run's."""
@@ -86,6 +89,17 @@ def _locked(lock: FileLock) -> bool:
         # filelock's word for a file system that knows no flock() (ENOSYS); no code is missing here.
         return False
     return True
+
+
+def _probe_files(case: bytes) -> list[str]:
+    """Files of the probes that a resolved case names; none of one that cannot be read."""
+    if b"probe" not in case:
+        return []
+    try:
+        output = tomllib.loads(case.decode()).get("output", {})
+        return [f"{PROBES_NAME}/{probe['name']}.csv" for probe in output.get("probe", ())]
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return []
 
 
 class OutputFolder(Closing):
@@ -271,6 +285,7 @@ class OutputFolder(Closing):
         """Makes the folder ready under the lock; returns whether there is something to resume."""
         present = [name for name in ARTEFACTS if (self / name).exists()]
         present += [str(path.relative_to(self.path)) for path in singles(self.path)]
+        present += [name for name in _probe_files(inputs[CASE_NAME]) if (self / name).exists()]
         if (self / RUN_NAME).exists():
             earlier = RunRecord.load(self.path)
             strangers = self._strangers(inputs, earlier)
@@ -328,8 +343,13 @@ class OutputFolder(Closing):
                     with saving(path):
                         leftover.unlink(missing_ok=True)
         remove_singles(self.path)
-        with suppress(OSError):  # it may hold figures of the user
-            (self / FIGURES_NAME).rmdir()
+        before = self / CASE_NAME
+        for name in _probe_files(before.read_bytes() if before.is_file() else b""):
+            with saving(self / name):
+                (self / name).unlink(missing_ok=True)
+        for name in (FIGURES_NAME, PROBES_NAME):
+            with suppress(OSError):  # it may hold files of the user
+                (self / name).rmdir()
 
     def _unusable(self, error: BaseException) -> InputError:
         """The folder cannot be written, said in one line with the mend."""

@@ -108,7 +108,7 @@ class MechanicalSampler:
             return {}
         heat = self.problem.at_points(state.temperature)[: points.deviator_points]
         solid, area = heat <= law.elasticity.solidity.solidus, points.deviator.volume
-        beyond = law.data.beyond(heat, equivalent_strain(self._strain_rate(state)))
+        beyond = law.data.beyond(heat, equivalent_strain(self.strain_rate(state)))
         parts = [area[solid & flags].sum() for flags in beyond.values()]
         whole, shell, *found = reductions.totals(
             self.section.comm, [area.sum(), area[solid].sum(), *parts]
@@ -117,7 +117,7 @@ class MechanicalSampler:
             return {}
         return {kind: float(part / shell) for kind, part in zip(beyond, found, strict=True)}
 
-    def _strain_rate(self, state: MechanicalState) -> Array:
+    def strain_rate(self, state: MechanicalState) -> Array:
         """Rate of strain over the last step at the deviator's points, Mandel (n, 4), 1/s."""
         points, planes = self.problem.points, self.problem.slice.planes
         found = points.strain @ dof_values.with_ghosts(self.problem.space, state.rate)
@@ -182,7 +182,7 @@ class MechanicalSampler:
             if "von_mises" in names:
                 found["von_mises"] = points.at_vertices(equivalent_stress(recovered))
         if "strain" in names:
-            found["strain"] = points.at_vertices(self._strain(state))
+            found["strain"] = points.at_vertices(self.strain(state))
         if "viscoplastic_strain" in names:
             flowed = self.problem.slice.law.strain(state.internal[: points.deviator_points])
             found["viscoplastic_strain"] = points.at_vertices(flowed)
@@ -211,7 +211,7 @@ class MechanicalSampler:
             return np.zeros(self.section.owned)
         return ferrostatic.pressure(state.temperature, state.time)
 
-    def _strain(self, state: MechanicalState) -> Array:
+    def strain(self, state: MechanicalState) -> Array:
         """Strain (37) of the undeformed slice at the deviator's points, Mandel (n, 4)."""
         points = self.problem.points
         return self._with_generalized_strains(

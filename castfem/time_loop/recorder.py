@@ -10,18 +10,20 @@ import numpy as np
 from castfem.errors import InputError
 from castfem.fem.root import on_root
 from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_checkpoint
-from castfem.output.folder import OutputFolder
+from castfem.output.folder import PROBES_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, History
 from castfem.output.xdmf import FieldWriter
 from castfem.results.columns import columns, row
 from castfem.results.run_state import Counts, RunState
 from castfem.results.sample import Sample
+from castfem.support.atomic_files import saving
 from castfem.time_loop import restart
 from castfem.values.same_place import same_instant, same_or_before
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.output.surface_maps import MapWriter
+    from castfem.results.probes import ProbeSampler
     from castfem.simulation.simulation import Simulation
 from castfem.simulation.start import starting_time
 
@@ -41,6 +43,8 @@ class Recorder:
         self._history: History | None = None
         self._fields: FieldWriter | None = None
         self._maps: MapWriter | None = None
+        self._probes: ProbeSampler | None = None
+        self._probe_files: dict[str, History] = {}
         self.checkpoint: tuple[dict[str, Any], dict[str, Array]] | None = None
         on_root(self.comm, self._open_for_resume if resume else self._open)
         if resume:
@@ -95,6 +99,7 @@ class Recorder:
         cells, fields = row(sample), self._due_fields(run, sample)
         judged = run.sampler.quality
         mapped = None if judged is None else judged.row()
+        probed = {} if self._probes is None else self._probes.rows(run.state, sample)
         taken = run.counts.taken
         due = self._every > 0 and taken % self._every == 0  # at the meniscus, too
         checkpoint = self._checkpoint(run) if due else None
@@ -106,6 +111,8 @@ class Recorder:
                 self._fields.write(sample.time, sample.position, fields)
             if self._maps is not None and mapped is not None:
                 self._maps.append(sample.time, sample.position, mapped)
+            for name, file in self._probe_files.items():
+                file.append(probed[name])
             if checkpoint is not None:
                 self._save(run, *checkpoint)
 
@@ -125,6 +132,30 @@ class Recorder:
             else:
                 taken = Counts.restored(self.checkpoint[0]["counts"]).taken
                 self._maps = MapWriter.resume(self.folder.path, heading, taken + 1)
+
+        on_root(self.comm, begin)
+
+    def begin_probes(self, run: RunState) -> None:
+        """Begin the files of the probes, or go on with them; a case without some has none."""
+        case = self.simulation.case
+        if not case.output.probe:
+            return
+        from castfem.results.probes import ProbeSampler
+
+        self._probes = probes = ProbeSampler(self.simulation, run.sampler.mechanics)
+
+        def begin() -> None:
+            for name in probes.names:
+                path = self.folder / f"{PROBES_NAME}/{name}.csv"
+                if self.checkpoint is None:
+                    with saving(path):
+                        path.parent.mkdir(exist_ok=True)
+                    file = History(path, probes.columns)
+                else:
+                    meta = self.checkpoint[0]
+                    rows = Counts.restored(meta["counts"]).taken + 1
+                    file = History.resume(path, float(meta["time"]), probes.columns, rows=rows)
+                self._probe_files[name] = file
 
         on_root(self.comm, begin)
 
@@ -163,6 +194,8 @@ class Recorder:
             self._history.sync()
         if self._maps is not None:
             self._maps.sync()
+        for file in self._probe_files.values():
+            file.sync()
         case = self.simulation.case
         save_checkpoint(
             self.folder / CHECKPOINT_NAME,
@@ -180,7 +213,7 @@ class Recorder:
 
     def close(self) -> None:
         """Close the files; what was written is complete without it."""
-        for thing in (self._history, self._fields, self._maps):
+        for thing in (self._history, self._fields, self._maps, *self._probe_files.values()):
             if thing is not None:
                 thing.close()
 

@@ -1,0 +1,31 @@
+"""Checks of the probes of [output]."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from castfem.case.model import Case
+from castfem.case.problems import Problem
+
+_WAYS = (("x", "y"), ("under", "depth"))
+
+
+def check_output(case: Case) -> Iterator[Problem]:
+    """Yield probes that do not say where they are, or share a name."""
+    names: list[str] = []
+    for index, probe in enumerate((case.output and case.output.probe) or ()):
+        path = ("output", "probe", index)
+        if probe is None:
+            continue
+        has = probe.model_fields_set
+        ways = [way for way in _WAYS if has & set(way)]
+        if len(ways) != 1:
+            yield Problem(
+                path, "one of x with y, or under with depth, is needed to say where it is"
+            )
+        for one, other in [way for way in ways if len(has & set(way)) == 1]:
+            missing = other if one in has else one
+            yield Problem(path, f"{missing} is missing; {one} and {other} go together")
+        if probe.name is not None and probe.name.lower() in names:
+            yield Problem((*path, "name"), f'("{probe.name}") is used twice')
+        names.append((probe.name or "").lower())
