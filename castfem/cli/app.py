@@ -116,6 +116,20 @@ def sweep(
         bool, typer.Option(help="Run all anew, and replace runs of other cases.")
     ] = False,
     figures: Annotated[bool, typer.Option(help="Draw the figures of each run.")] = False,
+    part: Annotated[
+        str,
+        typer.Option(metavar="I/N", help="Do a share of the runs, the I-th of N, beside others."),
+    ] = "",
+    collect: Annotated[
+        bool, typer.Option("--collect", help="Run nothing: the table of what has been run.")
+    ] = False,
+    ranks: Annotated[
+        int, typer.Option(metavar="K", help="Under mpirun: run each case on K ranks.")
+    ] = 1,
+    slurm: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a SLURM script for the parts; run nothing."),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a case with several values, in parallel. What is finished is not run again."""
@@ -123,6 +137,10 @@ def sweep(
 
     if resume and overwrite:
         raise InputError("--resume and --overwrite exclude each other")
+    if collect and (part or overwrite or slurm is not None):
+        raise InputError("--collect runs nothing: leave out --part, --overwrite and --slurm")
+    if slurm is not None and overwrite:
+        raise InputError("--slurm and --overwrite exclude each other: parts are taken up again")
     status = sweep_case(
         Options(
             name=case,
@@ -134,6 +152,10 @@ def sweep(
             overwrite=overwrite,
             figures=figures,
             quiet=quiet,
+            part=part,
+            collect=collect,
+            ranks=ranks,
+            script=slurm,
         )
     )
     if status:

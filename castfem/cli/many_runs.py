@@ -19,13 +19,16 @@ Prepared = TypeVar("Prepared")
 
 
 def on_root(
-    prepare: Callable[[bool], Prepared], carry_out: Callable[[Prepared, MPI.Intracomm | None], int]
+    prepare: Callable[[bool], Prepared],
+    carry_out: Callable[[Prepared, MPI.Intracomm | None], int],
+    ranks: int = 1,
 ) -> int:
     """Prepare and carry out runs on rank 0; the other ranks work (collective).
 
     Args:
         prepare: Looks at all that the user gave; told whether there are several ranks.
         carry_out: Does what has been prepared, with `run_all`, and returns the exit status.
+        ranks: Of each run; with more than one, groups of ranks do the runs.
 
     Returns:
         The exit status, on all ranks.
@@ -46,12 +49,30 @@ def on_root(
         raise InputError(problems)
     if prepared is None:
         assert comm is not None
-        from castfem.sweep.ranks import run_on_ranks
-
-        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+        _help(comm, ranks)
         return int(comm.bcast(0))
     status = carry_out(prepared, comm)
     return status if comm is None else int(comm.bcast(status))
+
+
+def _help(comm: MPI.Intracomm, ranks: int) -> None:
+    """Do runs on a rank that is not the first: alone, or in a group whose first rank notes them."""
+    if ranks == 1:
+        from castfem.sweep.ranks import run_on_ranks
+
+        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+        return
+    from castfem.sweep.groups import run_in_groups
+    from castfem.sweep.view import View
+
+    record = Record(comm.bcast(None))
+    view = View(0, 0, quiet=True, terminal=False)
+
+    def ended(job: Job, outcome: Outcome) -> None:
+        view.ended(job, outcome)
+        record.note(job, outcome)
+
+    run_in_groups(comm, ranks, (), _nothing, ended)
 
 
 def _nothing(*_: object) -> None:
@@ -67,6 +88,7 @@ def run_all(
     processes: int | None = None,
     quiet: bool = False,
     noted: Callable[[Job, Outcome], None] | None = None,
+    ranks: int = 1,
 ) -> None:
     """Do jobs and note in the record how each has ended (on rank 0; the others in `on_root`).
 
@@ -77,7 +99,8 @@ def run_all(
         comm: All ranks, None for processes of this machine.
         processes: How many of these at once; None for one a core.
         quiet: Show nothing but runs that fail.
-        noted: Called when a run has ended and has been noted.
+        noted: Called when a run has ended and has been noted; not in groups of ranks.
+        ranks: Of each run, under a launcher (`run_in_groups`).
     """
     from castfem.sweep.view import View
 
@@ -90,7 +113,13 @@ def run_all(
             noted(job, outcome)
 
     try:
-        if comm is not None:
+        if comm is not None and ranks > 1:
+            from castfem.sweep.groups import run_in_groups
+
+            comm.bcast(record.folder)
+            run_in_groups(comm, ranks, jobs, view.begun, ended)
+            record.reload()
+        elif comm is not None:
             from castfem.sweep.ranks import run_on_ranks
 
             run_on_ranks(comm, jobs, view.begun, ended, view.tick)

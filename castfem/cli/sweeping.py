@@ -15,6 +15,7 @@ from castfem.output.folder import OutputFolder
 from castfem.sweep.plan import Variant, plan
 from castfem.sweep.record import Record
 from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
+from castfem.sweep.share import Share
 from castfem.sweep.work import Job, Outcome
 from castfem.time_loop import existing_run
 
@@ -38,6 +39,10 @@ class Options:
         overwrite: Run all anew, also over runs of other cases.
         figures: Draw the figures of each run.
         quiet: Print nothing but errors.
+        part: Which share of the runs to do, `3/20`; "" for all.
+        collect: Run nothing; make the table of what has been run, in parts or elsewhere.
+        ranks: Of each run, under mpirun.
+        script: Write a script that does the sweep in parts, and run nothing.
     """
 
     name: str
@@ -49,15 +54,27 @@ class Options:
     overwrite: bool
     figures: bool
     quiet: bool
+    part: str = ""
+    collect: bool = False
+    ranks: int = 1
+    script: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class _Sweep:
-    """A sweep that is sound: its runs, and those of them that are still to be done."""
+    """A sweep that is sound: its runs, and those of them that are still to be done here.
+
+    Attributes:
+        record: Of all its runs, those of other parts too.
+        variants: The runs that are looked after here: all, or those of a part.
+        jobs: What is still to be run.
+        whole: Whether that is the whole sweep.
+    """
 
     record: Record
     variants: tuple[Variant, ...]
     jobs: tuple[Job, ...]
+    whole: bool = True
 
 
 def sweep_case(options: Options) -> int:
@@ -67,9 +84,27 @@ def sweep_case(options: Options) -> int:
         InputError: Something the user wrote cannot be used; nothing has been run.
         RunFailure: The record of the sweep cannot be written.
     """
+    if options.script is not None or options.collect:
+        return _alone(options) if parallel.launched()[0] == 0 else 0
     return many_runs.on_root(
-        lambda ranks: _prepared(options, ranks), lambda sweep, comm: _done(sweep, options, comm)
+        lambda ranks: _prepared(options, ranks),
+        lambda sweep, comm: _done(sweep, options, comm),
+        options.ranks,
     )
+
+
+def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
+    """Plan the sweep; return its runs and its folder.
+
+    Raises:
+        InputError: As `sweep_case`.
+    """
+    path = shipped_cases.find(options.name)
+    variants = plan(load_case(path), options.assignments, options.table)
+    target = options.folder or _default_folder(options.name, path)
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file, a folder is needed; choose another with -o")
+    return variants, target
 
 
 def _prepared(options: Options, ranks: bool) -> _Sweep:
@@ -79,11 +114,13 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
         InputError: As `sweep_case`.
     """
     many_runs.check_processes(options.processes, ranks)
-    path = shipped_cases.find(options.name)
-    variants = plan(load_case(path), options.assignments, options.table)
-    target = options.folder or _default_folder(options.name, path)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file, a folder is needed; choose another with -o")
+    if options.ranks != 1:
+        from castfem.sweep.groups import check
+
+        check(options.ranks, parallel.launched()[1])
+    everything, target = _planned(options)
+    share = Share.read(options.part) if options.part else Share(1, 1)
+    variants = tuple(share.of(everything))
     record = Record(target)
     jobs: list[Job] = []
     problems: list[str] = []
@@ -101,13 +138,39 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
         jobs.append(job)
     if problems:
         raise InputError(problems)
-    record.expect(variants)
     try:
-        target.mkdir(parents=True, exist_ok=True)
-        record.save()
+        with record.shared():
+            record.expect(everything, {variant.name for variant in variants})
     except (OSError, RunFailure) as error:
         raise InputError(f"{target}: cannot be written ({error}); choose another with -o") from None
-    return _Sweep(record, variants, tuple(jobs))
+    return _Sweep(record, variants, tuple(jobs), share.count == 1)
+
+
+def _alone(options: Options) -> int:
+    """Make the table of what has been run, or the script; return the exit status.
+
+    Raises:
+        InputError: As `sweep_case`.
+    """
+    variants, target = _planned(options)
+    if options.script is not None:
+        from castfem.sweep.slurm import write_script
+
+        words = [options.name, "-o", str(target)]
+        words += [word for given in options.assignments for word in ("--set", given)]
+        words += ["--table", str(options.table)] if options.table is not None else []
+        words += ["--figures"] if options.figures else []
+        parts = Share.read(options.part).count if options.part else None
+        count = write_script(options.script, words, target, len(variants), parts, options.ranks)
+        target.mkdir(parents=True, exist_ok=True)  # SLURM makes no folder for its own output
+        print(f"wrote {options.script}: {len(variants)} runs in {count} tasks; nothing submitted")
+        return 0
+    record = Record(target)
+    if not record.entries and not target.is_dir():
+        raise InputError(f"{target}: no such folder; nothing of this sweep has been run there")
+    with record.shared():
+        record.find(variants)
+    return _report(_Sweep(record, variants, ()), options.quiet)
 
 
 def _default_folder(name: str, path: Path) -> Path:
@@ -126,28 +189,37 @@ def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
 
     def noted(job: Job, outcome: Outcome) -> None:
         nonlocal written
-        if time.monotonic() - written > _SOONEST:  # it is written again at the end
+        if sweep.whole and time.monotonic() - written > _SOONEST:  # it is written again at the end
             write_table(target / TABLE_NAME, rows(sweep.variants, sweep.record))
             written = time.monotonic()
 
     many_runs.run_all(
         sweep.jobs, before, sweep.record, comm,
-        processes=options.processes, quiet=options.quiet, noted=noted,
+        processes=options.processes, quiet=options.quiet, noted=noted, ranks=options.ranks,
     )  # fmt: skip
     return _report(sweep, options.quiet)
 
 
 def _report(sweep: _Sweep, quiet: bool) -> int:
-    """Print and write the table of results; return the exit status."""
+    """Print and write the table of results; return the exit status.
+
+    One part of several writes no table: the others have rows for it, too.
+    """
     table = rows(sweep.variants, sweep.record)
     target = sweep.record.folder
-    write_table(target / TABLE_NAME, table)
+    if sweep.whole:
+        write_table(target / TABLE_NAME, table)
     if not quiet:
         out = parallel.console()
-        out.print(printed(table, out.width), highlight=False)
-        print(f"table in {target / TABLE_NAME}, runs in {target}")
-    failed = [row for row in table if row.status != "finished"]
+        if table:
+            out.print(printed(table, out.width), highlight=False)
+        where = f"table in {target / TABLE_NAME}, runs in {target}"
+        after = "their table: --collect, when all parts have ended"
+        print(where if sweep.whole else f"runs in {target}; {after}")
+    failed = sum(row.status == "failed" for row in table)
+    waiting = sum(row.status == "waiting" for row in table)
     if failed:
-        print(f"castfem: {len(failed)} of {len(table)} runs failed", file=sys.stderr)
-        return RunFailure.exit_status
-    return 0
+        print(f"castfem: {failed} of {len(table)} runs failed", file=sys.stderr)
+    if waiting:
+        print(f"castfem: {waiting} of {len(table)} runs have not finished", file=sys.stderr)
+    return RunFailure.exit_status if failed or waiting else 0

@@ -12,8 +12,10 @@ import signal
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
@@ -21,6 +23,7 @@ from castfem.support.closing import Closing
 from castfem.sweep.work import Job, Outcome, Stop, work
 
 _TICK = 0.25  # s between two looks at the progress
+_AGAIN = 2  # how often a run is taken up whose process was killed
 _PATIENCE = 5.0  # s for a process to end its run in order
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -66,8 +69,12 @@ class Team(Closing):
         ended: Callable[[Job, Outcome], None],
         tick: Callable[[], None],
     ) -> None:
-        """Do all jobs; return when the last has ended. See `run_locally`."""
+        """Do all jobs; return when the last has ended. See `run_locally`.
+
+        A job whose process is killed goes on from its checkpoint in another one, twice at most.
+        """
         waiting, team = list(reversed(jobs)), self._team
+        killed: Counter[str] = Counter()
         with _one_thread_each():
             while waiting or any(worker.job for worker in team):
                 idle = sum(worker.job is None for worker in team)
@@ -76,13 +83,18 @@ class Team(Closing):
                     idle += 1
                 for worker in team:
                     if worker.job is None and waiting:
-                        begun(waiting[-1])
+                        if not killed[waiting[-1].name]:
+                            begun(waiting[-1])
                         worker.give(waiting.pop())
                 wait([w.connection for w in team if w.job], timeout=_TICK)
                 for worker in list(team):
                     job, outcome = worker.job, worker.outcome()
                     if job is not None and outcome is not None:
-                        ended(job, outcome)
+                        killed[job.name] += worker.lost
+                        if worker.lost and killed[job.name] <= _AGAIN:
+                            waiting.append(replace(job, resume=True))
+                        else:
+                            ended(job, outcome)
                     if worker.lost:
                         team.remove(worker)
                 tick()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from castfem.sweep.plan import Variant
 from castfem.sweep.work import Job, Outcome
 
 SWEEP_NAME = "sweep.json"
+_LOCK_NAME = ".sweep.lock"
 _FORMAT = "castfem sweep"
 
 
@@ -44,6 +46,18 @@ def _untitled(case: str) -> list[str]:
     return [line for line in case.splitlines() if not line.startswith("title = ")]
 
 
+def _is_of(folder: Path, job: Job) -> bool:
+    """Whether a run is that of a case, its copies of property files those of today.
+
+    Raises:
+        OSError, InputError: A file cannot be read.
+    """
+    text, files = portable(job.case, PROPERTIES_NAME)
+    existing = (folder / CASE_NAME).read_text(encoding="utf-8")
+    same = all((folder / name).read_bytes() == content for name, content in files.items())
+    return same and _untitled(existing) == _untitled(text)
+
+
 class Record:
     """The runs in a folder, by name.
 
@@ -60,7 +74,15 @@ class Record:
         """
         self.folder = folder
         self.entries: dict[str, Entry] = {}
-        path = folder / SWEEP_NAME
+        self._read()
+
+    def _read(self) -> None:
+        """Takes the entries of sweep.json for those of this record.
+
+        Raises:
+            InputError: It is not castfem's.
+        """
+        path = self.folder / SWEEP_NAME
         if not path.is_file():
             return
         try:
@@ -73,11 +95,46 @@ class Record:
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"{path}: cannot be read ({error}); choose another folder") from None
 
-    def expect(self, variants: Iterable[Variant]) -> None:
-        """Take in the runs that are to be; of those that are not finished nothing is known."""
+    def reload(self) -> None:
+        """Take in what other processes have noted.
+
+        Raises:
+            InputError: The file cannot be read.
+        """
+        mine, self.entries = self.entries, {}
+        self._read()
+        self.entries = mine | self.entries
+
+    @contextmanager
+    def shared(self) -> Iterator[None]:
+        """Change entries while other processes do the same: what they have noted is kept.
+
+        On a file system without locks the last one to write wins; `find` mends that.
+
+        Raises:
+            RunFailure: The file cannot be written.
+        """
+        from filelock import FileLock
+
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as held:
+            with suppress(NotImplementedError):
+                held.enter_context(FileLock(self.folder / _LOCK_NAME))
+            self.reload()
+            yield
+            self.save()
+
+    def expect(self, variants: Iterable[Variant], mine: Container[str] | None = None) -> None:
+        """Take in the runs that are to be; of those that are not finished nothing is known.
+
+        Args:
+            variants: The runs.
+            mine: Names of those that are to be run here; what is noted of others stays. None: all.
+        """
         for variant in variants:
             job = Job(variant.name, self.folder / variant.name, variant.case)
-            if not self.is_finished(job):
+            here = mine is None or variant.name in mine or variant.name not in self.entries
+            if here and not self.is_finished(job):
                 self.entries[variant.name] = Entry()
             entry = self.entries[variant.name]
             entry.given, entry.label = dict(variant.given), variant.label
@@ -98,15 +155,40 @@ class Record:
         return status == "finished" and _untitled(existing) == _untitled(now)
 
     def note(self, job: Job, outcome: Outcome) -> None:
-        """Write down how a run has ended.
+        """Write down how a run has ended, beside other processes that do the same.
 
         Raises:
             RunFailure: The file cannot be written.
         """
-        entry = self.entries.setdefault(job.name, Entry())
-        entry.physics = "" if outcome.failed else job.case.physics_hash()
-        entry.message, entry.seconds = outcome.message, round(outcome.seconds, 3)
-        self.save()
+        with self.shared():
+            entry = self.entries.setdefault(job.name, Entry())
+            entry.physics = "" if outcome.failed else job.case.physics_hash()
+            entry.message, entry.seconds = outcome.message, round(outcome.seconds, 3)
+
+    def find(self, variants: Iterable[Variant]) -> None:
+        """Take in what the folders of runs say, whoever has run them.
+
+        A run counts as finished that has ended well with the very case and property files.
+        """
+        for variant in variants:
+            folder = self.folder / variant.name
+            job = Job(variant.name, folder, variant.case)
+            if self.is_finished(job):
+                continue
+            entry = self.entries.setdefault(variant.name, Entry())
+            entry.given, entry.label = dict(variant.given), variant.label
+            entry.physics = ""
+            try:
+                record = RunRecord.load(folder)
+                same = _is_of(folder, job)
+            except (OSError, InputError):
+                continue
+            if not same:
+                continue
+            entry.message = record.reason if record.status == "failed" else ""
+            if record.status == "finished":
+                entry.physics = variant.case.physics_hash()
+                entry.seconds = round(sum(record.wall_time.values()), 3)
 
     def save(self) -> None:
         """Write sweep.json.

@@ -8,10 +8,14 @@ import time
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from castfem.case import Case
 from castfem.errors import CastfemError
 from castfem.support.progress import Progress
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +75,13 @@ class Stop(Progress):
             raise KeyboardInterrupt
 
 
-def work(job: Job, stop: Stop | None = None) -> Outcome:
-    """Run a case on this process alone; whatever goes wrong becomes the outcome's message.
+def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Outcome:
+    """Run a case; whatever goes wrong becomes the outcome's message.
 
     Args:
         job: The run.
         stop: Asked after each step.
+        comm: Ranks to run it on (collective); this process alone if None.
     """
     from mpi4py import MPI
 
@@ -89,8 +94,10 @@ def work(job: Job, stop: Stop | None = None) -> Outcome:
     log.logger.setLevel(logging.INFO)
     begun, progress = time.perf_counter(), stop or Stop()
     try:
-        loop.run(job.case, job.folder, comm=MPI.COMM_SELF, resume=job.resume, progress=progress)
-        if job.figures:
+        ranks = MPI.COMM_SELF if comm is None else comm
+        told = progress if ranks.rank == 0 else None
+        loop.run(job.case, job.folder, comm=ranks, resume=job.resume, progress=told)
+        if job.figures and ranks.rank == 0:
             from castfem.plots.figures import draw_figures
 
             draw_figures(job.folder)
