@@ -181,7 +181,10 @@ class Sampler:
         volume = (
             simulation.problem.area * state.filled if state.filled.size else simulation.problem.area
         )
-        change = float(volume @ (state.enthalpy - start))
+        if isinstance(start, float):  # of steel as poured, which is what liquid brings along
+            change = float(volume @ (state.enthalpy - start))
+        else:
+            change = float(volume @ state.enthalpy - simulation.problem.area @ start)
         return reductions.total(simulation.section.comm, change)
 
     def _surface_flux(self, state: ThermalState) -> dict[str, float]:

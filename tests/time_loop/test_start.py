@@ -144,6 +144,20 @@ def test_a_shell_of_the_meniscus_is_unstrained_in_its_mould(tmp_path: Path) -> N
     assert table["von_mises_max"].iloc[-1] > 0.0
 
 
+def test_a_profile_and_liquid_that_is_fed() -> None:
+    """Heat is counted from the profile, and liquid comes as it was poured: they balance."""
+    from castfem.results.summary import summarise
+
+    colder = PROFILE | {"value": [1100, 1495, 1525]}
+    given = STRAINED | {"mechanics": {}, "casting__length": "0.3 m"}
+    loop = begun(rolled(casting__start=EXIT | {"profile": colder}, **given))
+    state = loop.run().state.thermal
+    heat = summarise(loop.run_state, "finished").balances["heat"]
+    assert abs(state.fed) > 1e-4 * state.removed
+    assert heat["whole"].value < 1e-9
+    loop.simulation.destroy()
+
+
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
