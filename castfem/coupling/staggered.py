@@ -275,11 +275,7 @@ class StaggeredCoupling:
 
         (Collective.)
         """
-        if self.gap is None:
-            return None
-        found = np.zeros(len(self.thermal.stepper.problem.area))
-        found[self.gap.dofs] = np.maximum(self.gap.at(state), 0.0)
-        return found
+        return None if self.gap is None else self.gap.crossed(state)
 
     def _misjudged(self, begun: float, state: StrandState, taken: Array, found: Array) -> float:
         """How far the surface is off, K, since the gap taken was not the one that was found.

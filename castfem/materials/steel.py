@@ -28,6 +28,7 @@ from castfem.values.types import Array
 
 NEAR_SOLIDUS = 1e-3  # K: the mean coefficient is taken this far below the solidus at least
 ISOTHERMAL = 1e-8  # K below a melting point down to which steel is still at it
+MOLTEN = 1.0  # K above the liquidus: where the density of the liquid is taken
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +137,11 @@ class Steel:
         if side == "above" and self.solidus == self.liquidus:
             temperature = np.asarray(temperature, float) + ISOTHERMAL
         return self.fraction(temperature, side)
+
+    @property
+    def liquid_density(self) -> float:
+        """Density of what presses on the shell, liquid a little above the liquidus, kg/m3."""
+        return float(self.density(self.liquidus + MOLTEN))
 
     def thermal_strain(self, temperature: npt.ArrayLike) -> Array:
         """Linear thermal strain since the solidus; 0 above it, negative in the shell."""

@@ -60,3 +60,15 @@ class SurfaceGap:
         )
         met = contact.contact.wall.gap_function(place, mean, position)
         return np.asarray(met.gap) * np.einsum("ni,ni->n", met.normal, mean)
+
+    def crossed(self, state: MechanicalState) -> Array:
+        """The gap that heat crosses, at all owned vertices (owned,), m (collective).
+
+        0 where the strand touches the wall, and off the groups in contact.
+
+        Args:
+            state: Has the displacement and the time.
+        """
+        found = np.zeros(self._contact.section.owned)
+        found[self.dofs] = np.maximum(self.at(state), 0.0)
+        return found

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from castfem.mould.cavity import Cavity, Tapers
+from castfem.mould.cavity import Cavity, Tapers, same
 from castfem.mould.contour import Contour
-from castfem.mould.taper import segment_ends, taper_between
+from castfem.mould.taper import Taper, segment_ends, taper_between
 from castfem.mould.wall import GapFunction
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Constant, Table
@@ -79,7 +79,7 @@ class Mould:
     Args:
         cavity: Its section, with the sizes at the meniscus, m.
         length: From the meniscus to its end, m.
-        tapers: How its dimensions go.
+        tapers: How its dimensions go; None where they stay.
         wall_temperature: Of the face towards the strand, K; None where it is not given.
         expansion: Where cavity and tapers are those of the cold mould; None in working condition.
 
@@ -91,16 +91,17 @@ class Mould:
         self,
         cavity: Cavity,
         length: float,
-        tapers: Tapers,
+        tapers: Tapers | None = None,
         wall_temperature: Constant | Table | None = None,
         expansion: Expansion | None = None,
     ) -> None:
         if not 0.0 < length < np.inf:
             raise ValueError(f"the length of a mould must be positive, not {length:g} m")
-        self.cavity, self.length, self.tapers = cavity, length, tapers
+        self.tapers = same(Taper.single(0.0, length)) if tapers is None else tapers
+        self.cavity, self.length = cavity, length
         self.wall_temperature, self.expansion = wall_temperature, expansion
         self._built: tuple[float, Contour] | None = None
-        for position in segment_ends(tapers.profiles, length):
+        for position in segment_ends(self.tapers.profiles, length):
             self.contour(position)
 
     def gap_function(self, points: Array, normals: Array, position: float) -> GapFunction:

@@ -139,8 +139,7 @@ class Zones:
 
     def surface_vertices(self) -> npt.NDArray[np.int64]:
         """Owned vertices on the strand's surface, cooled or not."""
-        section = self._surface.section
-        return self._surface.patch(section.matching(section.outer_groups)).dofs
+        return self._surface.whole().dofs
 
     def _tags(self, names: tuple[str, ...]) -> list[int]:
         """Tags of the surface groups that `names` stand for."""

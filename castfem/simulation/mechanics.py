@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 
 NOT_APART = 1e-9  # of the section's size: sides that are held at one and the same height
-HOTTER = 1.0  # K above the liquidus: where the density of the liquid is taken
 
 
 def build_mechanics(
@@ -230,5 +229,5 @@ def _ferrostatic(
     """
     if table.ferrostatic == "off":
         return None
-    density = float(steel.density(steel.liquidus + HOTTER))
-    return Ferrostatic(machine.head(density), steel.solid_fraction, table.ferrostatic, outside)
+    head = machine.head(steel.liquid_density)
+    return Ferrostatic(head, steel.solid_fraction, table.ferrostatic, outside)

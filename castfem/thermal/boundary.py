@@ -5,7 +5,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -77,6 +77,10 @@ class Surface:
         for key, patch in self._patches.items():
             patch.weights[:] = np.sum([self._share(t) for t in key], axis=0)[patch.dofs]
 
+    def whole(self) -> Patch:
+        """The whole surface of the strand, without the lines of symmetry."""
+        return self.patch(self.section.matching(self.section.outer_groups))
+
     def patch(self, tags: list[int]) -> Patch:
         """Vertices and perimeter shares of the union of the groups with `tags`."""
         key = tuple(sorted(set(tags)))
@@ -97,7 +101,7 @@ class Cooling:
     """
 
     laws: list[tuple[Patch, SurfaceLaw]]
-    prescribed: list[tuple[Patch, PrescribedTemperature]]
+    prescribed: list[tuple[Patch, PrescribedTemperature]] = field(default_factory=list)
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """Lowest and highest temperature this zone can drive the strand to; +-inf with a flux."""

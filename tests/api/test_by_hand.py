@@ -36,6 +36,7 @@ def test_the_page_computes_what_the_case_does(
 ) -> None:
     page = (ROOT / "docs" / "by_hand.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
+    assert len([line for line in code.splitlines() if line]) <= 45
     found: dict[str, Any] = {}
     exec(compile(code, "docs/by_hand.md", "exec"), found)
     assert capsys.readouterr().out.startswith("heat removed 0.6")
