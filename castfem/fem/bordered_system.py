@@ -17,7 +17,7 @@ import numpy as np
 
 from castfem.fem import factorisation
 from castfem.fem.snes import Options, SolverOptions
-from castfem.values.types import Array
+from castfem.values.types import Array, Indices
 
 
 class BorderedSystem:
@@ -40,6 +40,7 @@ class BorderedSystem:
     def __init__(self, matrix: PETSc.Mat, scalars: int, prefix: str, options: Options) -> None:
         self.comm: MPI.Comm = matrix.comm.tompi4py()
         self._matrix, self.scalars = matrix, scalars
+        self._rows: Indices | slice = slice(None)
         self.owned = matrix.getLocalSize()[0]
         self._keeper = self.comm.size - 1
         self.columns = np.zeros((self.owned, scalars))
@@ -59,8 +60,23 @@ class BorderedSystem:
         self.operator = PETSc.Mat().createPython((size, size), self, comm=matrix.comm)
         self.operator.setUp()
 
+    def restrict(self, matrix: PETSc.Mat, rows: Indices) -> None:
+        """From now on A is `matrix` at some of this rank's unknowns and 1 at all others.
+
+        Args:
+            matrix: A; freed by its owner.
+            rows: Those of the displacements that this rank owns that it is for (n,).
+        """
+        for thing in (self._right, self._solved, self._in, self._out):
+            thing.destroy()
+        self._matrix, self._rows = matrix, rows
+        self._right, self._solved = (self._dense(self.scalars + 1) for _ in range(2))
+        self._in, self._out = matrix.createVecs()
+        self.ksp.getPC().reset()
+        self.ksp.setOperators(matrix)
+
     def _dense(self, columns: int) -> PETSc.Mat:
-        rows = (self.owned, self._matrix.getSize()[0])
+        rows = (self._matrix.getLocalSize()[0], self._matrix.getSize()[0])
         dense = PETSc.Mat().createDense((rows, (None, columns)), comm=self._matrix.comm)
         dense.setUp()
         dense.assemble()
@@ -91,9 +107,11 @@ class BorderedSystem:
         """Product with the bordered matrix (line searches ask for it)."""
         local = x.getArray(readonly=True)
         z, nodal = self.share(local), local[: self.owned]
-        self._in.setArray(nodal)
+        self._in.setArray(nodal[self._rows])
         self._matrix.mult(self._in, self._out)
-        top = self._out.getArray(readonly=True) + self.columns @ z
+        top = nodal.copy()
+        top[self._rows] = self._out.getArray(readonly=True)
+        top += self.columns @ z
         bottom = self._total(self.rows.T @ nodal) + self.corner @ z
         y.setArray(self.join(top, bottom))
 
@@ -121,22 +139,24 @@ class BorderedSystem:
         A is factored.
         """
         right = self._right.getDenseArray()
-        right[:, :-1] = self.columns
-        right[:, -1] = local[: self.owned]
+        nodal = local[: self.owned].copy()
+        right[:, :-1] = self.columns[self._rows]
+        right[:, -1] = nodal[self._rows]
         self._right.assemble()
         self.ksp.matSolve(self._right, self._solved)
         if (reason := self.ksp.getConvergedReason()) < 0:
             self.failure = f"the linear solver fails (KSP reason {reason})"
             return None
         solved = self._solved.getDenseArray()
-        through = self._total(self.rows.T @ solved)
+        through = self._total(self.rows[self._rows].T @ solved)
         schur = self.corner - through[:, :-1]
         try:
             z = np.linalg.solve(schur, self.share(local) - through[:, -1])
         except np.linalg.LinAlgError:
             self.failure = "a free degree of freedom of the planes meets no stiffness"
             return None
-        return self.join(solved[:, -1] - solved[:, :-1] @ z, np.asarray(z))
+        nodal[self._rows] = solved[:, -1] - solved[:, :-1] @ z
+        return self.join(nodal, np.asarray(z))
 
     def updated(self) -> None:
         """Tell PETSc that the blocks have changed."""

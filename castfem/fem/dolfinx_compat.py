@@ -16,6 +16,8 @@ import ufl
 from dolfinx import fem, la
 from dolfinx import mesh as dmesh
 
+CELLS = 1  # identifier of the cells in the measures of a `CellForm`
+
 
 @lru_cache(maxsize=1)
 def jit_options() -> dict[str, str]:
@@ -37,6 +39,57 @@ def jit_options() -> dict[str, str]:
 def compile_form(form: ufl.Form) -> fem.Form:
     """Compile a form, or find it compiled."""
     return fem.form(form, jit_options=jit_options())
+
+
+class CellForm:
+    """A form that is compiled once and integrated over some of a mesh' cells, anew at no cost.
+
+    Args:
+        mesh: The mesh.
+        form: Its measures on cells have the identifier `CELLS`, those on the surface facet tags.
+    """
+
+    def __init__(self, mesh: dmesh.Mesh, form: ufl.Form) -> None:
+        scalar = {"scalar_type": dolfinx.default_scalar_type}
+        self._mesh, self._form = mesh, form
+        self._compiled = fem.compile_form(mesh.comm, form, scalar, jit_options())
+        self._facets = _facets_of(mesh, form)
+
+    def on(self, cells: npt.NDArray[np.int32], surface: bool = True) -> fem.Form:
+        """The form on local cells and, if asked for, on all of its surface."""
+        kind = fem.IntegralType
+        parts: dict[Any, list[tuple[int, npt.NDArray[np.int32]]]] = {kind.cell: [(CELLS, cells)]}
+        if surface and self._facets:
+            parts[kind.exterior_facet] = list(self._facets)
+        found = ufl.algorithms.extract_coefficients(self._form)
+        coefficients = {one: one for one in found}
+        if version().startswith("0.9"):
+            # It names them by their place among all of the form, and finds them by that among
+            # those which the compiler has left.
+            compiled = self._compiled.ufcx_form
+            places = compiled.original_coefficient_positions
+            coefficients = {found[i]: found[places[i]] for i in range(compiled.num_coefficients)}
+        constants = {one: one for one in ufl.algorithms.analysis.extract_constants(self._form)}
+        spaces = [argument.ufl_function_space() for argument in self._form.arguments()]
+        return fem.create_form(self._compiled, spaces, self._mesh, parts, coefficients, constants)
+
+
+def _facets_of(mesh: dmesh.Mesh, form: ufl.Form) -> list[tuple[int, npt.NDArray[np.int32]]]:
+    """Cells and places in them of the tagged facets that a form is integrated over."""
+    found: dict[int, npt.NDArray[np.int32]] = {}
+    mesh.topology.create_connectivity(1, 2)
+    mesh.topology.create_connectivity(2, 1)
+    for integral in form.integrals():
+        if integral.integral_type() != "exterior_facet":
+            continue
+        tags, asked = integral.subdomain_data(), integral.subdomain_id()
+        for tag in asked if isinstance(asked, tuple) else (asked,):
+            facets, kind = tags.find(tag), fem.IntegralType.exterior_facet
+            at = (tags.dim,) if version().startswith("0.9") else ()  # 0.10 knows by itself
+            found[tag] = np.asarray(
+                fem.compute_integration_domains(kind, mesh.topology, facets, *at)
+            )
+    return sorted(found.items(), key=lambda item: item[0])
 
 
 def create_mesh(

@@ -70,6 +70,11 @@ class Section:
         self.compiled.append(name)
         return dolfinx_compat.compile_form(form)
 
+    def compile_on_cells(self, name: str, form: ufl.Form) -> dolfinx_compat.CellForm:
+        """The same for a form that is to be integrated over some of the cells."""
+        self.compiled.append(name)
+        return dolfinx_compat.CellForm(self.mesh, form)
+
     def _number_nodes(self) -> None:
         """Find the input node of each vertex and of each degree of freedom of `vertex_space`."""
         corners = 3 if self.cell == "triangle" else 4

@@ -9,7 +9,7 @@ from dolfinx import fem
 
 from castfem.constitutive.base import Response
 from castfem.fem.section import Section
-from castfem.mechanics.quadrature import Points
+from castfem.mechanics.quadrature import ActivePoints, Points
 from castfem.values.types import Array
 
 ONE = np.array([1.0, 1.0, 1.0, 0.0])
@@ -45,7 +45,12 @@ class Fields:
     mean: fem.Function
     pressure: fem.Function | None
 
-    def take_stress(self, points: Points, response: Response) -> tuple[Array, Array]:
+    def clear_stress(self) -> None:
+        """There is none anywhere."""
+        for one in (self.deviator, self.mean, self.tangent):
+            one.x.array[:] = 0.0
+
+    def take_stress(self, points: ActivePoints, response: Response) -> tuple[Array, Array]:
         """Split the stress of a response between the rules.
 
         Returns:
@@ -57,8 +62,8 @@ class Fields:
             every[: points.deviator_points], ONE
         )
         mean = points.linear(every[points.deviator_points :])
-        points.deviator.fill(self.deviator, deviator)
-        points.mean.fill(self.mean, mean)
+        points.fill(self.deviator, deviator)
+        points.fill_mean(self.mean, mean)
         return deviator, mean
 
     def take_pressure(self, points: Points, pressure: Array) -> None:
@@ -66,7 +71,7 @@ class Fields:
         if self.pressure is not None:
             points.mean.fill(self.pressure, points.linear(pressure))
 
-    def take_tangent(self, points: Points, response: Response) -> Array:
+    def take_tangent(self, points: ActivePoints, response: Response) -> Array:
         """Split the tangent likewise: laws change volume elastically alone.
 
         Where a point flows, a trace of stiffness against change of shape stays: that of perfect
@@ -82,7 +87,7 @@ class Fields:
         )
         flows = np.flatnonzero(response.flows[: points.deviator_points])
         shape[flows] += np.outer(TRACE * bulk[flows], np.eye(4) - np.outer(ONE, ONE) / 3.0)
-        points.deviator.fill(self.tangent, shape)
+        points.fill(self.tangent, shape)
         return np.asarray(bulk[points.deviator_points :])
 
     @classmethod

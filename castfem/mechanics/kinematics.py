@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 import ufl
 from dolfinx import fem
 
-from castfem.fem.dolfinx_compat import Tabulation
+from castfem.fem.dolfinx_compat import CellForm, Tabulation
 from castfem.fem.section import Section
 from castfem.forms import finite_strain, mechanics
 from castfem.mechanics.fields import Fields
@@ -26,7 +27,7 @@ from castfem.values.types import Array
 
 @dataclass(frozen=True, slots=True)
 class Forms:
-    """Compiled forms; to stiffness, column, row and corner comes that of `VolumeStiffness`.
+    """Forms on some cells; to stiffness, column, row and corner comes that of `VolumeStiffness`.
 
     Attributes:
         work: Forces in the plane (vector).
@@ -44,6 +45,26 @@ class Forms:
     column: fem.Form | None
     row: fem.Form | None
     corner: fem.Form | None
+
+
+@dataclass(frozen=True, slots=True)
+class CompiledForms:
+    """The same before it is said on which cells."""
+
+    work: CellForm
+    stiffness: CellForm
+    generalized_work: CellForm
+    column: CellForm | None
+    row: CellForm | None
+    corner: CellForm | None
+
+    def on(self, cells: npt.NDArray[np.int32]) -> Forms:
+        """On some cells and on all of the surface."""
+        column, row, corner = (
+            None if one is None else one.on(cells) for one in (self.column, self.row, self.corner)
+        )
+        work, stiffness = self.work.on(cells), self.stiffness.on(cells)
+        return Forms(work, stiffness, self.generalized_work.on(cells), column, row, corner)
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,16 +125,16 @@ class Terms:
                 self.corner += acting.tangent(other, one)
         return self
 
-    def compiled(self, section: Section) -> Forms:
+    def compiled(self, section: Section) -> CompiledForms:
         """Compile the forms; those of free generalized strains only if there are any."""
 
-        def maybe(name: str, form: ufl.Form | None) -> fem.Form | None:
-            return None if form is None else section.compile(name, form)
+        def maybe(name: str, form: ufl.Form | None) -> CellForm | None:
+            return None if form is None else section.compile_on_cells(name, form)
 
-        return Forms(
-            section.compile("mechanics.work", self.work),
-            section.compile("mechanics.stiffness", self.matrix),
-            section.compile("mechanics.generalized_work", self.along),
+        return CompiledForms(
+            section.compile_on_cells("mechanics.work", self.work),
+            section.compile_on_cells("mechanics.stiffness", self.matrix),
+            section.compile_on_cells("mechanics.generalized_work", self.along),
             maybe("mechanics.column", self.column),
             maybe("mechanics.row", self.row),
             maybe("mechanics.corner", self.corner),
@@ -132,7 +153,9 @@ class Kinematics(ABC):
         interactions: What acts on its surface.
 
     Attributes:
-        forms: Compiled.
+        active: Points of the cells that have stress.
+        forms: On these cells.
+        rest: Work in the plane and on `Fields.one` in all others; None if there are none.
         symmetric: Whether the tangent is, if that of the law is.
         volume: Stiffness against change of volume.
         constant: Whether volume changes by as much per unit of each motion whatever the
@@ -162,7 +185,23 @@ class Kinematics(ABC):
         )
         directions = Directions.of(fields, section.mesh)
         terms = self._terms(section, loads, free, directions)
-        self.forms = terms.touching(interactions, directions).compiled(section)
+        self._compiled = terms.touching(interactions, directions).compiled(section)
+        self.rest: tuple[fem.Form, fem.Form] | None = None
+        self.active = points.on(np.arange(section.cells, dtype=np.int32))
+        self.forms = self._compiled.on(self.active.cells)
+
+    def act_on(self, cells: npt.NDArray[np.int32]) -> None:
+        """From now on only these of this rank's cells have stress; the others may have pressure.
+
+        Nothing of what the others do may depend on the motion: small strain.
+        """
+        self.active = self._points.on(cells)
+        self.forms = self._compiled.on(cells)
+        others = np.setdiff1d(np.arange(self._points.section.cells, dtype=np.int32), cells)
+        whole = (self._compiled.work, self._compiled.generalized_work)
+        self.rest = (whole[0].on(others, False), whole[1].on(others, False))
+        self.volume.on(cells.astype(np.int64))
+        self._fields.clear_stress()
 
     @abstractmethod
     def _prepare(self, section: Section, interactions: Interactions) -> None:
@@ -180,7 +219,7 @@ class Kinematics(ABC):
 
     @abstractmethod
     def increments(self) -> tuple[Array, Array | None]:
-        """Strain increments of the step (points, 4), and the angles the material turns by.
+        """Strain increments of the step (active, 4), and the angles the material turns by.
 
         At the points of the mean stress their trace is linear on each cell.  The angles (points,)
         are those by which the law is to see the old stress and state turned; None for none.
@@ -237,12 +276,12 @@ class SmallStrain(Kinematics):
         """See `Kinematics`."""
         fields = self._fields
         change = fields.u.x.array - fields.u_old.x.array
-        strain = (self._points.strain @ change).reshape(-1, 4)
+        strain = (self.active.strain @ change).reshape(-1, 4)
         generalized_strains = (
             fields.generalized_strains.value - fields.generalized_strains_old.value
         )
         strain[:, 1] += generalized_strains[3]
-        strain[:, 2] += self._thickness @ generalized_strains[:3]
+        strain[:, 2] += self._thickness[self.active.rows] @ generalized_strains[:3]
         return strain, None
 
 

@@ -28,7 +28,7 @@ from castfem.fem.dolfinx_compat import assemble_into, create_matrix
 from castfem.fem.section import Section
 from castfem.forms.mechanics import following
 from castfem.mechanics.quadrature import Points
-from castfem.values.types import Flags
+from castfem.values.types import Array, Flags, Indices
 
 BEARING = 0.5  # of the solid, what stands in whole cells where it counts as a shell
 
@@ -44,6 +44,7 @@ class FedLiquid:
 
     Attributes:
         carries: Points in cells that carry stress (points,).
+        layer: Number of the innermost layer of cells with a shell in a step, the surface's being 0.
         bears: Whether most of what is solid stands in cells that are so as a whole.
         deep: Degrees of freedom of deep nodes that this rank owns (k,).
         held: The condition that prescribes the deep nodes, for DOLFINx' assembly.
@@ -70,6 +71,8 @@ class FedLiquid:
         self._marks = fem.Function(space)
         self._surface = self._surface_cells()
         self._nodes = np.asarray(space.dofmap.list)[: section.cells]
+        self._layers = self._numbered_layers()
+        self.layer = int(self._innermost(np.ones(section.cells, dtype=bool)))
         held = [np.zeros(0, np.int32), *(c.dof_indices()[0] for c in supports)]
         self._supported: Flags = np.zeros(dof_values.owned_of(space), dtype=bool)
         self._supported[(at := np.concatenate(held))[at < len(self._supported)]] = True
@@ -107,6 +110,42 @@ class FedLiquid:
                     found[cell] = True
         return found
 
+    def _numbered_layers(self) -> Indices:
+        """Layer of each own cell (cells,), from the surface's inwards (collective).
+
+        Cells that share a node are next to one another.
+        """
+        layers, number, comm = np.where(self._surface, 0, -1), 0, self.section.comm
+        while reductions.any_of(comm, bool((layers < 0).any())):
+            number += 1
+            touched = self._of_cells(layers >= 0)[self._nodes] > 0.0
+            new = touched.any(axis=1) & (layers < 0)
+            layers[new if reductions.any_of(comm, bool(new.any())) else layers < 0] = number
+        return layers
+
+    def _innermost(self, cells: Flags) -> float:
+        """Number of the innermost layer with one of these cells (cells,) (collective)."""
+        return max(reductions.largest(self.section.comm, self._layers[cells].astype(float)), 0.0)
+
+    def cells_to(self, layer: int) -> npt.NDArray[np.int32]:
+        """Own cells from the surface down to a layer."""
+        return np.flatnonzero(self._layers <= layer).astype(np.int32)
+
+    def nodes_of(self, cells: npt.NDArray[np.int32]) -> Flags:
+        """Whether each local node is one of these cells', of whatever rank (collective)."""
+        marked = np.zeros(self.section.cells, dtype=bool)
+        marked[cells] = True
+        return self._of_cells(marked) > 0.0
+
+    def _of_cells(self, marked: Flags) -> Array:
+        """At each local node how many of these own cells of all ranks it has (collective)."""
+        marks, size = self._marks.x, self._space.dofmap.bs
+        marks.array[:] = 0.0
+        marks.array.reshape(-1, size)[self._nodes[marked]] = 1.0
+        marks.scatter_reverse(la.InsertMode.add)
+        marks.scatter_forward()
+        return np.array(marks.array.reshape(-1, size)[:, 0])
+
     def _condition(self, nodes: npt.NDArray[np.int32]) -> fem.DirichletBC:
         return fem.dirichletbc(fem.Function(self._space), nodes)
 
@@ -131,14 +170,9 @@ class FedLiquid:
             for n in (deviator_points, len(solid) - deviator_points)
         ]
         self.carries = np.concatenate(each) if len(shell) else np.zeros(0, dtype=bool)
-        marks = self._marks.x
-        marks.array[:] = 0.0
+        self.layer = int(self._innermost(shell))
         size = self._space.dofmap.bs
-        marks.array.reshape(-1, size)[self._nodes[shell]] = 1.0
-        marks.scatter_reverse(la.InsertMode.add)
-        marks.scatter_forward()
-        of_shell = marks.array.reshape(-1, size)[:, 0] > 0.0
-        deep = np.flatnonzero(~of_shell).astype(np.int32)
+        deep = np.flatnonzero(self._of_cells(shell) == 0.0).astype(np.int32)
         self.held = self._condition(deep)
         owned = deep[deep < self._space.dofmap.index_map.size_local].astype(np.int64)
         self.deep = (owned[:, None] * size + np.arange(size)).ravel()

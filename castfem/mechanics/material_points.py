@@ -9,7 +9,7 @@ import numpy as np
 from castfem.constitutive import kernel
 from castfem.constitutive.base import Law, MaterialStep, Response
 from castfem.constitutive.flow_laws import ThermoElastic
-from castfem.mechanics.quadrature import Points
+from castfem.mechanics.quadrature import ActivePoints
 from castfem.values.types import Array, Flags
 
 
@@ -48,13 +48,13 @@ class Material:
 
     Args:
         law: Constitutive law.
-        points: Quadrature points.
+        points: Quadrature points it is integrated at.
 
     Attributes:
-        response: At all points; written to by each `integrate`.
+        response: At these points; written to by each `integrate`.
     """
 
-    def __init__(self, law: Law, points: Points) -> None:
+    def __init__(self, law: Law, points: ActivePoints) -> None:
         self.response = Response.empty(points.count, len(law.state_names))
         self.response.state[:] = law.initial_state(points.count)
         rows = (slice(0, points.deviator_points), slice(points.deviator_points, None))

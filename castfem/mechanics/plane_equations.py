@@ -51,6 +51,7 @@ class PlaneEquations:
         self._planes, self._fields, self._kinematics = planes, fields, kinematics
         self._interactions, self._scales = interactions, scales
         self._comm, self._drag = scales.comm, 0.0
+        self._rest: Array = np.zeros(4)
 
     def begin(self, old: MechanicalState, time: float) -> None:
         """Prepare a step from the committed state `old` to `time` (s)."""
@@ -61,12 +62,20 @@ class PlaneEquations:
         """Hold the planes where they are, with a section of this Young's modulus, Pa; 0 for no."""
         self._drag = DRAG * (young * self._scales.area / self._scales.length**2)
 
+    def take_rest(self, form: fem.Form) -> None:
+        """Take up the work of the pressure in cells without stress, the same throughout a step."""
+        self._rest = self._work(form, np.eye(4))
+
     def work_on(self, directions: Array) -> Array:
         """Work of the stress along directions (4, k) of the generalized strains, N/m each."""
+        found = self._work(self._kinematics.forms.generalized_work, directions)
+        return found + self._rest @ directions
+
+    def _work(self, form: fem.Form, directions: Array) -> Array:
         work = np.zeros(directions.shape[1])
         for i, direction in enumerate(directions.T):
             self._fields.one.value[:] = direction
-            work[i] = fem.assemble_scalar(self._kinematics.forms.generalized_work)
+            work[i] = fem.assemble_scalar(form)
         return reductions.totals(self._comm, work) if len(work) else work
 
     def balance(self, scalars: Array) -> Array:

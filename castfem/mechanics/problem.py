@@ -14,11 +14,12 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem, la
 
-from castfem.constitutive.base import turned
+from castfem.constitutive.base import Response, turned
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
 from castfem.fem.bordered_system import BorderedSystem
 from castfem.fem.dolfinx_compat import assemble_into, create_matrix
+from castfem.fem.part_matrix import matrix_of_nodes
 from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult
 from castfem.mechanics.convergence import Criteria
@@ -32,7 +33,7 @@ from castfem.mechanics.material_points import FedPoints, Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.plane_equations import PlaneEquations
 from castfem.mechanics.planes import check_strains
-from castfem.mechanics.quadrature import Integration, Points, displacement_element
+from castfem.mechanics.quadrature import ActivePoints, Integration, Points, displacement_element
 from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState
@@ -100,12 +101,14 @@ class MechanicalProblem:
         self._criteria = Criteria(section.comm, self.scales, self.constraints, tolerance)
         self._target = np.zeros_like(self.fields.u.x.array)
         self._work = fem.Function(self.space)
-        self._material = Material(slice_.law, self.points)
-        self.response = self._material.response
+        self._material = Material(slice_.law, self.active)
         self._build_solver(options or {})
         self.iterations: int = 0
-        self._slack = 1.0
+        self._slack, self._layer = 1.0, -1
+        self._rest_forces = np.zeros_like(self._target)
+        self._rest_stress: Array = np.zeros(2)
         self.residual_state: ResidualState | None = None
+        self._integrated: Array | None = None
 
     def _build_forms(self, springs: float | None) -> None:
         section, slice_ = self.section, self.slice
@@ -135,7 +138,7 @@ class MechanicalProblem:
         """SNES on displacement and scalars."""
         symmetric = self.kinematics.symmetric
         nonlinear, linear = split_options(options, symmetric)
-        self._matrix = create_matrix(self.kinematics.forms.stiffness)
+        self._whole = self._matrix = create_matrix(self.kinematics.forms.stiffness)
         if symmetric:
             self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         prefix = "mechanical_"
@@ -147,6 +150,16 @@ class MechanicalProblem:
         )
         self.bordered.use_with(self.solver.snes.getKSP())
         vector.destroy()
+
+    @property
+    def active(self) -> ActivePoints:
+        """Points of the cells that have stress in the step that was begun."""
+        return self.kinematics.active
+
+    @property
+    def response(self) -> Response:
+        """Of the law, at the active points."""
+        return self._material.response
 
     @property
     def contact(self) -> WallContact | None:
@@ -163,13 +176,14 @@ class MechanicalProblem:
         fields, slice_ = self.fields, self.slice
         before, after = self.at_points(old.temperature), self.at_points(temperature)
         self.old, self.dt = old, time - old.time
+        fed = None if self.liquid is None else self._feed(self.liquid, after, time)
         self.kinematics.volume.begin()
         with self.watch.section("law"):
-            strain = slice_.thermal_strain
-            thermal = np.asarray(strain(after)) - np.asarray(strain(before))
+            rows, strain = self.active.rows, slice_.thermal_strain
+            thermal = np.asarray(strain(after[rows])) - np.asarray(strain(before[rows]))
             stiff = self.points.stiffness_temperature
-            fed = None if self.liquid is None else self._feed(self.liquid, after, time)
-            self._material.begin(stiff(before), stiff(after), thermal, self.dt, fed)
+            self._material.begin(stiff(before)[rows], stiff(after)[rows], thermal, self.dt, fed)
+            self._stress_old, self._internal_old = old.stress[rows], old.internal[rows]
         fields.u_old.x.array[:] = old.displacement
         fields.generalized_strains_old.value[:] = old.generalized_strains
         self.planes.begin(old, time)
@@ -182,7 +196,8 @@ class MechanicalProblem:
                 liquid.x.array[: self.section.owned] = pressure
                 liquid.x.scatter_forward()
         self.interactions.begin(old, time, temperature)
-        self._added = self.interactions.axial_strain(self.points.position)
+        added = self.interactions.axial_strain(self.points.position)
+        self._added = None if added is None else added[rows]
         self._loads.set(time)
         self.constraints.set(time, self._target)
         if self.liquid is not None:
@@ -190,7 +205,39 @@ class MechanicalProblem:
         if (springs := self.constraints.springs) is not None:
             young = slice_.law.elasticity.moduli(after)[2]
             springs.begin(old.displacement, reductions.largest(self.section.comm, young))
-        self.residual_state, self._first = None, 0.0
+        self._take_rest()
+        self.residual_state, self._integrated, self._first = None, None, 0.0
+
+    def _act_on(self, liquid: FedLiquid) -> None:
+        """Let the cells down to the innermost that has some shell make up the equations.
+
+        All others are deep liquid: none of their nodes moves in the step, and their pressure is
+        known.  Whole layers are taken, so that the equations seldom change.
+        """
+        cells, space = liquid.cells_to(liquid.layer), self.space
+        if self._layer < 0:  # all that may ever be there gets its place
+            assemble_into(self._whole, self.kinematics.forms.stiffness, [])
+        self.kinematics.act_on(cells)
+        self._material = Material(self.slice.law, self.active)
+        before = self._matrix
+        self._matrix, nodes = matrix_of_nodes(self._whole, space, liquid.nodes_of(cells))
+        if self.kinematics.symmetric:
+            self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.bordered.restrict(self._matrix, nodes)
+        if before is not self._whole:
+            before.destroy()
+        self._layer = liquid.layer
+
+    def _take_rest(self) -> None:
+        """What the pressure of the cells that have no stress does, the same throughout a step."""
+        if self.kinematics.rest is None:
+            return
+        forces, work = self.kinematics.rest
+        self._rest_forces[:] = 0.0
+        with self.watch.section("assembly"):
+            fem.assemble_vector(self._rest_forces, forces)
+            self.planes.take_rest(work)
+        self._rest_stress = self.scales.beside(self.active, self.pressure)
 
     def solve(self, guesses: list[tuple[Array, Array]]) -> SolveResult:
         """Solve from the best of some guesses; what holds there is in `residual_state`.
@@ -239,10 +286,14 @@ class MechanicalProblem:
         elasticity, pressing = self.slice.law.elasticity, self.slice.ferrostatic
         solid = elasticity.solidity.weight(temperature) > 0.0
         liquid.begin(solid)
+        if self.kinematics.constant and liquid.layer != self._layer:
+            self._act_on(liquid)
+        rows = self.active.rows
         head = 0.0 if pressing is None else pressing.head(time)
         young = float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
         self.planes.hold(0.0 if liquid.bears else young)
-        return FedPoints(liquid.carries, ~solid, max(STAND_IN * head, LEAST_YOUNG * young))
+        least = max(STAND_IN * head, LEAST_YOUNG * young)
+        return FedPoints(liquid.carries[rows], ~solid[rows], least)
 
     def _prescribe(self, liquid: FedLiquid, old: Array) -> None:
         """Leave the deep liquid where it was: it follows when the shell is in equilibrium."""
@@ -273,34 +324,46 @@ class MechanicalProblem:
         return np.asarray(self.bordered.share(local) * self.planes.scaled.scaling)
 
     def _evaluate(self, local: Array) -> ResidualState:
-        """Stress and forces at a set of unknowns: the law is integrated here, and only here."""
-        fields, points, response = self.fields, self.points, self.response
+        """Stress and forces at a set of unknowns."""
+        fields, response = self.fields, self.response
         fields.u.x.array[: self.owned] = local[: self.owned]
         fields.u.x.scatter_forward()
         scalars = self.bordered.share(local)
         generalized_strains = self.planes.scaled.generalized_strains(scalars)
         fields.generalized_strains.value[:] = generalized_strains
+        # Contacts that are let go of change nothing of what the law has said.
+        if self._integrated is None or not np.array_equal(local, self._integrated):
+            self._integrated = None
+            self._integrate()
+            self._integrated = local.copy()
+        noise = 0.0
+        if self.interactions:
+            with self.watch.section("contact"):
+                noise = self.interactions.evaluate()
+        pressure = self.pressure[self.active.mean] if self.pressure.size else self.pressure
+        parts = *fields.take_stress(self.active, response), pressure
+        with self.watch.section("assembly"):
+            forces = self._assemble(self.kinematics.forms.work, self._rest_forces).copy()
+            balance = self.planes.balance(scalars)
+        scale = self.scales.stress(
+            self.active, parts, response, local[: self.owned], self._first, noise,
+            self._rest_stress,
+        )  # fmt: skip
+        self._first = self._first or scale.typical
+        return ResidualState(local.copy(), generalized_strains, forces, balance, scale)
+
+    def _integrate(self) -> None:
+        """Integrate the law at the displacement and the generalized strains the fields hold."""
         with self.watch.section("kinematics"):
             strain, angle = self.kinematics.increments()
             if self._added is not None:
                 strain = strain + np.outer(self._added, AXIAL)
         with self.watch.section("law"):
-            stress_old, internal = self.old.stress, self.old.internal
+            stress_old, internal = self._stress_old, self._internal_old
             if angle is not None:
                 stress_old = turned(stress_old, angle)
                 internal = self.slice.law.turned(internal, angle)
             self._material.integrate(strain, stress_old, internal)
-        noise = 0.0
-        if self.interactions:
-            with self.watch.section("contact"):
-                noise = self.interactions.evaluate()
-        parts = *fields.take_stress(points, response), self.pressure
-        with self.watch.section("assembly"):
-            forces = self._assemble(self.kinematics.forms.work).copy()
-            balance = self.planes.balance(scalars)
-        scale = self.scales.stress(parts, response, local[: self.owned], self._first, noise)
-        self._first = self._first or scale.typical
-        return ResidualState(local.copy(), generalized_strains, forces, balance, scale)
 
     def _assemble(self, form: fem.Form, beside: Array | float = 0.0) -> Array:
         """Assembled linear form and what stands beside it at the local unknowns, ghosts included.
@@ -386,7 +449,7 @@ class MechanicalProblem:
 
     def _take_tangent(self) -> None:
         """Hand the tangent of the law to the forms, the bulk modulus to what stands beside them."""
-        self.kinematics.volume.take(self.fields.take_tangent(self.points, self.response))
+        self.kinematics.volume.take(self.fields.take_tangent(self.active, self.response))
 
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
         """Derivative of the residual at the unknowns integrated last."""
@@ -414,3 +477,4 @@ class MechanicalProblem:
         if self.liquid is not None:
             self.liquid.destroy()
         self._matrix.destroy()
+        self._whole.destroy()

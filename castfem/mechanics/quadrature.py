@@ -18,11 +18,11 @@ from dolfinx import fem
 from scipy import sparse
 
 from castfem.fem import dof_values
-from castfem.fem.dolfinx_compat import Tabulation
+from castfem.fem.dolfinx_compat import CELLS, Tabulation
 from castfem.fem.section import Section
 from castfem.forms import mechanics as forms
 from castfem.mechanics.volume import Linear
-from castfem.values.types import Array
+from castfem.values.types import Array, Indices
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +65,15 @@ def displacement_element(cell: str) -> basix.ufl._ElementBase:
     return basix.ufl.blocked_element(quadratic, shape=(2,))
 
 
+EVERY = slice(None)
+
+
 class Rule:
     """One quadrature rule on all cells of this rank.
 
     Attributes:
         points: Reference points (k, 2). weights: Of them (k,).
-        measure: Area measure that uses them.
+        measure: Area measure that uses them, for forms on some of the cells.
         count: Points on this rank's cells. volume: Area that belongs to each (count,), m2.
         position: Where they are on the undeformed mesh (count, 2), m.
     """
@@ -90,7 +93,7 @@ class Rule:
             points, weights = basix.make_quadrature(kind, degree)
             self.points, self.weights = np.asarray(points), np.asarray(weights)
             rule["quadrature_rule"] = "default"
-        self.measure = ufl.Measure("dx", domain=mesh, metadata=rule)
+        self.measure = ufl.Measure("dx", domain=mesh, metadata=rule, subdomain_id=CELLS)
         size = Tabulation(mesh, abs(ufl.JacobianDeterminant(mesh)), self.points).values()
         self.volume = (size[..., 0] * self.weights).ravel() if size.size else np.zeros(0)
         self.count = self.volume.size
@@ -124,11 +127,12 @@ class Rule:
         """A function with a value of `shape` at each point."""
         return fem.Function(self._space(shape))
 
-    def fill(self, function: fem.Function, values: Array) -> None:
-        """Set a function of this rule to `values` (count, ...)."""
+    def fill(self, function: fem.Function, values: Array, rows: Indices | slice = EVERY) -> None:
+        """Set a function of this rule to `values` (n, ...) at some of its points."""
         if len(values):  # a rank may have no cells
             target = function.x.array.reshape(-1, values[0].size)
-            target[self._place] = values.reshape(len(values), -1)
+            at = rows if isinstance(self._place, slice) else self._place[rows]
+            target[at] = values.reshape(len(values), -1)
 
 
 class Points:
@@ -225,6 +229,19 @@ class Points:
         matrix.sort_indices()
         return matrix
 
+    def on(self, cells: npt.NDArray[np.int32]) -> ActivePoints:
+        """The points of some of this rank's cells, given in their order."""
+        linear = self.linear.on(cells.astype(np.int64))
+        if len(cells) == self.section.cells:
+            return ActivePoints(
+                self, cells, EVERY, EVERY, EVERY, self.deviator_points, linear, self.strain
+            )
+        each = (len(self.deviator.points), len(self.mean.points))
+        deviator, mean = ((cells[:, None] * n + np.arange(n)).ravel().astype(int) for n in each)
+        rows = np.concatenate([deviator, self.deviator_points + mean])
+        strain = self.strain[(4 * rows[:, None] + np.arange(4)).ravel()]
+        return ActivePoints(self, cells, rows, deviator, mean, len(deviator), linear, strain)
+
     def level(self, strain: Array) -> Array:
         """Make the change of volume linear on each cell: strains (count, 4) are written to."""
         size = forms.trace(strain[self.deviator_points :].T)
@@ -298,6 +315,58 @@ class Points:
     def _summed(self, local: Array) -> Array:
         """Contributions of all ranks to this rank's own vertices."""
         return dof_values.summed(self.section.vertex_space, local)
+
+
+@dataclass(frozen=True, slots=True)
+class ActivePoints:
+    """The points of those cells in which a step has stress, in the order of all points.
+
+    Attributes:
+        points: All points. cells: The cells, of this rank's own.
+        rows: Of all points, those of these cells. deviator: The same of the deviator's rule alone.
+        mean: Of that of the mean stress. deviator_points: Number of the first.
+        linear: Projection of values at the points of the mean stress. strain: Operator from the
+            displacement to Mandel strain, see `Points`.
+    """
+
+    points: Points
+    cells: npt.NDArray[np.int32]
+    rows: Indices | slice
+    deviator: Indices | slice
+    mean: Indices | slice
+    deviator_points: int
+    linear: Linear
+    strain: sparse.csr_matrix
+
+    @property
+    def count(self) -> int:
+        """Points of both rules."""
+        return int(self.strain.shape[0]) // 4
+
+    @property
+    def volume(self) -> Array:
+        """Area of each point, see `Points`."""
+        return np.asarray(self.points.volume[self.rows])
+
+    def rest(self) -> Indices:
+        """Points of the mean stress of all other cells."""
+        others = np.ones(self.points.mean.count, dtype=bool)
+        others[self.mean] = False
+        return np.flatnonzero(others)
+
+    def spread(self, values: Array, elsewhere: Array) -> Array:
+        """Values (count, ...) among those of all points, `elsewhere` (all, ...), a new array."""
+        found = elsewhere.copy()
+        found[self.rows] = values
+        return found
+
+    def fill(self, deviator: fem.Function, values: Array) -> None:
+        """Set a function at the deviator's points to `values` (deviator_points, ...)."""
+        self.points.deviator.fill(deviator, values, self.deviator)
+
+    def fill_mean(self, mean: fem.Function, values: Array) -> None:
+        """Set one at the points of the mean stress to `values` (count - deviator_points, ...)."""
+        self.points.mean.fill(mean, values, self.mean)
 
 
 class Cellwise:

@@ -9,7 +9,7 @@ from dolfinx import fem
 
 from castfem.constitutive.base import Response
 from castfem.fem import dof_values, reductions
-from castfem.mechanics.quadrature import Points
+from castfem.mechanics.quadrature import ActivePoints, Points
 from castfem.values.types import Array
 
 ROUNDING = 8 * np.finfo(float).eps
@@ -63,31 +63,42 @@ class Scales:
         self.area = reductions.total(self.comm, float(points.deviator.volume.sum()))
         self._finest = np.sqrt(reductions.smallest(self.comm, points.deviator.volume))
 
+    def beside(self, active: ActivePoints, pressure: Array) -> Array:
+        """What the pressure (n,), Pa, in other cells adds to the sums of `stress` (2,)."""
+        rest = active.rest() if pressure.size else np.zeros(0, np.int64)
+        volume, squares = np.abs(self._points.mean.volume[rest]), 2.0 * pressure[rest] ** 2
+        return np.array([volume @ squares, volume @ np.sqrt(squares)])
+
     def stress(
         self,
+        active: ActivePoints,
         parts: tuple[Array, Array, Array],
         response: Response,
         moved: Array,
         before: float,
-        noise: float = 0.0,
+        noise: float,
+        beside: Array,
     ) -> StressScale:
         """Size of the stress at the points (collective).
 
         Args:
+            active: Points that have stress.
             parts: Stress deviators; mean stress and ferrostatic pressure at the points of their own
                 rule.
-            response: Of the law at all points.
+            response: Of the law.
             moved: This rank's displacements, m.
             before: Typical stress at the start of the step, before equilibrium was sought, Pa.
             noise: Stress that rounding makes elsewhere, at a contact, Pa.
+            beside: See `beside`.
         """
         deviator, mean, pressure = parts
-        deviator_points, volume = self._points.deviator_points, np.abs(self._points.volume)
+        deviator_points, volume = active.deviator_points, np.abs(active.volume)
         volumetric = 3.0 * mean**2
         if pressure.size:
             volumetric += 2.0 * pressure**2
         squares = np.concatenate([np.einsum("ij,ij->i", deviator, deviator), volumetric])
-        sums = reductions.totals(self.comm, [volume @ squares, volume @ np.sqrt(squares)])
+        here = np.array([volume @ squares, volume @ np.sqrt(squares)]) + beside
+        sums = reductions.totals(self.comm, here)
         stiff = response.tangent[deviator_points:, 0, 0].max(initial=0.0)
         farthest = max(float(moved.max(initial=0.0)), -float(moved.min(initial=0.0)))
         sizes = reductions.largest_of(self.comm, [stiff, farthest])

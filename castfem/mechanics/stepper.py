@@ -77,10 +77,12 @@ class MechanicalStepper:
             if refusal:
                 failed = self._failed(old, newton, refusal, time, temperature)
                 return replace(failed, refused=True)
-        deviator_points = problem.points.deviator_points
-        flowing = float(problem.points.deviator.volume @ problem.response.flows[:deviator_points])
-        share = reductions.total(self.comm, flowing) / problem.scales.area
-        dissipation = problem.response.dissipation[:deviator_points].copy()
+        active, response = problem.active, problem.response
+        volume, flows = active.volume, response.flows
+        n = active.deviator_points
+        share = reductions.total(self.comm, float(volume[:n] @ flows[:n])) / problem.scales.area
+        dissipation = np.zeros(problem.points.deviator_points)
+        dissipation[active.deviator] = response.dissipation[:n]
         return MechanicalResult(
             True, state, newton, result.reason, self._balance(), dissipation, share
         )
@@ -112,6 +114,7 @@ class MechanicalStepper:
         """The state that the problem has come to."""
         problem, residual_state = self.problem, self.problem.residual_state
         assert residual_state is not None
+        active, response, points = problem.active, problem.response, problem.points.count
         displacement = problem.fields.u.x.array.copy()
         scalars = problem.free_scalars(residual_state.local)
         owned = slice(0, problem.owned)
@@ -127,8 +130,8 @@ class MechanicalStepper:
             scalar_rate=np.asarray((scalars - old.scalars) / problem.dt),
             unsteadiness=self._unsteadiness(old.rate, rate),
             temperature=np.array(temperature),
-            stress=problem.response.stress.copy(),
-            internal=problem.response.state.copy(),
+            stress=active.spread(response.stress, np.zeros_like(old.stress)),
+            internal=active.spread(response.state, problem.slice.law.initial_state(points)),
             pressure=problem.pressure,
             interactions=interactions,
             bending=problem.slice.planes.bending_after(

@@ -95,8 +95,8 @@ class Springs:
 
     def add_to(self, matrix: PETSc.Mat) -> None:
         """Add their stiffness to that of the slice (collective)."""
-        for row in self.dofs + matrix.getOwnershipRange()[0]:
-            matrix.setValue(row, row, self._stiffness, addv=PETSc.InsertMode.ADD_VALUES)
+        for row in self.dofs:
+            matrix.setValueLocal(row, row, self._stiffness, addv=PETSc.InsertMode.ADD_VALUES)
         matrix.assemble()
 
 

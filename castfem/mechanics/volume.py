@@ -11,6 +11,7 @@ stress that works, the tangent is symmetric if the law's is.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 from petsc4py import PETSc
@@ -22,7 +23,7 @@ from dolfinx import fem
 from castfem.fem import dof_values
 from castfem.fem.dolfinx_compat import Tabulation
 from castfem.fem.section import Section
-from castfem.values.types import Array
+from castfem.values.types import Array, Indices
 
 CHUNK = 4096  # cells whose stiffness is in memory at once
 CENTRES = {"quadrilateral": (1 / 2, 1 / 2), "triangle": (1 / 3, 1 / 3)}
@@ -64,6 +65,13 @@ class Linear:
             values = terms = np.tile(np.eye(count), (len(weights), 1, 1))
         self.values, self.terms, self._applied = values, terms, applied
 
+    def on(self, cells: Indices) -> Linear:
+        """The same on some of the cells."""
+        found = copy.copy(self)
+        if len(cells) != len(self.values):
+            found.values, found.terms = self.values[cells], self.terms[cells]
+        return found
+
     def __call__(self, values: Array) -> Array:
         """The linear part of values at the points of the mean stress (n,), there."""
         if not self._applied:
@@ -94,16 +102,28 @@ class VolumeStiffness:
     def __init__(
         self, space: fem.FunctionSpace, linear: Linear, weights: Array, rates: Rates, constant: bool
     ) -> None:
-        self._linear, self._rates, self._constant = linear, rates, constant
-        cells = len(weights)
-        self._blocks = np.ascontiguousarray(np.asarray(space.dofmap.list)[:cells], PETSc.IntType)
-        self._dofs = dof_values.dofs_of(space, np.arange(cells))
-        self._shape = (*weights.shape, self._dofs.shape[1] + 4)
+        self._every, self._rates, self._constant = linear, rates, constant
+        count = len(weights)
+        self._nodes_of = np.ascontiguousarray(np.asarray(space.dofmap.list)[:count], PETSc.IntType)
+        self._dofs_of = dof_values.dofs_of(space, np.arange(count))
+        self._shape = (*weights.shape, self._dofs_of.shape[1] + 4)
         index_map = space.dofmap.index_map
         self._size = (index_map.size_local + index_map.num_ghosts) * space.dofmap.bs
         self._weighted = (linear.values * weights[:, :, None]).transpose(0, 2, 1)
-        self._ready = self._taken = self._inserted = False
+        self._known: tuple[Array, Array] | None = None
+        self._taken = self._inserted = False
         self._matrix: PETSc.Mat | None = None
+        self.on(np.arange(count))
+
+    def on(self, cells: Indices) -> None:
+        """From now on act on some of the cells alone; the matrix may be another from now on."""
+        self._cells = slice(None) if len(cells) == len(self._dofs_of) else cells
+        self._linear = self._every.on(cells)
+        self._blocks, self._dofs = self._nodes_of[self._cells], self._dofs_of[self._cells]
+        if self._known is not None:
+            self._change, self._work = (one[self._cells] for one in self._known)
+        self._taken = self._inserted = False
+        self.destroy()
 
     def begin(self) -> None:
         """A new step: the bulk modulus, which flow leaves alone, is another."""
@@ -113,15 +133,16 @@ class VolumeStiffness:
         """Take up the bulk modulus at the points of the mean stress (n,) and the motion there is.
 
         Args:
-            bulk: d mean stress / d change of volume, Pa; the same throughout a step.
+            bulk: d mean stress / d change of volume, Pa; the same throughout a step. Of the cells
+                this acts on.
         """
         if self._taken and self._constant:
             return
-        if not (self._ready and self._constant):
+        if self._known is None or not self._constant:
             # A rank without cells tabulates nothing at all.
             change, work = (rates.reshape(self._shape) for rates in self._rates())
-            self._change, self._work = self._linear.terms @ change, self._weighted @ work
-            self._ready = True
+            self._known = self._every.terms @ change, self._weighted @ work
+            self._change, self._work = (one[self._cells] for one in self._known)
         self._taken, self._inserted = True, False
         by_point = bulk.reshape(*self._linear.values.shape[:2], 1)
         # From factors of the change of volume to those of the mean stress.
@@ -138,7 +159,7 @@ class VolumeStiffness:
         tenth of the work of inserting it cell by cell.
 
         Args:
-            matrix: Always the same; its pattern couples all unknowns of a cell.
+            matrix: The same until the next `on`; its pattern couples all unknowns of a cell.
             free: 0 where a local unknown is prescribed, 1 elsewhere (n,).
         """
         if not self._constant:
