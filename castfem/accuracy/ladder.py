@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from castfem.accuracy import sizes
 from castfem.accuracy.sizes import COUPLING, MESH, STEP
@@ -48,8 +49,8 @@ class Level:
 def levels(case: Case) -> tuple[Level, ...]:
     """Return the runs of a case, the cheapest first.
 
-    Runs beside that of the case itself write no fields. Sizes that the section or another check
-    of the case refuses (cells larger than a face) make a level with a problem.
+    Runs beside that of the case itself write one field, if that writes any. Sizes that a check of
+    the case refuses (cells larger than a face) make a level with a problem.
     """
     found = [Level(BASE, "", 1.0, case)]
     for axis in sizes.axes_of(case):
@@ -62,12 +63,19 @@ def levels(case: Case) -> tuple[Level, ...]:
 
 def _level(case: Case, axis: str, factor: float) -> Level:
     name = f"{axis}_x{factor:.3g}"
-    quiet = {"output.fields": [], "output.figures": False}
     try:
-        scaled = case.with_(sizes.changes(case, {axis: factor}) | quiet)
+        scaled = case.with_(sizes.changes(case, {axis: factor}) | quiet(case))
     except InputError as error:
         return Level(name, axis, factor, case, "; ".join(error.problems))
     return Level(name, axis, factor, scaled)
+
+
+def quiet(case: Case) -> dict[str, Any]:
+    """Return the keys with which a case writes little, and takes the same steps.
+
+    Steps and windows end where fields are written: one of them is kept if there are any.
+    """
+    return {"output.fields": list(case.output_fields[:1]), "output.figures": False}
 
 
 def _cost(level: Level) -> float:

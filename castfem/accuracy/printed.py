@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 
 def chief(table: ErrorTable) -> list[str]:
     """Return the headline numbers that have an error."""
-    return headline([{n: _quantity(e) for n, e in table.quantities.items()}])
+    return headline([{n: quantity_of(e) for n, e in table.quantities.items()}])
 
 
-def _quantity(entry: Entry) -> Quantity:
+def quantity_of(entry: Entry) -> Quantity:
+    """Return a number as results have it, without its error."""
     return Quantity(to_si(entry.value, entry.unit), entry.unit, entry.label)
 
 
@@ -43,7 +44,7 @@ def printed(table: ErrorTable) -> Table:
     for name in chief(table):
         entry = table.quantities[name]
         found.add_row(
-            plain_label(_quantity(entry)),
+            plain_label(quantity_of(entry)),
             shown(entry.value, entry.unit),
             error_shown(entry.error()),
             unit_shown(entry.unit),
@@ -62,7 +63,7 @@ def _part(part: Part | None) -> str:
 def unknown(table: ErrorTable) -> list[str]:
     """Return a line for each run that told nothing, and for the numbers that have no error."""
     lost = [
-        plain_label(_quantity(entry))
+        plain_label(quantity_of(entry))
         for entry in (table.quantities[name] for name in chief(table))
         if not math.isfinite(entry.error())
     ]

@@ -14,6 +14,9 @@ from typing import Any
 
 from castfem.case import Case
 from castfem.case.mechanics import Way
+from castfem.design.fidelity import LEVELS
+from castfem.errors import InputError
+from castfem.support.messages import choices
 
 MESH, STEP, COUPLING = "mesh", "step", "coupling"
 AXES = (MESH, STEP, COUPLING)
@@ -24,6 +27,21 @@ _SIZES = {
     "mesh": CELLS,
     "coupling": ("interval", "mechanical_step", "settled", "window_error"),
 }
+
+
+def factors_of(word: str) -> dict[str, float]:
+    """Return the factors that a word for the accuracy of a run stands for.
+
+    They are those of the levels of fidelity (`castfem.design.fidelity`); the step goes with the
+    coupling window.
+
+    Raises:
+        InputError: There is no such word.
+    """
+    level = LEVELS.get(word)
+    if level is None:
+        raise InputError(f"--accuracy {word}: not known; one of {choices(LEVELS)}")
+    return {MESH: level.cells, STEP: level.window, COUPLING: level.window}
 
 
 def axes_of(case: Case) -> tuple[str, ...]:

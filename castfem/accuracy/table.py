@@ -4,6 +4,7 @@
      "runs": [{"name": "mesh_x0.707", "axis": "mesh", "factor": 0.707, "seconds": 12.1,
                "message": ""}, ...],
      "quantities": {NAME: {"label": ..., "unit": "mm", "value": 4.86, "error": 0.03,
+                           "scale": 4.86,
                            "from": {"mesh": {"error": 0.02, "order": 1.3,
                                              "values": {"0.707": 4.85, "1": 4.86, ...}}, ...}}}}
 
@@ -27,7 +28,7 @@ from castfem.case import Case, read_case
 from castfem.errors import InputError
 from castfem.output.folder import CASE_NAME, ERROR_NAME
 from castfem.output.run_record import RunRecord
-from castfem.output.summary import SUMMARY_NAME, Summary
+from castfem.output.summary import SUMMARY_NAME, Quantity, Summary
 from castfem.support.atomic_files import write_json
 
 _FORMAT = "castfem error"
@@ -81,12 +82,15 @@ class Entry:
         unit: Of the value; errors of temperatures are in K.
         value: Of the case as it is.
         parts: What the error is made of, by axis.
+        scale: What a percentage of it is of: the value, of a temperature its fall since the
+            meniscus; 0 where there is nothing.
     """
 
     label: str
     unit: str
     value: float
     parts: Mapping[str, Part]
+    scale: float = 0.0
 
     def error(self, factors: Mapping[str, float] | None = None) -> float:
         """The sum of its parts; NaN where one is not known.
@@ -187,6 +191,10 @@ def gather(
     """
     base = next(level for level in levels if not level.axis)
     found: dict[str, Entry] = {}
+    liquidus = results[base.name].quantities.get("liquidus")
+    poured = case.casting.temperature or math.nan
+    if case.casting.superheat is not None and liquidus is not None:
+        poured = liquidus.value + case.casting.superheat
     for name, quantity in results[base.name].quantities.items():
         if not math.isfinite(quantity.shown):
             continue
@@ -203,8 +211,17 @@ def gather(
             parts[axis] = Part(made.error, made.order, values)
         largest = max((abs(v) for part in parts.values() for v in part.values.values()), default=0)
         if largest > _NOTHING and any(part.error != 0.0 for part in parts.values()):
-            found[name] = Entry(quantity.label, quantity.shown_unit, quantity.shown, parts)
+            unit, value = quantity.shown_unit, quantity.shown
+            found[name] = Entry(quantity.label, unit, value, parts, _scale(quantity, poured))
     return ErrorTable(case.title, sizes.key(case), sizes.described(case), tuple(runs), found)
+
+
+def _scale(quantity: Quantity, poured: float) -> float:
+    """What a percentage of a result is of, in its unit; `poured` in K, NaN where not known."""
+    if quantity.unit != "K":
+        return abs(quantity.shown)
+    fall = abs(poured - quantity.value)
+    return fall if math.isfinite(fall) else 0.0
 
 
 def attach(table: ErrorTable, folder: Path) -> bool:
@@ -250,6 +267,7 @@ def _entry_json(entry: Entry) -> dict[str, Any]:
         "unit": entry.unit,
         "value": entry.value,
         "error": entry.error(),
+        "scale": entry.scale,
         "from": parts,
     }
 
@@ -263,7 +281,8 @@ def _entry(content: Mapping[str, Any]) -> Entry:
         )
         for axis, part in content["from"].items()
     }
-    return Entry(content["label"], content["unit"], _number(content["value"]), parts)
+    value = _number(content["value"])
+    return Entry(content["label"], content["unit"], value, parts, content["scale"])
 
 
 def _number(value: float | None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,12 +10,16 @@ from typing import TYPE_CHECKING
 
 from castfem.accuracy.ladder import BASE, levels
 from castfem.accuracy.memo import Ladder, prepare
-from castfem.accuracy.printed import printed, unknown
+from castfem.accuracy.printed import chief, printed, quantity_of, unknown
+from castfem.accuracy.proposal import propose, read_share
+from castfem.accuracy.sizes import changes
 from castfem.accuracy.table import ErrorTable, attach
 from castfem.case import load_case, shipped_cases
 from castfem.cli import many_runs, parallel
 from castfem.output.folder import ERROR_ENDING
 from castfem.output.run_record import RUN_NAME
+from castfem.report.headline import plain_label
+from castfem.report.show import duration
 from castfem.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
@@ -32,6 +37,7 @@ class Options:
         processes: How many runs at once; None for one a core.
         overwrite: Run all anew, also over runs of other cases.
         quiet: Print nothing but errors.
+        to: Error for which sizes are to be proposed, "1%"; "" for none.
     """
 
     name: str
@@ -40,6 +46,7 @@ class Options:
     processes: int | None
     overwrite: bool
     quiet: bool
+    to: str = ""
 
 
 def error_of_case(options: Options) -> int:
@@ -59,6 +66,8 @@ def error_of_case(options: Options) -> int:
 
 def _prepared(options: Options, ranks: bool) -> Ladder:
     many_runs.check_processes(options.processes, ranks)
+    if options.to:
+        read_share(options.to)
     case = load_case(shipped_cases.find(options.name), options.overrides)
     return prepare(levels(case), _folder(options), overwrite=options.overwrite)
 
@@ -99,7 +108,25 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
     told = [p for p in dict.fromkeys((target / BASE, _alone(options))) if attach(table, p)]
     if not options.quiet:
         _print(table, path, told)
+    if options.to:
+        _propose(table, options)
     return 0
+
+
+def _propose(table: ErrorTable, options: Options) -> None:
+    """Print which sizes reach an error, how long a run with them takes, and its command."""
+    found = propose(table, chief(table), read_share(options.to))
+    case = load_case(shipped_cases.find(options.name), options.overrides)
+    words = ", ".join(f"{axis} x {factor:.3g}" for axis, factor in found.factors.items())
+    took = f"some {duration(found.seconds)} instead of {duration(found.now)}"
+    print(f"errors of {options.to}: {words}; {took}")
+    given = [*options.overrides]
+    given += [f"{key}={value}" for key, value in changes(case, found.factors).items()]
+    settings = " ".join(f"--set {shlex.quote(text)}" for text in given)
+    print(f"castfem run {shlex.quote(options.name)} {settings} -o FOLDER")
+    for name, left in found.beyond.items():
+        label = plain_label(quantity_of(table.quantities[name]))
+        print(f"not by sizes within reach: {label}, {100 * left:.2g} %", file=sys.stderr)
 
 
 def _print(table: ErrorTable, path: Path, told: list[Path]) -> None:

@@ -61,6 +61,9 @@ def run(
         typer.Option("--output", "-o", help="Folder; by default results/<family>/<name>."),
     ] = None,
     set_: Overrides = None,
+    accuracy: Annotated[
+        str, typer.Option(help="Cells, steps and windows: coarse, default (the case's) or fine.")
+    ] = "default",
     resume: Annotated[bool, typer.Option(help="Go on from the last checkpoint.")] = False,
     overwrite: Annotated[
         bool, typer.Option(help="Replace a run of another case in the folder.")
@@ -79,6 +82,7 @@ def run(
             name=case,
             folder=output,
             overrides=tuple(set_ or ()),
+            accuracy=accuracy,
             resume=resume,
             overwrite=overwrite,
             profile=profile,
@@ -176,6 +180,9 @@ def error(
     overwrite: Annotated[
         bool, typer.Option(help="Run all anew, and replace runs of another case.")
     ] = False,
+    to: Annotated[
+        str, typer.Option(metavar="PERCENT", help="Propose sizes with which errors are 1%, say.")
+    ] = "",
     quiet: Quiet = False,
 ) -> None:
     """Run a case on other meshes, with other steps and windows: the error of each number."""
@@ -189,6 +196,7 @@ def error(
             processes=jobs,
             overwrite=overwrite,
             quiet=quiet,
+            to=to,
         )
     )
     if status:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.case import AnyCase, TensileCase, shipped_cases
+from castfem.case import AnyCase, TensileCase, load_case, shipped_cases
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
 from castfem.errors import CastfemError, InputError
@@ -21,6 +21,8 @@ from castfem.time_loop import existing_run
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+_DEFAULT = "default"  # the sizes of the case
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,7 @@ class Options:
         overwrite: Replace a run of another case.
         profile: Print where the time went.
         verbosity: -1 quiet, 0 normal, 1 and more verbose.
+        accuracy: Word for its cells, steps and windows; "default" for those of the case.
     """
 
     name: str
@@ -44,6 +47,7 @@ class Options:
     overwrite: bool
     profile: bool
     verbosity: int
+    accuracy: str = _DEFAULT
 
 
 def run_case(options: Options) -> None:
@@ -77,7 +81,8 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     problems: list[str] = []
     try:
         path, target = _place(options)
-        case, _, problems = problems_of(path, options.overrides)
+        overrides = (*options.overrides, *_scaled(path, options))
+        case, _, problems = problems_of(path, overrides)
     except InputError as error:
         problems = list(error.problems)
     found = parallel.agree(comm, tuple(problems))
@@ -90,6 +95,23 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     if found or case is None:
         raise InputError(found)
     return case, target
+
+
+def _scaled(path: Path, options: Options) -> list[str]:
+    """Return the assignments that stand for the accuracy that is asked for.
+
+    Raises:
+        InputError: There is no such accuracy, the case is not sound, or its run is taken up again.
+    """
+    if options.accuracy == _DEFAULT:
+        return []
+    from castfem.accuracy.sizes import changes, factors_of
+
+    factors = factors_of(options.accuracy)
+    if options.resume and (path.parent / RUN_NAME).is_file():
+        raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
+    found = changes(load_case(path, options.overrides), factors)
+    return [f"{key}={value}" for key, value in found.items()]
 
 
 def _place(options: Options) -> tuple[Path, Path]:

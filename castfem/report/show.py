@@ -138,14 +138,14 @@ def _status(record: RunRecord, running: bool) -> str:
     facts = f"on {record.ranks} rank{'s' if record.ranks > 1 else ''}"
     seconds = sum(record.wall_time.values())
     if seconds:
-        facts = f"in {_duration(seconds)} {facts}"
+        facts = f"in {duration(seconds)} {facts}"
     if record.resumed:
         times = "once" if record.resumed == 1 else f"{record.resumed} times"
         facts += f", resumed {times}"
     return f"{how} {facts}" + (f": {record.reason}" if record.reason else "")
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
     """Seconds as a person says it."""
     if seconds < 120:
         return f"{seconds:.1f} s"

@@ -8,8 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ranks import python_on
 from small_case import SMALL, write_small
 
+from castfem.accuracy.sizes import described, factors_between
 from castfem.accuracy.table import ErrorTable
 from castfem.case import load_case
 from castfem.output.summary import Summary
@@ -86,6 +88,11 @@ def test_what_is_finished_is_not_run_again(castfem, tmp_path) -> None:
     assert errors["heat_removed"] == pytest.approx(entry.error({"step": 0.5}))
     assert errors["heat_removed"] < whole["heat_removed"]
     assert table.errors_of(case.with_(superheat="30 K")) is None
+    proposed = castfem(*WORDS, "-o", "out", "--to", "2%")
+    assert proposed.status == 0, proposed.err
+    (line,) = (li for li in proposed.out.splitlines() if li.startswith("castfem run small --set"))
+    assert line.endswith("-o FOLDER")
+    assert "errors of 2%: mesh x " in proposed.out
     other = castfem(*WORDS, "-o", "out", "--set", "superheat=30 K")
     assert other.status == 1
     assert "holds a run of another case (casting.superheat: 40 K there, 30 K here)" in other.err
@@ -102,9 +109,41 @@ def test_sizes_that_the_section_refuses_are_told(castfem, tmp_path) -> None:
     assert math.isfinite(table.quantities["heat_removed"].error())
 
 
+def test_a_run_with_coarser_cells_by_one_word(castfem, tmp_path) -> None:
+    """Its sizes are in its case; where it was taken up again they would be scaled twice."""
+    path = write_small(tmp_path)
+    words = ("run", "small", "-q", "--set", "casting.length=10 mm", "-o", "out")
+    assert castfem(*words, "--accuracy", "coarse").status == 0
+    case, ran = load_case(path), load_case(tmp_path / "out" / "case.toml")
+    ratios = factors_between(described(case), described(ran))
+    assert ratios is not None
+    assert ratios == {"mesh": pytest.approx(1.5), "step": pytest.approx(2.0)}
+    again = castfem("run", "out", "--resume", "--accuracy", "coarse")
+    assert again.status == 1
+    assert "leave out --accuracy" in again.err
+    refused = castfem(*words, "--accuracy", "fein")
+    assert refused.status == 1
+    assert "--accuracy fein:" in refused.err
+
+
+def test_a_plain_run_knows_nothing_of_it(tmp_path) -> None:
+    """Neither modules nor files."""
+    write_small(tmp_path)
+    script = (
+        "import sys; from castfem.cli import execute; "
+        "assert execute(['run', 'small', '-q', '--set', 'casting.length=10 mm']) == 0; "
+        "parts = ('castfem.accuracy', 'castfem.sweep', 'castfem.design'); "
+        "print([m for m in sys.modules if m.startswith(parts)])"
+    )
+    done = python_on(1, "-c", script, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "[]"
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (("error", "small", "--to", "1"), "--to 1: write it in percent, such as 1%"),
         (("error", "nosuch"), "nosuch: no such case file"),
         (("error", "small", "-j", 0), "at least one process"),
         (("error", "small", "-o", "small.toml"), "small.toml: is a file"),
