@@ -9,12 +9,20 @@ the strand is -f n, n the outward normal of the face, with
 p the pressure that the shell hands on to its rolls, K the stiffness of the foundation, w the bulge
 of the middle of the face and s the place of the rolls, all of them at that moment. Where nothing
 else bears the pressure within, u_n is w + s; near an edge that holds itself the shell gets there
-over the length (4 D/K)^(1/4), D its stiffness against bending. It may pull: the face opposite has
-rolls too.
+over the length (4 D/K)^(1/4), D its stiffness against bending.
+
+Rolls push only.  What the foundation seems to pull, where the face is within its rest, u_n < w + s,
+is pressure of the liquid that rolls do not bear there: the shell that is held back bears it.
+There can be no more of that than there is pressure, so that it fades as the core dies: within its
+rest the face meets c K instead of K, c being the share of the pressure that the shell hands on.
+Then f vanishes at the same distance whatever is left of the pressure.  With a liquid core, c = 1,
+f is linear and may pull further: the face opposite has rolls too.  A solid strand, c = 0, is free
+within its rest, and pressed by K beyond it.
 
 N is the normal of the undeformed face, across which rolls and their bulge are measured. At large
 strain f acts on the surface as it is now. At small strain it has the potential
-int p u_n + K/2 (u_n - w - s)^2 ds, and its tangent is symmetric.
+int p u_n + K/2 (u_n - w - s)^2 ds, with c K where it is within its rest, and its tangent is
+symmetric.
 """
 
 from __future__ import annotations
@@ -30,12 +38,24 @@ def outward(motion: Direction, mesh: ufl.Mesh) -> Expr:
     return ufl.dot(ufl.FacetNormal(mesh), motion.shift)
 
 
+def bed_stiffness(stiffness: Expr, within: Expr, rest: Expr, moved: Expr) -> Expr:
+    """Stiffness that the face meets where it is, Pa/m.
+
+    Args:
+        stiffness: K, Pa/m.
+        within: c, the share of K that it meets within its rest.
+        rest: w + s, m.
+        moved: u_n, m.
+    """
+    return stiffness * ufl.conditional(ufl.ge(moved, rest), 1.0, within)
+
+
 def bed_pressure(pressure: Expr, stiffness: Expr, rest: Expr, moved: Expr) -> Expr:
     """F of the module, Pa.
 
     Args:
         pressure: p, Pa.
-        stiffness: K, Pa/m.
+        stiffness: Of `bed_stiffness`, Pa/m.
         rest: w + s, m.
         moved: u_n, m.
     """
@@ -72,7 +92,7 @@ def tangent(
     mesh: ufl.Mesh,
     ds: ufl.Measure,
 ) -> ufl.Form:
-    """Derivative of `virtual_work` along a motion; `stiffness` is K, Pa/m."""
+    """Derivative of `virtual_work` along a motion; `stiffness` is that of `bed_stiffness`, Pa/m."""
     found = virtual_work(stiffness * outward(by, mesh), virtual, now, mesh, ds)
     if now is None:
         return found

@@ -42,21 +42,27 @@ class Bed:
         bulge: w of the middle of the face, outward, m; negative where the shell dips.
         offset: s of the rolls, outward, from the face of the undeformed section, m: half of the
             change of the aperture, and what a roll is out of line.
+        within: c, the share of K that the face meets within its rest: that of the pressure which
+            the shell hands on. 1 under a liquid core, 0 of a solid strand, which rolls cannot pull.
 
     Raises:
-        InputError: If the stiffness is negative, or a value no number.
+        InputError: If the stiffness is negative, the share not one, or a value no number.
     """
 
     pressure: float = 0.0
     stiffness: float = 0.0
     bulge: float = 0.0
     offset: float = 0.0
+    within: float = 1.0
 
     def __post_init__(self) -> None:
         """Check the values."""
-        values = (self.pressure, self.stiffness, self.bulge, self.offset)
-        if not np.isfinite(values).all():
-            raise InputError(f"rolls: pressure, stiffness, bulge, offset {values}: no numbers")
+        if not np.isfinite(astuple(self)).all():
+            raise InputError(
+                f"rolls: pressure, stiffness, bulge, offset, share {astuple(self)}: no numbers"
+            )
+        if not 0.0 <= self.within <= 1.0:
+            raise InputError(f"rolls: share {self.within:g} of the stiffness; it must be 0 to 1")
         if self.stiffness < 0.0:
             raise InputError(f"rolls: stiffness {self.stiffness:g} Pa/m; it must not be negative")
 
@@ -228,7 +234,7 @@ class WinklerFoundation(Interaction):
         self._now = None
         if solid.large_strain:
             self._now = finite_strain.deformation(motion.u, motion.generalized_strains, mesh)
-        self._values = {n: fem.Constant(mesh, np.zeros(3)) for n in given.on}  # p, K, w + s
+        self._values = {n: fem.Constant(mesh, np.zeros(4)) for n in given.on}  # p, K, w + s, c
         ds = ufl.Measure("ds", domain=mesh, subdomain_data=section.facet_tags, metadata=RULE)
         self._faces = {n: ds(tuple(section.required((n,)))) for n in given.on}
         across = of_generalized_strains(motion.generalized_strains, mesh).shift
@@ -236,10 +242,11 @@ class WinklerFoundation(Interaction):
         self._read: list[tuple[fem.Form, ...]] = []
 
     def _pressures(self) -> list[tuple[ufl.Measure, ufl.core.expr.Expr, ufl.core.expr.Expr]]:
-        """Surface of each group, its pressure f and its stiffness K."""
+        """Surface of each group, its pressure f and the stiffness that it meets."""
         found = []
         for name, ds in self._faces.items():
-            p, stiffness, rest = self._values[name]
+            p, most, rest, within = self._values[name]
+            stiffness = supports.bed_stiffness(most, within, rest, self._moved)
             f = supports.bed_pressure(p, stiffness, rest, self._moved)
             found.append((ds, f, stiffness))
         return found
@@ -298,7 +305,7 @@ class WinklerFoundation(Interaction):
     def _take(self, beds: Mapping[str, Bed]) -> None:
         for name, value in self._values.items():
             bed = beds[name]
-            value.value[:] = bed.pressure, bed.stiffness, bed.rest
+            value.value[:] = bed.pressure, bed.stiffness, bed.rest, bed.within
 
     def _readings(self) -> list[tuple[fem.Form, ...]]:
         """Of each group: force along its normal, integral of its displacement, length."""

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 Memory = Mapping[str, Array]
 FORESEEN = 3  # rolls whose forces are remembered where they are not alike, see `UnevenPitch`
 LEAST_BULGE = 50e-6  # m: a bed is no stiffer than the pressure over this
+LEAST_WITHIN = 1e-3  # of its stiffness: what holds a solid strand that no roll touches in its place
 EDGE = 0.32  # of the pitch: from the narrow face to where a clamped plate bulges as a strip
 MOULD_PLAY = 1e-3  # m: what a face moves in the mould under a change of the pressure by itself
 
@@ -55,10 +56,14 @@ class Core:
     head: Callable[[float], float]
     share: Callable[[Array], Array]
 
-    def handed_on(self, profile: Profile, time: float) -> float:
-        """Pressure that the shell hands on, Pa: none through liquid, none of a solid core."""
+    def share_handed_on(self, profile: Profile) -> float:
+        """Share of the pressure handed on: none through liquid, none of a solid core."""
         surface, core = self.share(np.array([profile.temperature[0], profile.temperature.max()]))
-        return float(self.head(time) * max(core - surface, 0.0))
+        return float(max(core - surface, 0.0))
+
+    def handed_on(self, profile: Profile, time: float) -> float:
+        """The pressure that it hands on, Pa."""
+        return float(self.head(time) * self.share_handed_on(profile))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,12 +133,13 @@ class PitchByPitch:
         offset = float(np.interp(place, self.rolls, self.offsets))
         beds = {group: Bed() for group in self.others}
         for i, (group, pressure) in enumerate(handed_on.items()):
-            within = place - self.rolls[passed - 1]
-            w = along(memory["z"][i], memory["deflection"][i], memory["slope"][i], within)
+            way = place - self.rolls[passed - 1]
+            w = along(memory["z"][i], memory["deflection"][i], memory["slope"][i], way)
             out = offset
             if self.lines is not None:
                 out += _outward(group) * float(np.interp(place, self.rolls, self.lines))
-            beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), out)
+            within = max(self.core.share_handed_on(profiles[self.faces[group]]), LEAST_WITHIN)
+            beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), out, within)
         return beds, memory
 
     def _entered(
@@ -157,7 +163,9 @@ class PitchByPitch:
             p = head * share * self.core.handed_on(profiles[probe], time)
             span = Span(float(last - first), p, speed)
             bulge, added = self._bulge(passed - 1, _outward(group), span, profiles[probe])
-            new["stiffness"][i] = head / max(bulge.largest, LEAST_BULGE)
+            # That of the shell between its rolls, p/w, and p is what is left of the head.
+            left = max(self.core.share_handed_on(profiles[probe]), LEAST_WITHIN)
+            new["stiffness"][i] = head / max(bulge.largest / left, LEAST_BULGE)
             new["thickness"][i], new["largest"][i] = bulge.thickness, bulge.largest
             new["load"][i], new["error"][i] = p * span.length, max(old["error"][i], bulge.error)
             new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])

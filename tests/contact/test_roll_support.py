@@ -111,10 +111,11 @@ def test_an_edge_that_holds_itself_gives_way_over_the_length_of_the_foundation()
     assert 3.5 < errors[0] / errors[1] < 5.5
 
 
+@pytest.mark.parametrize("within", [1.0, 0.3])
 @pytest.mark.parametrize("large", [False, True])
-def test_jacobian(large: bool) -> None:
+def test_jacobian(large: bool, within: float) -> None:
     size = 1e-3 if large else 2e-5
-    bed = Bed(1e14 * size, 4e12, bulge=0.5 * size, offset=0.1 * size)
+    bed = Bed(1e14 * size, 4e12, bulge=0.5 * size, offset=0.1 * size, within=within)
     law = NortonCreep.constant(Elasticity.constant(200e9, 0.3), 1e-2, 1e8, 3.0)
     setup = SliceSetup(
         mapped(2, 2, skewed(0.1, 0.06), groups=GROUPS),
@@ -135,6 +136,40 @@ def test_jacobian(large: bool) -> None:
     assert symmetric == setup.problem.kinematics.symmetric == (not large)
     # The bed is in it: without, the same state has another tangent.
     assert np.abs(found[:, -1]).max() > 0.0
+
+
+def under(bed: Bed) -> tuple[float, float]:
+    """A block held at its top on a bed: force of the bed, N/m, and what its foot moves, m."""
+    setup = block(rolls("bottom", bed=bed), held=(PrescribedDisplacement(("top",), 1),))
+    setup.step(1.0)
+    (state,) = setup.state.interactions
+    return float(state.force[0]), float(state.moved[0])
+
+
+@pytest.mark.parametrize("share", [1.0, 0.5, 0.01])
+def test_rolls_are_left_at_the_same_distance_whatever_is_left_of_the_pressure(share: float) -> None:
+    """And bear by its share on the way there."""
+    p, stiffness = 1e6, 1e9
+    forces = []
+    for part in (1.0, 0.5, 0.0):
+        bed = Bed(share * p, stiffness, bulge=part * p / stiffness, within=share)
+        forces.append(under(bed)[0] / (0.1 * p))
+    assert forces[0] == pytest.approx(0.0, abs=1e-12)
+    # Half-way there half of the share; the block gives way a little.
+    assert forces[1:] == pytest.approx([0.5 * share, share], rel=2e-3)
+
+
+def test_a_solid_strand_is_free_within_its_rest_and_pressed_beyond_it() -> None:
+    stiffness, way = 1e9, 1e-4
+    force, moved = under(Bed(0.0, stiffness, bulge=way, within=0.0))
+    assert force == 0.0 and moved == 0.0
+    # Where the core is liquid the same bed pulls at the face.
+    assert under(Bed(0.0, stiffness, bulge=way))[0] == pytest.approx(
+        -0.1 * stiffness * way, rel=1e-2
+    )
+    pressed = [under(Bed(0.0, stiffness, bulge=-way, within=c)) for c in (0.0, 1.0)]
+    assert pressed[0] == pytest.approx(pressed[1], rel=1e-12)
+    assert pressed[0][0] == pytest.approx(0.1 * stiffness * way, rel=1e-2) and pressed[0][1] < 0.0
 
 
 def test_work_of_the_rolls_is_stored_in_block_and_bed() -> None:
@@ -309,6 +344,8 @@ def test_a_problem_takes_springs_where_something_holds_the_section() -> None:
 def test_bad_beds_are_refused() -> None:
     with pytest.raises(InputError, match=r"stiffness -1 Pa/m; it must not be negative"):
         Bed(stiffness=-1.0)
+    with pytest.raises(InputError, match=r"share 1\.5 of the stiffness; it must be 0 to 1"):
+        Bed(within=1.5)
     with pytest.raises(InputError, match="no numbers"):
         Bed(bulge=np.nan)
     with pytest.raises(InputError, match="between 3 and 1 m"):

@@ -95,6 +95,7 @@ def test_the_middle_of_a_face_is_where_the_strip_is(creeping: Kept) -> None:
     for sample in between:
         bed = rolls_of(sample).beds["wide_face_intrados"]
         assert bed.offset == pytest.approx(offset(sample.position), abs=1e-9)
+        assert bed.within == 1.0  # its core is liquid
         moved = sample.strained.moved["mid_face"]
         # The face is held by its edges, too, the nearer the narrower it is.
         assert moved == pytest.approx(bed.bulge + bed.offset, abs=8e-6)
@@ -316,16 +317,35 @@ def test_a_slab_without_bulging_imports_nothing_of_it() -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_solid_core_neither_bulges_nor_is_pressed_in() -> None:
+def solid(*apertures: str) -> Kept:
+    """A slab that is solid throughout, on rolls."""
     profile = {"depth": [0, 50], "depth_unit": "mm", "value": [950, 1250], "unit": "degC"}
-    solid = {**SLAB["casting"], "start": {"at": "mould_exit", "profile": profile}}  # type: ignore[dict-item]
-    kept = run_in_memory(slab(casting=solid, machine__rolls__aperture=["100 mm"] * 3))
+    start = {**SLAB["casting"], "start": {"at": "mould_exit", "profile": profile}}  # type: ignore[dict-item]
+    return run_in_memory(slab(casting=start, machine__rolls__aperture=list(apertures)))
+
+
+def test_a_solid_core_neither_bulges_nor_is_pulled() -> None:
+    """It shrinks away from its rolls, which a foundation that pulled would follow with 10 kN/m."""
+    kept = solid("100 mm", "100 mm", "100 mm")
     for sample in kept.samples[1:]:
         state = rolls_of(sample)
         assert not state.memory["largest"].any() and not state.memory["force"].any()
         assert state.beds["wide_face_intrados"].pressure == 0.0
     last = rolls_of(kept.samples[-1])
-    assert last.beds["wide_face_extrados"].stiffness > 1e9
+    bed = last.beds["wide_face_extrados"]
+    assert bed.stiffness > 1e9 and bed.within < 2e-3
+    assert np.all(last.moved[:2] < -20e-6) and bed.rest == 0.0
+    pull = bed.stiffness * 20e-6 * 0.2  # of half of the face
+    assert pull > 5e3 and np.abs(last.force[:2]).max() < 2e-3 * pull
+
+
+def test_rolls_that_come_closer_press_a_solid_strand() -> None:
+    kept = solid("100 mm", "99 mm", "98 mm")
+    last = rolls_of(kept.samples[-1])
+    bed = last.beds["wide_face_extrados"]
+    assert bed.rest == pytest.approx(-1e-3)
+    assert last.force[:2] == pytest.approx(0.2 * bed.stiffness * (last.moved[:2] + 1e-3), rel=1e-2)
+    assert last.force[0] > 300e3
 
 
 def test_a_strand_without_a_shell_ends_the_run() -> None:
