@@ -198,6 +198,24 @@ class Result(Closing):
 
         return read_history(self.folder / HISTORY_NAME)
 
+    def at(self, position: float | str) -> dict[str, float]:
+        """Name to result in SI where the slice came to a position.
+
+        Between two rows of the history by straight lines; what the history has no column of is
+        left out.
+
+        Args:
+            position: "800 mm", or a number in m.
+
+        Raises:
+            InputError: It is no position, or the run has not been there.
+        """
+        from castfem.results.places import quantities_at, read_positions
+
+        (place,) = read_positions([position]) if isinstance(position, str) else (float(position),)
+        found = quantities_at(self.history, place, self.folder)
+        return {name: quantity.value for name, quantity in found.items()}
+
     @cached_property
     def probes(self) -> dict[str, pandas.DataFrame]:
         """Name of each [[output.probe]] to its table, one row a step, as `history` has them."""

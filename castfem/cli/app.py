@@ -31,6 +31,10 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. casting.length='20 m'."),
 ]
+At = Annotated[
+    list[str] | None,
+    typer.Option("--at", metavar="POSITION", help='Results there, such as "800 mm"; repeatable.'),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")]
 Verbose = Annotated[
     int, typer.Option("--verbose", "-v", count=True, help="Say more; tracebacks of faults.")
@@ -134,10 +138,12 @@ def sweep(
         Path | None,
         typer.Option(metavar="FILE", help="Write a SLURM script for the parts; run nothing."),
     ] = None,
+    at: At = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a case with several values, in parallel. What is finished is not run again."""
     from castfem.cli.sweeping import Options, sweep_case
+    from castfem.results.places import read_positions
 
     if resume and overwrite:
         raise InputError("--resume and --overwrite exclude each other")
@@ -160,6 +166,7 @@ def sweep(
             collect=collect,
             ranks=ranks,
             script=slurm,
+            at=tuple(read_positions(at or ())),
         )
     )
     if status:
@@ -243,8 +250,9 @@ def init(name: Annotated[str, typer.Argument(help="Name of the new case file.")]
 @app.command()
 def show(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
+    at: At = None,
 ) -> None:
-    """Print the table of a run and draw its figures."""
+    """Print the table of a run and draw its figures; with --at the results at some places."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     from castfem.cli import parallel
@@ -255,7 +263,11 @@ def show(
 
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: it is a sweep: castfem compare {folder}")
-    show_folder(folder, parallel.console())
+    from castfem.results.places import read_positions
+
+    show_folder(folder, parallel.console(), at=read_positions(at or ()))
+    if at:
+        return
     for line in error_pages.lines({"": folder}):
         print(line)
 
@@ -277,11 +289,14 @@ def compare(
         bool, typer.Option("--all", help="All quantities, not only those of the headline.")
     ] = False,
     figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
+    at: At = None,
 ) -> None:
     """Print runs side by side and draw their histories over one another."""
     from castfem.cli.comparing import compare_runs
+    from castfem.results.places import read_positions
 
-    compare_runs(folders, output, base, everything=everything, figures=figures)
+    places = read_positions(at or ())
+    compare_runs(folders, output, base, everything=everything, figures=figures, at=places)
 
 
 @app.command()

@@ -21,6 +21,7 @@ def compare_runs(
     *,
     everything: bool = False,
     figures: bool = True,
+    at: Sequence[float] = (),
 ) -> None:
     """Print the table of some runs, write it as CSV, and draw their figures.
 
@@ -30,6 +31,7 @@ def compare_runs(
         base: Label or folder of the run the others are measured by.
         everything: All quantities, not only those of the headline.
         figures: Draw them.
+        at: Positions, m; the results there instead of those at the end.
 
     Raises:
         InputError: A run cannot be used, or the folder for the results is not castfem's.
@@ -39,7 +41,7 @@ def compare_runs(
     measure = base_of(runs, base)
     target = output or _beside(runs)
     _take(target)
-    table = lines(runs, measure, everything=everything)
+    table = lines(runs, measure, everything=everything, at=at)
     out = parallel.console()
     for block in printed(runs, table, out.width):
         out.print(block, "", highlight=False)

@@ -43,6 +43,7 @@ class Options:
         collect: Run nothing; make the table of what has been run, in parts or elsewhere.
         ranks: Of each run, under mpirun.
         script: Write a script that does the sweep in parts, and run nothing.
+        at: Positions, m, whose results are told, too.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Options:
     collect: bool = False
     ranks: int = 1
     script: Path | None = None
+    at: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +172,7 @@ def _alone(options: Options) -> int:
         raise InputError(f"{target}: no such folder; nothing of this sweep has been run there")
     with record.shared():
         record.find(variants)
-    return _report(_Sweep(record, variants, ()), options.quiet)
+    return _report(_Sweep(record, variants, ()), options)
 
 
 def _default_folder(name: str, path: Path) -> Path:
@@ -197,19 +199,19 @@ def _done(sweep: _Sweep, options: Options, comm: MPI.Intracomm | None) -> int:
         sweep.jobs, before, sweep.record, comm,
         processes=options.processes, quiet=options.quiet, noted=noted, ranks=options.ranks,
     )  # fmt: skip
-    return _report(sweep, options.quiet)
+    return _report(sweep, options)
 
 
-def _report(sweep: _Sweep, quiet: bool) -> int:
+def _report(sweep: _Sweep, options: Options) -> int:
     """Print and write the table of results; return the exit status.
 
     One part of several writes no table: the others have rows for it, too.
     """
-    table = rows(sweep.variants, sweep.record)
+    table = rows(sweep.variants, sweep.record, options.at)
     target = sweep.record.folder
     if sweep.whole:
         write_table(target / TABLE_NAME, table)
-    if not quiet:
+    if not options.quiet:
         out = parallel.console()
         if table:
             out.print(printed(table, out.width), highlight=False)

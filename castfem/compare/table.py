@@ -66,7 +66,9 @@ class Line:
         return met(self.ours[run], self.theirs[run], self.kinds[run])
 
 
-def lines(runs: Sequence[Run], base: Run, *, everything: bool = False) -> list[Line]:
+def lines(
+    runs: Sequence[Run], base: Run, *, everything: bool = False, at: Sequence[float] = ()
+) -> list[Line]:
     """Return the headline quantities, those with references, and the ratios to the base run.
 
     Sizes are shown on the way through the mould, too, from the histories.
@@ -75,6 +77,7 @@ def lines(runs: Sequence[Run], base: Run, *, everything: bool = False) -> list[L
         runs: In the order of the columns.
         base: By which the ratios are taken.
         everything: All quantities instead of the headline ones.
+        at: Positions, m: the quantities there instead of those at the end.
     """
     all_of = [run.summary.quantities for run in runs]
     references = [c for run in runs for c in run.summary.references if not c.missing]
@@ -89,8 +92,11 @@ def lines(runs: Sequence[Run], base: Run, *, everything: bool = False) -> list[L
         inner = [place for place in those if place is not None]
         if name.startswith(_ALONG):
             inner += [p for p in way if not any(math.isclose(p, i, rel_tol=_SAME) for i in inner)]
-        for at in (*sorted(inner), None):
-            line = _line(runs, histories, name, at)
+        places: tuple[float | None, ...] = tuple(at) or (*sorted(inner), None)
+        for place in places:
+            line = _line(runs, histories, name, place)
+            if at and not any(map(math.isfinite, line.ours)):
+                continue  # it has no column in the history
             found.append(line)
             if name in RATIOS:
                 judged = tuple(_may_be_judged(run, base) for run in runs)

@@ -33,13 +33,20 @@ UNCHANGED = "of the unchanged case"
 _DECIMALS = {"degC": 1, "K": 1, "mm": 2}
 
 
-def show(folder: Path | str, console: Console | None = None, *, figures: bool = True) -> None:
+def show(
+    folder: Path | str,
+    console: Console | None = None,
+    *,
+    figures: bool = True,
+    at: Sequence[float] = (),
+) -> None:
     """Prints status, results beside references, balances and effort of a run; draws its figures.
 
     Args:
         folder: Of the run, which may be at work, killed or failed.
         console: Where to print; standard output if None.
         figures: Draw them; a folder that cannot be written costs a line, not the table.
+        at: Positions, m; the results there, and nothing else, if some are given.
 
     Raises:
         InputError: The folder holds no run, or a file in it is damaged.
@@ -56,6 +63,11 @@ def show(folder: Path | str, console: Console | None = None, *, figures: bool = 
     if summary is not None and summary.title:
         out.print(summary.title, style="bold", highlight=False)
     _print(out, _status(record, running))
+    from castfem.report.place_tables import print_along, print_places
+
+    if at:
+        print_places(out, path, at)
+        return
     if summary is None or record.status != "finished":
         _print_last_state(out, path, record)
     if summary is not None:
@@ -63,6 +75,7 @@ def show(folder: Path | str, console: Console | None = None, *, figures: bool = 
     if summary is not None and not (path / HISTORY_NAME).is_file():
         text = f"{path / HISTORY_NAME} is missing: no figures over time, and nothing to look at"
         _print(out, text, style="yellow")
+    print_along(out, path, summary)
     _print_remarks(out, path, summary)
     _print_cracks(out, path, summary)
     _print_effort(out, record, summary)

@@ -7,13 +7,15 @@ import io
 import math
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError
+from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Quantity, Summary
 from castfem.report.headline import headline, plain_label
+from castfem.results.places import quantities_at
 from castfem.support.atomic_files import write_text
 from castfem.sweep.plan import Variant, shortened
 from castfem.sweep.record import Record
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 TABLE_NAME = "sweep.csv"
+_LEAST = 4  # results that are shown before what was varied has columns of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +51,14 @@ class Row:
     label: str = ""
 
 
-def rows(variants: Sequence[Variant], record: Record) -> list[Row]:
-    """Return the rows of a sweep as it stands."""
+def rows(variants: Sequence[Variant], record: Record, at: Sequence[float] = ()) -> list[Row]:
+    """Return the rows of a sweep as it stands.
+
+    Args:
+        variants: Its runs.
+        record: What has become of them.
+        at: Positions, m; the results there stand before those at the end.
+    """
     found = []
     for variant in variants:
         entry = record.entries[variant.name]
@@ -60,6 +69,7 @@ def rows(variants: Sequence[Variant], record: Record) -> list[Row]:
             try:
                 summary = Summary.load(record.folder / variant.name)
                 quantities = summary.quantities if summary else {}
+                quantities = {**_results_at(record.folder / variant.name, at), **quantities}
             except CastfemError as error:
                 message = str(error)
         found.append(
@@ -73,6 +83,24 @@ def rows(variants: Sequence[Variant], record: Record) -> list[Row]:
                 variant.label,
             )
         )
+    return found
+
+
+def _results_at(folder: Path, at: Sequence[float]) -> dict[str, Quantity]:
+    """Results of a run at some positions, m, by name and position.
+
+    Raises:
+        InputError: It has no history, or has not been there.
+    """
+    if not at:
+        return {}
+    table = read_history(folder / HISTORY_NAME)
+    found = {}
+    for position in at:
+        place = f"at {1e3 * position:.6g} mm"
+        for name, quantity in quantities_at(table, position, folder).items():
+            if name != "position":
+                found[f"{name} {place}"] = replace(quantity, label=f"{quantity.label}, {place}")
     return found
 
 
@@ -107,16 +135,21 @@ def printed(table: Sequence[Row], width: int) -> Table:
     from rich.table import Table
 
     found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
-    columns = _leading_columns(table)
+    columns, results = _leading_columns(table), _main_columns(table)
     remarks = [_remark(row) for row in table]
-    room = width - sum(_width(*column) for column in columns) - min(30, max(map(len, remarks)))
-    for column in _main_columns(table):
+    left = width - min(30, max(map(len, remarks)))
+    wanted = sum(_width(*column) for column in results[:_LEAST])
+    if left - sum(_width(*column) for column in columns) < wanted:
+        columns = _folded(columns)
+    room = left - sum(_width(*column) for column in columns)
+    for column in results:
         room -= _width(*column)
         if room < 0:
             break
         columns.append(column)
-    for header, _ in columns:
-        found.add_column(header, justify="right")
+    for header, cells in columns:
+        lines = any("\n" in cell for cell in cells)
+        found.add_column(header, justify="left" if lines else "right", no_wrap=True)
     found.add_column("")
     for number, row in enumerate(table):
         style = "red" if row.status == "failed" else ""
@@ -142,13 +175,35 @@ def _leading_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     return columns
 
 
+def _folded(columns: Sequence[tuple[str, list[str]]]) -> list[tuple[str, list[str]]]:
+    """What was varied in one column, a line a key: the results are what the table is read for."""
+    if len(columns) < 2:
+        return list(columns)
+    heads = [header.replace("\n", " ").partition(" [") for header, _ in columns]
+    names = [name for name, _, _ in heads]
+    units_of = [unit.removesuffix("]") for _, _, unit in heads]
+    cells = []
+    for values in zip(*(cells for _, cells in columns), strict=True):
+        lines = [
+            f"{name} {value} {unit}".strip()
+            for name, value, unit in zip(names, values, units_of, strict=True)
+            if value
+        ]
+        cells.append("\n".join(shortened(line) for line in lines))
+    return [("varied", cells)]
+
+
 def _main_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     """Header and cells of the headline results, the most wanted first."""
     from castfem.report.show import shown
 
     all_of = [row.quantities for row in table if row.quantities]
     found = []
-    for name in headline(all_of):
+    placed = [name for q in all_of for name in q if " at " in name]
+    wanted = headline(all_of)
+    chosen = [n for n in dict.fromkeys(placed) if n.partition(" at ")[0] in wanted]
+    chosen.sort(key=lambda name: wanted.index(name.partition(" at ")[0]))
+    for name in chosen or wanted:
         some = next(q[name] for q in all_of if name in q)
         quantities = [row.quantities.get(name) for row in table]
         cells = [shown(q.shown, q.shown_unit) if q else "-" for q in quantities]
@@ -163,7 +218,8 @@ def _header(name: str, unit: str) -> str:
 
 def _width(header: str, cells: Sequence[str]) -> int:
     """How wide a column is, with the two spaces behind it."""
-    return max(map(len, [*header.split("\n"), *cells])) + 2
+    lines = [line for text in (header, *cells) for line in text.split("\n")]
+    return max(map(len, lines)) + 2
 
 
 def _remark(row: Row) -> str:

@@ -1,0 +1,106 @@
+"""The table of results at several places of one run, as wide as the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.errors import InputError
+from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.summary import Quantity, Summary
+from castfem.report.places import Place, places_of, table_names
+from castfem.report.show import shown, unit_shown
+from castfem.results.places import quantities_at
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+_SPACES = 2  # behind a column
+
+
+def print_places(out: Console, folder: Path, positions: Sequence[float]) -> None:
+    """Print all results at some positions, m.
+
+    Raises:
+        InputError: There is no history, or the run has not been there.
+    """
+    table = read_history(folder / HISTORY_NAME)
+    if table.empty:
+        raise InputError(f"{folder}: no step has been taken yet")
+    places = [Place("", position) for position in positions]
+    runs = [quantities_at(table, position, folder) for position in positions]
+    names = [n for n in table_names(runs, everything=True) if n != "position"]
+    for block in _blocks("Results on the way", places, runs, names, out.width):
+        out.print(block, "", highlight=False)
+
+
+def print_along(out: Console, folder: Path, summary: Summary | None) -> None:
+    """Print what there is at the ends of zones, bending and straightening, if there are any."""
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return
+    if len(table) < 2 or "position" not in table:
+        return
+    position = table["position"]
+    start, end = float(position.iloc[0]), float(position.iloc[-1])
+    places = [place for place in places_of(folder, summary, end) if place.position >= start]
+    if len(places) < 2:
+        return
+    runs = [quantities_at(table, place.position, folder) for place in places]
+    for block in _blocks("Along the strand", places, runs, table_names(runs), out.width):
+        out.print(block, "", highlight=False)
+
+
+def _blocks(
+    title: str,
+    places: Sequence[Place],
+    runs: Sequence[Mapping[str, Quantity]],
+    names: Sequence[str],
+    width: int,
+) -> list[Table]:
+    """Tables with a row a quantity and a column a place, equally many columns in each."""
+    some = {name: next(run[name] for run in runs if name in run) for name in names}
+    first = [("quantity", [q.label for q in some.values()])]
+    first.append(("unit", [unit_shown(q.shown_unit) for q in some.values()]))
+    columns = [
+        (_heading(place), [_cell(run.get(name)) for name in names])
+        for place, run in zip(places, runs, strict=True)
+    ]
+    room = width - sum(_width(*column) for column in first)
+    fitting = max(1, room // max(_width(*column) for column in columns))
+    count = -(-len(columns) // fitting)
+    each = -(-len(columns) // count)
+    return [_block(title, [*first, *columns[i : i + each]]) for i in range(0, len(columns), each)]
+
+
+def _heading(place: Place) -> str:
+    """What stands above a column: the place in words, its position in mm or m."""
+    p = place.position
+    at = f"{p:.4g} m" if p >= 10.0 else f"{1e3 * p:.5g} mm"
+    return "\n".join([*place.name.split(" "), at]).strip()
+
+
+def _cell(quantity: Quantity | None) -> str:
+    return "-" if quantity is None else shown(quantity.shown, quantity.shown_unit)
+
+
+def _width(header: str, cells: Sequence[str]) -> int:
+    return max(map(len, [*header.split("\n"), *cells])) + _SPACES
+
+
+def _block(title: str, columns: Sequence[tuple[str, Sequence[str]]]) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    found = Table(
+        title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD,
+        show_edge=False, padding=(0, 1, 0, 0),
+    )  # fmt: skip
+    for number, (header, _) in enumerate(columns):
+        found.add_column(header, justify="left" if number < 2 else "right", no_wrap=number > 0)
+    for cells in zip(*(cells for _, cells in columns), strict=True):
+        found.add_row(*cells)
+    return found

@@ -1,0 +1,108 @@
+"""Places of a run that are worth a column, and what is told of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from castfem.errors import CastfemError
+from castfem.output.folder import CASE_NAME
+from castfem.output.summary import Quantity, Summary
+from castfem.report.headline import HEADLINE
+
+_MOST = 8  # places in the table of a run that was asked for none
+_NAMES = (
+    "shell_mid_face",
+    "shell_narrow_face",
+    "shell_corner",
+    "surface_temperature_mid_face",
+    "surface_temperature_narrow_face",
+    "surface_temperature_corner",
+    "heat_flux_mid_face",
+    "heat_removed",
+    "cooling_power",
+    "temperature_max",
+    "gap_mid_face",
+    "gap_corner",
+    "von_mises_max",
+)
+"""What the table of places has, of what a run has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place along the strand.
+
+    Attributes:
+        name: What is there; empty of one that was asked for.
+        position: Below the meniscus, m.
+    """
+
+    name: str
+    position: float
+
+
+def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
+    """Return the places of a run that are worth a column: zone ends, bending, straightening, end.
+
+    Args:
+        folder: Of the run.
+        summary: Of it; None of one that has not ended.
+        end: Where it ended, m.
+    """
+    found: list[Place] = []
+    if summary is not None:
+        found += [Place(zone.name, zone.end) for zone in summary.zones if zone.whole]
+        if summary.mould_exit is not None:
+            found = [p for p in found if not _same(p.position, summary.mould_exit)]
+            found.append(Place("mould exit", summary.mould_exit))
+    found += _bends(folder)
+    found = [p for p in found if p.position < end and not _same(p.position, end)]
+    return [*sorted(found, key=lambda p: p.position)[: _MOST - 1], Place("end", end)]
+
+
+def _bends(folder: Path) -> list[Place]:
+    """Ends of bending and straightening, of a case with rolls."""
+    path = folder / CASE_NAME
+    try:
+        if "[machine" not in path.read_text(encoding="utf-8"):
+            return []
+        from castfem.case import load_case
+        from castfem.machine.phases import phases
+        from castfem.machine.stations import BENDS
+
+        machine = load_case(path).machine
+        rolls = None if machine is None else machine.pairs()
+    except (OSError, CastfemError):
+        return []
+    if rolls is None:
+        return []
+    return [
+        Place(f"{phase.kind} ends", rolls.pairs[phase.last].position)
+        for phase in phases(rolls)
+        if phase.kind in BENDS
+    ]
+
+
+def table_names(runs: Sequence[Mapping[str, Quantity]], *, everything: bool = False) -> list[str]:
+    """Return what a table of places has: that is not alike on both faces, or all of it."""
+    names = list(dict.fromkeys(name for run in runs for name in run))
+    if everything:
+        return names
+    named = [name for name in (*_NAMES, *HEADLINE) if name in names]
+    return [name for name in dict.fromkeys(named) if not _says_nothing_new(name, runs)]
+
+
+def _says_nothing_new(name: str, runs: Sequence[Mapping[str, Quantity]]) -> bool:
+    """Whether a quantity of the narrow face is that of the other everywhere."""
+    other = name.replace("_narrow_face", "_mid_face")
+    pairs = [(run.get(name), run.get(other)) for run in runs]
+    return name != other and all(
+        one is not None and two is not None and _same(one.value, two.value) for one, two in pairs
+    )
+
+
+def _same(one: float, other: float) -> bool:
+    return math.isclose(one, other, rel_tol=1e-6)

@@ -1,0 +1,76 @@
+"""Results at places of the strand, read off the history."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.errors import InputError
+from castfem.output.summary import Quantity
+from castfem.results.labels import last_quantities
+from castfem.values import units
+from castfem.values.same_place import ROUNDING
+
+if TYPE_CHECKING:
+    import pandas
+
+
+def read_positions(given: Sequence[str]) -> list[float]:
+    """Return positions a user has written, "800 mm", in m.
+
+    Raises:
+        InputError: One is none.
+    """
+    found, problems = [], []
+    for text in given:
+        try:
+            found.append(units.parse(text, "m"))
+        except ValueError as error:
+            problems.append(f"--at {text}: {error}")
+    if problems:
+        raise InputError(problems)
+    return found
+
+
+def quantities_at(
+    table: pandas.DataFrame, position: float, folder: Path | str
+) -> dict[str, Quantity]:
+    """Return the results where the slice came to a position, between two rows by straight lines.
+
+    Args:
+        table: Of `read_history`.
+        position: m.
+        folder: Of the run, for messages.
+
+    Raises:
+        InputError: The run has not been there.
+    """
+    places = table["position"].to_numpy()
+    start, end = float(places[0]), float(places[-1])
+    slack = ROUNDING * max(end, 1e-3)
+    if not start - slack <= position <= end + slack:
+        raise InputError(
+            f"{folder}: {_mm(position)} is not between {_mm(start)} and {_mm(end)}, where the run "
+            "begins and ends"
+        )
+    # Where the strand stands the slice is at a place more than once: the first time counts.
+    after = min(int(np.searchsorted(places, position - slack)), len(places) - 1)
+    if abs(places[after] - position) <= slack or after == 0:
+        row = table.iloc[after]
+        values = {str(name): float(value) for name, value in row.items()}
+    else:
+        share = (position - places[after - 1]) / (places[after] - places[after - 1])
+        before, behind = table.iloc[after - 1], table.iloc[after]
+        values = {
+            str(name): float(one + share * (other - one))
+            for name, one, other in zip(table.columns, before, behind, strict=True)
+        }
+    return last_quantities(values, table.attrs["units"])
+
+
+def _mm(position: float) -> str:
+    """A position in mm."""
+    return f"{1e3 * position:.6g} mm"
