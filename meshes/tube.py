@@ -33,12 +33,14 @@ class TubeMesh:
         cells: Nodes of each brick (m, (order + 1)^3), in the order of DOLFINx.
         order: 1 or 2, of the cells' geometry.
         shape: Nodes across the wall (0 at the inner one), round it, along it.
+        meniscus: Layer of nodes from which on the inner wall is hot; what is above is its collar.
     """
 
     points: np.ndarray
     cells: np.ndarray
     order: int
     shape: tuple[int, int, int]
+    meniscus: int = 0
 
     def node(self, i: int | np.ndarray, j: int | np.ndarray, k: int | np.ndarray) -> np.ndarray:
         """Numbers of nodes by their places in the block; negative ones count from the end."""
@@ -65,6 +67,7 @@ def tube(
     thickness: float,
     across: int,
     order: int = 2,
+    meniscus: int = 0,
 ) -> TubeMesh:
     """Mesh a tube.
 
@@ -76,6 +79,7 @@ def tube(
         thickness: Of the wall, along the normals, m.
         across: Cells across the wall.
         order: 1 or 2.
+        meniscus: See `TubeMesh`.
 
     Raises:
         ValueError: The nodes do not make up whole cells.
@@ -88,7 +92,7 @@ def tube(
     z = np.broadcast_to(positions[:, None, None, None], (*place.shape[:3], 1))
     points = np.concatenate([place, z], axis=-1).reshape(-1, 3)
     shape = (len(depth), around, along)
-    return TubeMesh(points, _bricks(shape, order), order, shape)
+    return TubeMesh(points, _bricks(shape, order), order, shape, meniscus)
 
 
 def _bricks(shape: tuple[int, int, int], order: int) -> np.ndarray:

@@ -38,6 +38,7 @@ ORDER = {
     "simulation": "from a case to what computes it",
     "results": "what is read off the slice",
     "time_loop": "from the meniscus to the end",
+    "mould_fit": "strand and mould fitted to each other",
     "plots": "figures of a run",
     "api": "Python interface",
     "report": "words on a run",

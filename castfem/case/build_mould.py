@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from castfem import mould as wall
 from castfem.case.mould import Mould
+from castfem.case.mould_tube import check_tube
 from castfem.case.problems import Problem
 from castfem.case.section import Section, Strip
 from castfem.values.same_place import ROUNDING
@@ -31,11 +32,14 @@ def build_mould(table: Mould, section: Section) -> wall.Mould:
     hot = 1.0 if expansion is None else expansion.factor(0.0)
     tapers = _tapers(table, section)
     temperature = None if table.wall_temperature is None else as_function(table.wall_temperature)
+    if table.displacement is not None:
+        cavity = _cavity(table, section, hot)
+        return wall.DisplacedMould(cavity, table.length, tapers, table.displacement, temperature)
     return wall.Mould(_cavity(table, section, hot), table.length, tapers, temperature, expansion)
 
 
 def _expansion(table: Mould) -> wall.Expansion | None:
-    if table.condition == "working":
+    if table.condition == "working" or table.displacement is not None:
         return None
     copper = table.copper
     mean = table.wall_temperature if copper.temperature is None else copper.temperature
@@ -88,11 +92,22 @@ def check_mould(table: Mould | None, section: Section) -> Iterator[Problem]:
             )
         )
     found += [] if table.friction is None else table.friction.problems()
+    if table.tube is not None:
+        found += check_tube(table.tube, section)
     yield from found
     sizes = [getattr(section, name, None) for name in type(section).model_fields]
     needed = [table.length, table.taper, table.condition, table.copper, *sizes]
     if not found and None not in needed:
         yield from _fits(table, section)
+
+
+def nominal_mould(table: Mould, section: Section) -> wall.Mould:
+    """Return the mould of the sizes and the taper as they are written, neither hot nor displaced.
+
+    Raises:
+        ValueError: As `build_mould`.
+    """
+    return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table, section))
 
 
 def _sizes(table: Mould, section: Section, known: tuple[str, ...]) -> Iterator[Problem]:
@@ -164,7 +179,7 @@ def _fits(table: Mould, section: Section) -> Iterator[Problem]:
         key = ""
         straight = wall.same(wall.Taper.single(0.0, table.length))
         wall.Mould(_cavity(table, section, 1.0), table.length, straight)
-        key = "taper"
+        key = "taper" if table.displacement is None else "displacement"
         build_mould(table, section)
     except ValueError as error:
         if key:

@@ -11,9 +11,12 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from castfem.case.base import TableModel, written
 from castfem.case.mechanics import Share
+from castfem.case.mould_tube import MouldTube
 from castfem.case.problems import Problem
 from castfem.case.taper import Perimeter, TaperMark
 from castfem.case.variants import Variants
+from castfem.case.wall_shape import WallShape
+from castfem.mould.displaced import WallDisplacement
 from castfem.values.quantities import Distance, Kind, Length, PositiveNumber, Speed, Temperature
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
@@ -26,6 +29,20 @@ if TYPE_CHECKING:
     from castfem.contact.friction import Friction as FrictionLaw
 
 TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
+ConductivityOfTemperature = Annotated[
+    float | Table, Curve(Kind("W/(m K)", "W/(m K)", above=0.0), over="temperature")
+]
+ExpansionOfTemperature = Annotated[
+    float | Table, Curve(Kind("1/K", "1/K", above=0.0), over="temperature")
+]
+ModulusOfTemperature = Annotated[
+    float | Table,
+    Curve(Kind("Pa", "GPa", above=0.0, label="Young's modulus", sample="117 GPa"), "temperature"),
+]
+PoissonOfTemperature = Annotated[
+    float | Table,
+    Curve(Kind("1", least=0.0, most=0.49, label="Poisson's ratio", sample="0.34"), "temperature"),
+]
 ExpansionCoefficient = Annotated[float, Kind("1/K", "1/K", above=0.0)]
 Stress = Annotated[float, Kind("Pa", "MPa", above=0.0, label="stress", sample="10 MPa")]
 FrictionCoefficient = Annotated[
@@ -226,6 +243,21 @@ class Copper(TableModel):
         description="mean temperature of the wall over its thickness; by default wall_temperature",
         examples=["120 degC"],
     )
+    conductivity: ConductivityOfTemperature | None = Field(
+        None,
+        description="for [mould.tube]; by default that of [Calcutt2001], 394 to 377 W/(m K)",
+    )
+    mean_expansion: ExpansionOfTemperature | None = Field(
+        None,
+        description="for [mould.tube]: mean coefficient from 20 degC over temperature; by default "
+        "that of [Calcutt2001], 16.8e-6 to 17.7e-6 1/K",
+    )
+    youngs_modulus: ModulusOfTemperature | None = Field(
+        None, description="for [mould.tube]; by default 117 GPa at 20 degC, 106 GPa at 300 degC"
+    )
+    poisson: PoissonOfTemperature | None = Field(
+        None, description="Poisson's ratio, for [mould.tube]; by default 0.34"
+    )
 
 
 class Mould(TableModel):
@@ -261,6 +293,15 @@ class Mould(TableModel):
     copper: Copper = Field(
         default_factory=lambda: Copper.model_validate({}),
         description="thermal expansion of a mould given cold",
+    )
+    displacement: Annotated[WallDisplacement, WallShape()] | None = Field(
+        None,
+        description="how far the wall at work stands from the cavity of sizes and taper, all round "
+        "and along; `castfem mould --hot` and `castfem square` write it. Instead of the expansion "
+        "of [mould.copper]",
+    )
+    tube: MouldTube | None = Field(
+        None, description="the copper tube, for `castfem mould --hot`; a run has no use for it"
     )
     contact: Annotated[
         ContactSettings, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])

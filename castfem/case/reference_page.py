@@ -28,6 +28,7 @@ from castfem.case.mechanics import (
     WindowMark,
 )
 from castfem.case.mould import ContactSettings, Copper, Friction, Mould
+from castfem.case.mould_tube import MouldTube
 from castfem.case.probe import Probe
 from castfem.case.problems import submodels
 from castfem.case.quality import Quality, Range
@@ -38,6 +39,7 @@ from castfem.case.tensile import Segment, Tensile, TensileOutput
 from castfem.case.thermal import Adaptive, Stepping, Thermal
 from castfem.case.variants import Variants
 from castfem.case.verification import Verification
+from castfem.case.wall_shape import WallShape
 from castfem.values.curves import CurveOrName
 from castfem.values.quantities import Kind, NameOf
 from castfem.values.table_notation import Curve, CurveOr
@@ -120,6 +122,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[coupling]", Coupling),
     ("[mould]", Mould),
     ("[mould.copper]", Copper),
+    ("[mould.tube]", MouldTube),
     ("[mould.contact]", ContactSettings),
     ("[mould.friction]", Friction),
     ("[machine]", Machine),
@@ -228,8 +231,9 @@ def _type(annotation: Any, example: object = None) -> str:
     if origin is typing.Annotated:
         marks = [mark for mark in inner[1:] if isinstance(mark, Kind | Curve)]
         names = [_names_of(mark) for mark in inner[1:] if isinstance(mark, NameOf)]
-        if names:
-            return names[0]
+        told = [mark.takes for mark in inner[1:] if isinstance(mark, WallShape)]
+        if names or told:
+            return [*names, *told][0]
         return _mark(marks[0], example) if marks else _type(inner[0])
     if origin is typing.Literal:
         return ", ".join(f"`{value!r}`".replace("'", '"') for value in inner)

@@ -321,13 +321,28 @@ def mould(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_mould.png.")
     ] = None,
+    hot: Annotated[
+        bool, typer.Option("--hot", help="How heat distorts it: cold and at work, [mould.tube].")
+    ] = False,
+    coupled: Annotated[
+        bool,
+        typer.Option(
+            "--coupled", help="With --hot: the strand in the hot mould heats it, until both agree."
+        ),
+    ] = False,
     set_: Overrides = None,
 ) -> None:
-    """Print size and taper of a case's mould, and draw it."""
+    """Print size and taper of a case's mould, and draw it; with --hot, cold and at work."""
     from castfem.case import load_case
     from castfem.cli.mould import draw_mould
 
     path = shipped_cases.find(case)
+    if hot or coupled:
+        from castfem.cli.hot_mould import draw_hot_mould
+
+        target = output or Path(f"{path.stem}_hot.png")
+        draw_hot_mould(load_case(path, set_ or ()), target, case, coupled=coupled)
+        return
     draw_mould(load_case(path, set_ or ()), output or Path(f"{path.stem}_mould.png"), case)
 
 

@@ -19,8 +19,9 @@ from castfem.values.types import Array, Indices
 if TYPE_CHECKING:
     from castfem.meshes.tube import TubeMesh
 
-FACES = ("inner", "outer", "symmetry_y", "symmetry_x", "top", "bottom")
-"""Of the block: across the wall, round it (y = 0 first, then x = 0), along it."""
+FACES = ("inner", "outer", "symmetry_y", "symmetry_x", "top", "bottom", "collar")
+"""Of the block: across the wall, round it (y = 0 first, then x = 0), along it; the collar is the
+inner wall above the meniscus."""
 
 
 class Tube:
@@ -42,8 +43,8 @@ class Tube:
 
     def __init__(self, comm: MPI.Comm, source: TubeMesh | None, degree: int = 2) -> None:
         self.comm, self.degree = comm, degree
-        head = None if source is None else (source.order, source.shape)
-        order, shape = comm.bcast(head)
+        head = None if source is None else (source.order, source.shape, source.meniscus)
+        order, shape, self._meniscus = comm.bcast(head)
         self.shape: tuple[int, int, int] = shape
         if comm.rank == 0 and source is not None:
             points, cells = np.ascontiguousarray(source.points), source.cells
@@ -123,5 +124,7 @@ class Tube:
         for axis, (place, count) in enumerate(zip(places, (across, around, along), strict=True)):
             tag[(place == 0).all(axis=1)] = 2 * axis
             tag[(place == count - 1).all(axis=1)] = 2 * axis + 1
+        above = (tag == 0) & (places[2] <= self._meniscus).all(axis=1)
+        tag[above] = FACES.index("collar")
         order = np.argsort(facets)
         return dmesh.meshtags(self.mesh, 2, facets[order], tag[order])

@@ -20,6 +20,7 @@ from castfem.mould.cavity import (
     same,
 )
 from castfem.mould.contour import Contour
+from castfem.mould.displaced import DisplacedMould, WallDisplacement
 from castfem.mould.mould import Expansion, Mould, Zone
 from castfem.mould.segments import Circular, Parabolic, Segment, Straight
 from castfem.mould.taper import Displaced, Taper, TaperProfile, TaperSegment, taper_between
@@ -30,6 +31,7 @@ __all__ = [
     "Circular",
     "Contour",
     "Displaced",
+    "DisplacedMould",
     "Expansion",
     "FreeCavity",
     "GapFunction",
@@ -46,6 +48,7 @@ __all__ = [
     "TaperSegment",
     "Tapers",
     "Wall",
+    "WallDisplacement",
     "Zone",
     "circle",
     "rectangle",

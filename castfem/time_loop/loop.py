@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from mpi4py import MPI
 
@@ -39,6 +39,13 @@ Named = dict[str, Quantity]
 LEAST_VERTICES = 1000  # a rank; with fewer, several take longer than one (docs/benchmarks.md)
 
 
+class StepRecord(Protocol):
+    """What keeps the committed steps."""
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        """Take in one committed step (collective)."""
+
+
 class TimeLoop:
     """Takes a simulation from the meniscus to the end of the followed length, step by step.
 
@@ -55,7 +62,7 @@ class TimeLoop:
     def __init__(
         self,
         simulation: Simulation,
-        recorder: Recorder | None = None,
+        recorder: StepRecord | None = None,
         progress: Progress | None = None,
         interrupt: Interrupt | None = None,
     ) -> None:

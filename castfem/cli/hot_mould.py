@@ -1,0 +1,170 @@
+"""`castfem mould --hot`: how heat distorts a mould; its dimensions cold and at work.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.case import Case
+from castfem.cli.drawing import drawing, print_rows
+from castfem.values.constants import ZERO_CELSIUS
+
+if TYPE_CHECKING:
+    from castfem.hot_mould.model import HotWall
+    from castfem.mould_fit.coupled import Drawing, Turn
+
+_ROWS = 12
+"""Steps of the table along the mould."""
+_TOLD = (
+    ("heat_removed", "heat removed", "MJ/m", 1e-6),
+    ("shell_mid_face", "shell, mid-face", "mm", 1e3),
+    ("shell_corner", "shell, corner", "mm", 1e3),
+    ("mould_gap_max", "largest gap", "mm", 1e3),
+    ("mould_mean_pressure_max", "largest mean pressure", "MPa", 1e-6),
+    ("mould_contact_least", "least share in contact", "%", 1e2),
+    ("von_mises_max", "von Mises at the exit", "MPa", 1e-6),
+)
+"""Result of a strand, how it is called, unit, and what makes that of SI."""
+
+
+def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> None:
+    """Compute the hot mould of a case; print and draw it, and write its wall beside the picture.
+
+    Args:
+        case: The case.
+        picture: File of the picture; the wall goes into a CSV file of the same name.
+        origin: What the user called the case, for messages.
+        coupled: Whether strand and tube go round until they agree.
+
+    Raises:
+        InputError: The case has no tube, or a file cannot be written.
+        RunFailure: A run of the strand or a solver fails.
+    """
+    from mpi4py import MPI
+
+    from castfem.case.build_mould import nominal_mould
+    from castfem.case.wall_shape import write_wall
+    from castfem.mould_fit.coupled import MOST, hot_mould_of, table_of
+    from castfem.mould_fit.coupled import drawing as drawn
+    from castfem.plots.hot_mould import draw
+
+    table, comm = table_of(case, origin), MPI.COMM_WORLD
+    first = comm.rank == 0
+
+    def told(number: int, turn: Turn) -> None:
+        if first and turn.strand is not None:
+            print(f"turn {number}: {_changed(turn)}", flush=True)
+
+    turns = hot_mould_of(case, comm, origin, MOST if coupled else 1, told)
+    if not first:
+        return
+    wall = turns[-1].wall
+    found = drawn(table, nominal_mould(table, case.section), wall)
+    print_rows(hot_rows(wall))
+    print()
+    print("\n".join(size_lines(found, wall)))
+    if len(turns) > 1:
+        print()
+        print("\n".join(turn_lines(turns)))
+    if found.displacement is not None:
+        target = picture.with_suffix(".csv")
+        write_wall(target, found.displacement, f"{case.title}: wall at work, from its drawing")
+        print(f'\nwall in {target}: to run in it, mould.displacement = {{ file = "{target}" }}')
+    with drawing(picture):
+        draw(found, wall, picture, case.title)
+
+
+def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
+    """Return label and value of what characterises a tube at work."""
+    from castfem.hot_mould.copper import SOFTENS
+
+    heated, distorted = wall.heated, wall.distorted
+    hottest = heated.hottest
+    soft = " - above that the copper softens" if hottest > SOFTENS else ""
+    x, y, z = (1e3 * part for part in distorted.largest_at)
+    rows = [
+        ("hot face", f"at most {hottest - ZERO_CELSIUS:.0f} degC{soft}"),
+        ("water side", f"at most {float(wall.outer.max()) - ZERO_CELSIUS:.0f} degC"),
+    ]
+    if heated.supplied == heated.supplied:
+        off = abs(heated.supplied - heated.removed) / abs(heated.supplied)
+        rows.append(("heat", f"{4e-3 * heated.supplied:.1f} kW, balance {off:.1e}"))
+    rows += [
+        ("length", f"{1e3 * wall.longer:+.2f} mm"),
+        (
+            "von Mises",
+            f"at most {1e-6 * distorted.largest_stress:.0f} MPa (elastic), at x = {x:.0f}, "
+            f"y = {y:.0f}, {z:.0f} mm below the meniscus",
+        ),
+    ]
+    for name, solved in (("conduction", heated.solved), ("elasticity", distorted.solved)):
+        how = f", {solved.iterations} iterations" if solved.iterations else ""
+        rows.append((name, f"{solved.unknowns} unknowns, {solved.method}{how}"))
+    return rows
+
+
+def size_lines(found: Drawing, wall: HotWall) -> list[str]:
+    """Return the table of dimensions cold and at work, and the temperatures of both faces."""
+    import numpy as np
+
+    mould = found.cold
+    names = [name for name in mould.dimensions(0.0) if name != "height" or _unequal(found)]
+    head = ["position [mm]"]
+    head += [f"{name} {state} [mm]" for name in names for state in ("cold", "hot")]
+    head += ["hot face [degC]", "corner [degC]", "water side [degC]"]
+    rows = [head]
+    ways = wall.displacement.ways
+    middle = int(np.argmin(np.abs(ways - 0.5 * ways[-1])))
+    for z in np.linspace(0.0, mould.length, _ROWS + 1):
+        cold, hot = found.cold.dimensions(float(z)), found.hot.dimensions(float(z))
+        sizes = [f"{1e3 * size[name]:.3f}" for name in names for size in (cold, hot)]
+        faces = [
+            float(np.interp(z, wall.displacement.positions, column)) - ZERO_CELSIUS
+            for column in (wall.hot[:, 0], wall.hot[:, middle], wall.outer[:, 0])
+        ]
+        rows.append([f"{1e3 * z:.4g}", *sizes, *(f"{value:.0f}" for value in faces)])
+    return _aligned(rows)
+
+
+def _unequal(found: Drawing) -> bool:
+    """Return whether width and height are not the same somewhere."""
+    ends = (found.hot.dimensions(z) for z in (0.0, found.hot.length))
+    return any(abs(size["width"] - size["height"]) > 1e-7 for size in ends)
+
+
+def turn_lines(turns: Sequence[Turn]) -> list[str]:
+    """Return what the turns have done to strand and wall, a column for each."""
+    rows = [["turn", *(str(number) for number in range(1, len(turns) + 1))]]
+    for name, label, unit, factor in _TOLD:
+        values = [turn.strand.value(name) for turn in turns if turn.strand is not None]
+        if all(value == value for value in values):
+            rows.append([f"{label} [{unit}]", *(f"{factor * value:.4g}" for value in values)])
+    hottest = [f"{turn.wall.heated.hottest - ZERO_CELSIUS:.1f}" for turn in turns]
+    moved = ["-" if turn.moved != turn.moved else f"{1e6 * turn.moved:.2f}" for turn in turns]
+    rows += [["hot face [degC]", *hottest], ["wall moved [um]", *moved]]
+    return _aligned(rows)
+
+
+def _changed(turn: Turn) -> str:
+    hottest = turn.wall.heated.hottest - ZERO_CELSIUS
+    if turn.moved != turn.moved:
+        return f"hot face at most {hottest:.0f} degC"
+    return (
+        f"hot face at most {hottest:.0f} degC, wall moved by {1e6 * turn.moved:.1f} um, heat by "
+        f"{100.0 * turn.heat:+.2f} %"
+    )
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  ".join(
+            cell.ljust(width) if i == 0 else cell.rjust(width)
+            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]

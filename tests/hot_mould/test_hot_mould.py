@@ -1,0 +1,145 @@
+"""The hot mould as a whole: flux on its wall, the wall it leaves, cold and at work."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from castfem.hot_mould.copper import Copper
+from castfem.hot_mould.flux import FluxMap, of_strand, profile
+from castfem.hot_mould.model import HotMould, HotWall, TubeSettings
+from castfem.mould import Mould, RectangleCavity, RoundCavity, Taper, same
+from castfem.mould.perimeter import Places, lengths, sides_of
+from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.tables import Constant, Table
+
+from .tubes import ROUND, SQUARE
+
+ALPHA = 17e-6
+PLAIN = Copper(Constant(380.0), Constant(ALPHA), Constant(117e9), Constant(0.34), 298.15)
+WATER = Constant(313.15)
+
+
+def mould(taper: float = 0.0) -> Mould:
+    return Mould(RectangleCavity(0.125, 0.125, 0.005), 0.6, same(Taper.single(taper, 0.6)))
+
+
+def settings(**changes: object) -> TubeSettings:
+    given = {"size": 0.04, "across": 1, **changes}
+    return TubeSettings(0.01, 0.1, Constant(3e4), WATER, **given)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def heated() -> tuple[HotMould, HotWall, FluxMap]:
+    flux = profile(Table("position", (0.0, 0.6), (2.2e6, 1.4e6)), SQUARE, 0.6)
+    tube = HotMould(MPI.COMM_SELF, mould(), PLAIN, settings())
+    return tube, tube.solve(flux), flux
+
+
+def test_profile_falls_to_the_corner() -> None:
+    found = profile(Constant(2e6), SQUARE, 0.6, corner=0.5, reach=0.02)
+    right, arc, _ = lengths(SQUARE)
+    ways = np.array([0.0, right - 0.02, right - 0.01, right, right + 0.5 * arc, right + arc + 0.02])
+    assert found.on(np.array([-0.1, 0.3]), ways) == pytest.approx(
+        np.array([[0.0] * 6, [2e6, 2e6, 1.5e6, 1e6, 1e6, 2e6]])
+    )
+    plain = profile(Constant(2e6), SQUARE, 0.6)
+    assert plain.heat(np.array([-0.1, 0.0, 0.6])) == pytest.approx(2e6 * 0.6 * (2 * right + arc))
+    assert profile(Constant(1e6), ROUND, 0.6, corner=0.5).flux == pytest.approx(1e6)
+
+
+@pytest.mark.parametrize("times", [1.0, 0.99])
+def test_flux_of_a_strand_goes_to_its_place(times: float) -> None:
+    """Of a quarter and of the whole, also of a strand a little smaller than its mould."""
+    places = Places.spread(SQUARE, 6, 5)
+    quarter, _ = places.on(SQUARE)
+    flux = np.array([[1e6], [2e6]]) * np.exp(-((places.ways(SQUARE) / 0.05) ** 2))
+    found = of_strand(np.array([0.0, 0.5]), times * quarter, flux, SQUARE)
+    assert found.on(np.array([0.5]), places.ways(SQUARE))[0] == pytest.approx(flux[1], rel=2e-2)
+    assert found.on(np.array([0.25]), places.ways(SQUARE))[0, 0] == pytest.approx(1.5e6)
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    whole = np.concatenate([times * quarter * sign for sign in signs])
+    again = of_strand(np.array([0.0, 0.5]), whole, np.tile(flux, 4), SQUARE)
+    assert again.flux == pytest.approx(found.flux)
+
+
+def test_heat_of_the_strand_is_that_of_the_water(
+    heated: tuple[HotMould, HotWall, FluxMap],
+) -> None:
+    tube, wall, flux = heated
+    assert wall.heated.supplied == pytest.approx(flux.heat(tube.positions), rel=2e-4)
+    assert wall.heated.removed == pytest.approx(wall.heated.supplied, rel=1e-8)
+    assert wall.displacement.positions[0] == 0.0
+    assert wall.displacement.positions[-1] == pytest.approx(0.6)
+
+
+def test_wall_in_the_middle_is_that_of_its_thickness(
+    heated: tuple[HotMould, HotWall, FluxMap],
+) -> None:
+    """Far from ends and corner the copper conducts straight through the wall."""
+    _, wall, _ = heated
+    middle = int(np.argmin(np.abs(wall.displacement.positions - 0.3)))
+    q = 2.2e6 - 0.8e6 * wall.displacement.positions[middle] / 0.6
+    outer = 313.15 + q / 3e4
+    assert wall.outer[middle, 0] == pytest.approx(outer, abs=0.5)
+    assert wall.hot[middle, 0] == pytest.approx(outer + q * 0.01 / 380.0, abs=0.8)
+    # Hottest a little below the meniscus, by conduction up the tube (V.2.4).
+    hottest = wall.displacement.positions[wall.hot[:, 0].argmax()]
+    assert 0.02 < hottest < 0.12
+
+
+def test_width_is_about_that_of_free_expansion(
+    heated: tuple[HotMould, HotWall, FluxMap],
+) -> None:
+    """The face between two corners bends; over the section its mean is that of the temperature."""
+    _, wall, _ = heated
+    middle = int(np.argmin(np.abs(wall.displacement.positions - 0.3)))
+    mean = 0.5 * (wall.hot[middle] + wall.outer[middle])
+    ways = wall.displacement.ways
+    rise = np.trapezoid(mean, ways) / ways[-1] - 298.15
+    free = ALPHA * rise * 0.0625
+    moved = wall.displacement.moved[middle]
+    corner = moved[np.argmin(np.abs(ways - 0.5 * ways[-1]))]
+    assert moved[0, 0] == pytest.approx(free, rel=0.35)
+    assert corner[0] == pytest.approx(free, rel=0.35)
+    assert moved[0, 1] == moved[-1, 0] == 0.0
+    assert moved == pytest.approx(moved[::-1, ::-1], abs=1e-9)  # mirrored at the diagonal
+    assert wall.longer == pytest.approx(ALPHA * 0.7 * rise, rel=0.3)
+
+
+def test_uniform_temperature_expands_the_wall_alike() -> None:
+    warm = Constant(398.15)
+    tube = HotMould(MPI.COMM_SELF, mould(0.02), PLAIN, settings(hot_face=warm, water_side=warm))
+    wall = tube.solve(None)
+    for row, z in enumerate(wall.displacement.positions[::4]):
+        points, _ = tube.places.on(sides_of(tube.mould.cavity, tube.mould.tapers, float(z)))
+        found = wall.displacement.moved[4 * row]
+        assert found == pytest.approx(ALPHA * 100.0 * points, abs=5e-9)
+    assert wall.profile()[1] == pytest.approx(398.15)
+
+
+def test_round_tube_is_the_hollow_cylinder_far_from_its_ends() -> None:
+    """Plane stress along: u(a) = 2 alpha / (a (b^2/a^2 - 1)) int (T - T_cold) r dr / a."""
+    cavity = RoundCavity(0.12)
+    shape = Mould(cavity, 0.8, same(Taper.single(0.0, 0.8)))
+    given = TubeSettings(0.02, 0.0, Constant(3e4), WATER, size=0.03, across=2)
+    tube = HotMould(MPI.COMM_SELF, shape, PLAIN, given)
+    flux = profile(Constant(2e6), sides_of(cavity, shape.tapers, 0.0), 0.8)
+    wall = tube.solve(flux)
+    a, b, k = 0.06, 0.08, 380.0
+    outer = 313.15 + 2e6 * a / (3e4 * b) - 298.15
+    moment = 0.5 * outer * (b**2 - a**2) + 2e6 * a / k * (
+        0.25 * (b**2 - a**2) - 0.5 * a**2 * np.log(b / a)
+    )
+    exact = 2.0 * ALPHA * a / (b**2 - a**2) * moment
+    middle = int(np.argmin(np.abs(wall.displacement.positions - 0.4)))
+    found = np.hypot(*wall.displacement.moved[middle].T)
+    assert found == pytest.approx(exact, rel=2e-4)
+
+
+def test_temperature_from_the_workshop_counts() -> None:
+    warm = Constant(50.0 + ZERO_CELSIUS)
+    tube = HotMould(MPI.COMM_SELF, mould(), PLAIN, settings(hot_face=warm, water_side=warm))
+    assert tube.solve(None).displacement.moved[5, 0, 0] == pytest.approx(25.0 * ALPHA * 0.0625)

@@ -1,0 +1,216 @@
+"""Displaced walls: against moulds of the same shape, in case files, and their mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from castfem.case import load_case
+from castfem.case.build_mould import build_mould
+from castfem.case.load import from_document
+from castfem.case.wall_shape import WallShape, read_wall, write_wall
+from castfem.errors import InputError
+from castfem.mould import (
+    DisplacedMould,
+    Expansion,
+    Mould,
+    RectangleCavity,
+    RoundCavity,
+    Taper,
+    WallDisplacement,
+    same,
+)
+from castfem.mould.perimeter import Places, sides_of
+from castfem.values.tables import Constant
+from castfem.values.types import Array
+
+TAPER = same(Taper.single(0.01, 0.6))
+SQUARE = RectangleCavity(0.125, 0.125, 0.005)
+BULGED = RectangleCavity(0.125, 0.11, 0.006)
+
+
+def displaced(cavity: RectangleCavity | RoundCavity, by: float) -> DisplacedMould:
+    """A mould whose wall is `by` times as far from its axis as its cavity's."""
+    start = sides_of(cavity, TAPER, 0.0)
+    places = Places.spread(start, 5, 6)
+    positions = np.linspace(0.0, 0.6, 7)
+    moved = np.array([(by - 1.0) * places.on(sides_of(cavity, TAPER, z))[0] for z in positions])
+    wall = WallDisplacement(positions, places.ways(start), moved)
+    return DisplacedMould(cavity, 0.6, TAPER, wall)
+
+
+def rays(count: int = 200) -> tuple[Array, Array]:
+    """Points within every cavity below and directions all round."""
+    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    unit = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return 0.04 * unit, unit
+
+
+@pytest.mark.parametrize("cavity", [SQUARE, BULGED, RoundCavity(0.12)])
+@pytest.mark.parametrize("by", [1.0, 1.003])
+def test_wall_that_grows_alike_is_that_of_free_expansion(
+    cavity: RectangleCavity | RoundCavity, by: float
+) -> None:
+    expansion = Expansion((by - 1.0) / 100.0, 300.0, Constant(400.0))
+    plain, shaped = Mould(cavity, 0.6, TAPER, None, expansion), displaced(cavity, by)
+    points, normals = rays()
+    for position in (0.0, 0.237, 0.6):
+        wanted = plain.gap_function(points, normals, position)
+        found = shaped.gap_function(points, normals, position)
+        # Arcs are parabolas of a few degrees each here, 0.3 um off a circle of 60 mm.
+        assert found.gap == pytest.approx(wanted.gap, abs=1e-6)
+        assert (found.normal * wanted.normal).sum(axis=1) == pytest.approx(1.0, abs=1e-4)
+        assert shaped.dimensions(position) == pytest.approx(plain.dimensions(position), abs=1e-7)
+        assert shaped.marks(position) == pytest.approx(plain.marks(position), abs=1e-7)
+    assert np.isinf(shaped.gap_function(points, normals, 0.7).gap).all()
+
+
+def test_dimensions_as_made_are_those_of_the_drawing() -> None:
+    shaped = displaced(SQUARE, 1.002)
+    assert shaped.dimensions(0.3, as_made=True) == Mould(SQUARE, 0.6, TAPER).dimensions(0.3)
+
+
+def test_bulged_wall_is_met_where_it_stands() -> None:
+    """A wall that bulges by a parabola along its face: the gap grows by it, the normal turns."""
+    start = sides_of(SQUARE, TAPER, 0.0)
+    places = Places.spread(start, 8, 4)
+    points, _ = places.on(start)
+    bulge = 1e-3 * np.maximum(1.0 - (points[:, 1] / 0.0575) ** 2, 0.0)
+    right = points[:, 0] > 0.0624
+    moved = np.stack([np.where(right, bulge, 0.0), np.zeros(len(bulge))], axis=1)
+    wall = WallDisplacement(np.array([0.0, 0.6]), places.ways(start), np.array([moved, moved]))
+    mould = DisplacedMould(SQUARE, 0.6, same(Taper.single(0.0, 0.6)), wall)
+    y = np.linspace(-0.05, 0.05, 21)
+    surface, east = np.stack([np.full(21, 0.0625), y], 1), np.tile([1.0, 0.0], (21, 1))
+    found = mould.gap_function(surface, east, 0.3)
+    assert found.gap == pytest.approx(1e-3 * (1.0 - (y / 0.0575) ** 2), abs=1e-9)
+    slope = 2e-3 * y / 0.0575**2
+    assert found.normal[:, 1] / found.normal[:, 0] == pytest.approx(slope, abs=1e-6)
+    west = mould.gap_function(-surface, -east, 0.3)
+    assert west.gap == pytest.approx(found.gap, abs=1e-12)
+
+
+def test_between_positions_the_wall_is_smooth() -> None:
+    start = sides_of(SQUARE, TAPER, 0.0)
+    ways = Places.spread(start, 2, 2).ways(start)
+    z = np.linspace(0.0, 0.6, 25)
+    moved = np.zeros((25, len(ways), 2))
+    moved[..., 0] = (1e-4 * np.sin(2.0 * np.pi * z / 0.6))[:, None]
+    wall = WallDisplacement(z, ways, moved)
+    between = np.linspace(0.05, 0.55, 101)
+    exact = 1e-4 * np.sin(2.0 * np.pi * between / 0.6)
+    assert [wall.at(p)[0, 0] for p in between] == pytest.approx(exact, abs=2e-9)
+    assert wall.at(-1.0) == pytest.approx(wall.at(0.0))
+    assert wall.at(9.0) == pytest.approx(wall.at(0.6))
+    assert wall.less(0.15).at(0.15) == pytest.approx(0.0, abs=1e-18)
+
+
+def test_file_and_columns_read_back(tmp_path: Path) -> None:
+    shape = displaced(SQUARE, 1.002).displacement
+    path = tmp_path / "wall.csv"
+    write_wall(path, shape, "a wall")
+    again = read_wall(path)
+    assert again.moved == pytest.approx(shape.moved, abs=1e-11)
+    notation = WallShape()
+    assert notation.read(notation.write(shape)) == shape
+    assert notation.read({"file": str(path)}) == again
+    assert hash(notation.read(notation.write(shape))) == hash(shape)
+    assert shape != again and shape != 1
+
+
+def test_case_takes_it_and_is_the_same_when_read_again(write, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    shape = displaced(SQUARE, 1.002).displacement
+    write_wall(tmp_path / "wall.csv", shape, "a wall")
+    lines = 'taper = "1 %/m"\ncondition = "cold"\ndisplacement = { file = "wall.csv" }'
+    case = load_case(write(lines))
+    assert case.mould is not None
+    found = build_mould(case.mould, case.section)
+    assert isinstance(found, DisplacedMould) and found.expansion is None
+    assert found.dimensions(0.3) == pytest.approx(
+        displaced(SQUARE, 1.002).dimensions(0.3), abs=1e-9
+    )
+    other = tmp_path / "elsewhere"
+    other.mkdir()
+    (other / "again.toml").write_text(case.resolved_toml())
+    again = load_case(other / "again.toml")
+    assert again.mould == case.mould
+    assert again.physics_hash() == case.physics_hash()
+    assert from_document(case.document()).physics_hash() == case.physics_hash()
+
+
+WRONG = {
+    "head": ("way [mm], x [mm]\n0, 0\n", r"line 1: a header and rows are needed: position \[mm\]"),
+    "text": ("position [mm], way [mm], x [mm], y [mm]\n0, 0, a, 0\n", "line 2: .*'a'"),
+    "lacks": (
+        "position [mm], way [mm], x [mm], y [mm]\n0, 0, 0, 0\n0, 9, 0, 0\n1, 0, 0, 0\n",
+        "3 rows do not make 2 positions of 2 places",
+    ),
+    "few": (
+        "position [mm], way [mm], x [mm], y [mm]\n0, 0, 0, 0\n0, 9, 0, 0\n1, 0, 0, 0\n1, 9, 0, 0\n",
+        "an odd number of places",
+    ),
+    "short": (
+        "position [mm], way [mm], x [mm], y [mm]\n"
+        + "".join(f"{z}, {s}, 0, 0\n" for z in (0, 600) for s in (0, 20, 40)),
+        "from 0 to 40 mm of its quarter; the cavity's wall goes from 0 to 122.9 mm",
+    ),
+    "corner": (
+        "position [mm], way [mm], x [mm], y [mm]\n"
+        + "".join(f"{z}, {s}, 0, 0\n" for z in (0, 600) for s in (0, 61.427, 122.854)),
+        "needs a place at 57.5 mm of its quarter",
+    ),
+    "folds": (
+        "position [mm], way [mm], x [mm], y [mm]\n"
+        + "".join(f"{z}, {s}, 0, {80 if s == 28.75 else 0}\n" for z in (0, 600)
+                  for s in (0, 28.75, 57.5, 61.4, 65.354, 94, 122.854)),
+        "turns back",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("which", WRONG)
+def test_mistakes_are_told_in_one_line(write, tmp_path: Path, which: str) -> None:  # type: ignore[no-untyped-def]
+    text, words = WRONG[which]
+    (tmp_path / "wall.csv").write_text(text)
+    with pytest.raises(InputError, match=words) as told:
+        load_case(write('displacement = { file = "wall.csv" }'))
+    assert str(told.value).count("\n") == 0 and "mould.displacement" in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ('"wall.csv"', "a displaced wall is needed"),
+        ('{ file = "wall.csv", unit = "mm" }', "takes no other key"),
+        ('{ file = "none.csv" }', "cannot read the displaced wall"),
+        ("{ place = [0] }", "unknown key 'place' in a displaced wall"),
+        ("{ position = [0], unit = 'mm' }", "needs the column 'way'"),
+        ("{ position = [0], way = [0], x = [0], y = [0, 1], unit = 'mm' }", "equally long"),
+        ("{ position = [0], way = [0], x = [0], y = [0] }", "'position' row 1"),
+    ],
+)
+def test_wrong_columns(write, given: str, words: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(InputError, match=words):
+        load_case(write(f"displacement = {given}"))
+
+
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ('thickness = "10 mm"\nflux = "2 MW/m^2"\nhot_face = "150 degC"', "hot_face: the flux is"),
+        ('thickness = "10 mm"\ncells_across = 1.5', "cells_across: must be a whole number"),
+        ('above = "50 mm"', "thickness: is missing"),
+        ('thickness = "10 mm"\nsupport = "glued"', "support"),
+    ],
+)
+def test_tube_that_cannot_be(write, lines: str, words: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(InputError, match=words):
+        load_case(write(f"[mould.tube]\n{lines}"))
+
+
+def test_sharp_corner_has_no_tube(write) -> None:  # type: ignore[no-untyped-def]
+    path = write('[mould.tube]\nthickness = "10 mm"', more='[section]\ncorner_radius = "0 mm"')
+    with pytest.raises(InputError, match=r"mould.tube: a tube has rounded corners"):
+        load_case(path)
