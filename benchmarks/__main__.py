@@ -40,6 +40,7 @@ BENCHMARKS = {
     "order": "benchmarks.order",
     "bulging": "benchmarks.bulging",
     "lost_roll": "benchmarks.lost_roll",
+    "shell3d": "benchmarks.shell3d",
     "slabs": "benchmarks.slabs",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
@@ -64,6 +65,7 @@ PAGES = {
     "order": "coupling.md",
     "bulging": "slab.md",
     "lost_roll": "slab.md",
+    "shell3d": "slab.md",
     "slabs": "slab.md",
 }
 """Pages of those whose tables do not stand in the first."""

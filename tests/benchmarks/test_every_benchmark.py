@@ -32,6 +32,7 @@ SLOW = {
     "billet_cost": "repeated billets; its runs are tested in test_billet_benchmarks.py",
     "bulging": "slabs down their caster; tests/time_loop/test_bulging_slab.py has short ones",
     "lost_roll": "a minute; tests/bulging/test_ode_strip.py and test_uneven.py have its parts",
+    "shell3d": "tests/bulging/test_shell3d.py has two of its slabs",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "verification": "tests/verification runs what it runs",
 }
