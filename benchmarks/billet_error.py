@@ -18,7 +18,7 @@ DIGITS = {"shell": 2, "surface": 0, "heat": 3, "mould_heat": 3, "mould_contact":
 """After the point, by the beginning of the name; 3 for other lengths, 2 for all else."""
 
 
-def chief_names(runs: Sequence[Found]) -> list[str]:
+def main_names(runs: Sequence[Found]) -> list[str]:
     """Headline quantities that any run has; both faces of a square billet are one."""
     return [
         name
@@ -59,7 +59,7 @@ def errors(output: Output, quick: bool) -> None:
 def show_errors(output: Output, shipped: Mapping[str, Found], finer: Mapping[str, Found]) -> None:
     """Write the table of the moulds that have been run."""
     runs = list(shipped.values())
-    names = chief_names(runs)
+    names = main_names(runs)
     rows = []
     for mould in shipped:
         for what, found in (("shipped", shipped[mould]), ("finer", finer[mould])):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 
-def chief(table: ErrorTable) -> list[str]:
+def main_names(table: ErrorTable) -> list[str]:
     """Return the headline numbers that have an error."""
     return headline([{n: quantity_of(e) for n, e in table.quantities.items()}])
 
@@ -41,7 +41,7 @@ def printed(table: ErrorTable) -> Table:
     found.add_column("unit", no_wrap=True)
     for axis in axes:
         found.add_column(f"from\n{axis}", justify="right", no_wrap=True)
-    for name in chief(table):
+    for name in main_names(table):
         entry = table.quantities[name]
         found.add_row(
             plain_label(quantity_of(entry)),
@@ -64,7 +64,7 @@ def unknown(table: ErrorTable) -> list[str]:
     """Return a line for each run that told nothing, and for the numbers that have no error."""
     lost = [
         plain_label(quantity_of(entry))
-        for entry in (table.quantities[name] for name in chief(table))
+        for entry in (table.quantities[name] for name in main_names(table))
         if not math.isfinite(entry.error())
     ]
     none = [f"no error of {', '.join(lost)}: too few of the runs tell it"] if lost else []

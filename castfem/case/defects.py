@@ -214,13 +214,13 @@ class Nozzles(Defect):
 
 def with_defects(rolls: Rolls, defects: Sequence[Defect | None]) -> Rolls:
     """Return the rolls with their defects."""
-    from castfem.machine.defects import settled
+    from castfem.machine.defects import with_radii
 
     pairs = list(rolls.pairs)
     for defect in defects:
         if defect is not None:
             defect.on(pairs)
-    return settled(replace(rolls, pairs=tuple(pairs)))
+    return with_radii(replace(rolls, pairs=tuple(pairs)))
 
 
 def check_defects(case: Case) -> Iterator[Problem]:

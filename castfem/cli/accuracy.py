@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from castfem.accuracy.ladder import BASE, levels
 from castfem.accuracy.memo import Ladder, prepare
-from castfem.accuracy.printed import chief, printed, quantity_of, unknown
+from castfem.accuracy.printed import main_names, printed, quantity_of, unknown
 from castfem.accuracy.proposal import propose, read_share
 from castfem.accuracy.sizes import changes
 from castfem.accuracy.table import ErrorTable, attach
@@ -105,9 +105,9 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
     )  # fmt: skip
     table = ladder.table()
     path = table.write(target)
-    told = [p for p in dict.fromkeys((target / BASE, _alone(options))) if attach(table, p)]
+    written = [p for p in dict.fromkeys((target / BASE, _alone(options))) if attach(table, p)]
     if not options.quiet:
-        _print(table, path, told)
+        _print(table, path, written)
     if options.to:
         _propose(table, options)
     return 0
@@ -115,7 +115,7 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
 
 def _propose(table: ErrorTable, options: Options) -> None:
     """Print which sizes reach an error, how long a run with them takes, and its command."""
-    found = propose(table, chief(table), read_share(options.to))
+    found = propose(table, main_names(table), read_share(options.to))
     case = load_case(shipped_cases.find(options.name), options.overrides)
     words = ", ".join(f"{axis} x {factor:.3g}" for axis, factor in found.factors.items())
     took = f"some {duration(found.seconds)} instead of {duration(found.now)}"
@@ -129,9 +129,9 @@ def _propose(table: ErrorTable, options: Options) -> None:
         print(f"not by sizes within reach: {label}, {100 * left:.2g} %", file=sys.stderr)
 
 
-def _print(table: ErrorTable, path: Path, told: list[Path]) -> None:
+def _print(table: ErrorTable, path: Path, written: list[Path]) -> None:
     out = parallel.console()
     out.print(printed(table), highlight=False)
     for line in unknown(table):
         print(line, file=sys.stderr)
-    print(f"errors in {path}, and beside the results in {', '.join(map(str, told))}")
+    print(f"errors in {path}, and beside the results in {', '.join(map(str, written))}")

@@ -281,9 +281,9 @@ def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:
     """
     expected = [any(math.isfinite(line.theirs[i]) for line in table) for i in range(len(runs))]
     bounded = [any(line.kinds[i] != "value" for line in table) for i in range(len(runs))]
-    told = [any(line.error(i) is not None for line in table) for i in range(len(runs))]
+    has_error = [any(line.error(i) is not None for line in table) for i in range(len(runs))]
     head = ["quantity", "unit"]
-    for run, error, some, bounds in zip(runs, told, expected, bounded, strict=True):
+    for run, error, some, bounds in zip(runs, has_error, expected, bounded, strict=True):
         head += [run.label, *([f"{run.label}: error"] if error else [])]
         head += [*([f"{run.label}: reference"] if some else [])]
         head += [f"{run.label}: bound"] if bounds else []
@@ -294,7 +294,7 @@ def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:
         cells = [line.label, line.unit]
         for i, (some, bounds) in enumerate(zip(expected, bounded, strict=True)):
             cells += [_number(line.ours[i])]
-            cells += [_number(line.errors[i] if line.errors else math.nan)] if told[i] else []
+            cells += [_number(line.errors[i] if line.errors else math.nan)] if has_error[i] else []
             cells += [*([_number(line.theirs[i])] if some else [])]
             bound = line.kinds[i] if math.isfinite(line.theirs[i]) else "value"
             cells += ["" if bound == "value" else bound] if bounds else []

@@ -245,8 +245,8 @@ class StaggeredCoupling:
                 gap = self.gap_of(first.state)
         if gap is not None:
             self.surface.set_gap(gap)
-        substeps, course = self.thermal.through(old.thermal, instants)
-        result = first or self.mechanics.through(old.mechanical, course)
+        substeps, moments = self.thermal.through(old.thermal, instants)
+        result = first or self.mechanics.through(old.mechanical, moments)
         if not result.converged:
             return CouplingWindow(False, old, substeps, result, 1)
         duration = end - old.time

@@ -117,11 +117,11 @@ class ThermalSteps:
             RunFailure: At the smallest step.
         """
         substeps = self.to(state, instants[0])
-        course = [(instants[0], substeps.state.point.temperature)]
+        moments = [(instants[0], substeps.state.point.temperature)]
         for end in instants[1:]:
             substeps += self.to(substeps.state, end)
-            course.append((end, substeps.state.point.temperature))
-        return substeps, course
+            moments.append((end, substeps.state.point.temperature))
+        return substeps, moments
 
 
 class MechanicalSteps:
@@ -147,11 +147,11 @@ class MechanicalSteps:
             count = max(1, math.ceil(duration / self.longest * (1.0 - ROUNDING)))
         return [start + duration * k / count for k in range(1, count)] + [end]
 
-    def through(self, old: MechanicalState, course: Sequence[Moment]) -> MechanicalResult:
+    def through(self, old: MechanicalState, moments: Sequence[Moment]) -> MechanicalResult:
         """One step to each moment; `old` is left untouched, and the result if one of them fails."""
-        time, temperature = course[0]
+        time, temperature = moments[0]
         result = self.stepper.step(old, time, temperature)
-        for time, temperature in course[1:]:
+        for time, temperature in moments[1:]:
             if not result.converged:
                 break
             result = result.before(self.stepper.step(result.state, time, temperature))

@@ -121,7 +121,7 @@ class Evaluator(Closing):
             given: What is varied in each, key to value, for its folder's name and tables.
             watcher: Told of the runs.
         """
-        jobs = [self.store.job(case, told) for case, told in zip(cases, given, strict=True)]
+        jobs = [self.store.job(case, keys) for case, keys in zip(cases, given, strict=True)]
         wanted = {job.name: job for job in jobs if self.store.find(job.case) is None}
         lost: dict[str, Evaluation] = {}
 

@@ -75,8 +75,8 @@ def key_of(text: str, files: Mapping[str, bytes]) -> str:
         tables.pop(name, None)
     tables["output"] = {"every": tables.get("output", {}).get("every")}
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
-    told = json.dumps([tables, hashes], sort_keys=True)
-    return hashlib.sha256(told.encode()).hexdigest()
+    content = json.dumps([tables, hashes], sort_keys=True)
+    return hashlib.sha256(content.encode()).hexdigest()
 
 
 class Store:

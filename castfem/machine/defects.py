@@ -28,7 +28,7 @@ def circle(before: Array, here: Array, after: Array) -> float:
     return 2.0 * twice / math.prod(float(np.hypot(*side)) for side in (a, b, c))
 
 
-def settled(rolls: Rolls) -> Rolls:
+def with_radii(rolls: Rolls) -> Rolls:
     """Return the rolls with the radii that those which are off, or lost, leave to the strand.
 
     At a roll that is off and at the two beside it the curvature changes by what the circle through
@@ -65,14 +65,14 @@ def out_of_line(normal: Rolls, rolls: Rolls) -> Array:
 
     Args:
         normal: The rolls without defects.
-        rolls: The same with their defects, as `settled` gives them.
+        rolls: The same with their defects, as `with_radii` gives them.
     """
     held, found = rolls.there, np.zeros(len(rolls.there))
     plain = [
         replace(pair, lost=other.lost)
         for pair, other in zip(normal.pairs, rolls.pairs, strict=True)
     ]
-    base = settled(replace(rolls, pairs=tuple(plain)))
+    base = with_radii(replace(rolls, pairs=tuple(plain)))
     places = np.array([rolls.pairs[i].position for i in held])
     gaps = np.diff(places)
     for k, i in enumerate(held):
@@ -80,7 +80,7 @@ def out_of_line(normal: Rolls, rolls: Rolls) -> Array:
             continue
         alone = list(plain)
         alone[i] = replace(alone[i], offset=rolls.pairs[i].offset)
-        bent = settled(replace(rolls, pairs=tuple(alone)))
+        bent = with_radii(replace(rolls, pairs=tuple(alone)))
         change = np.array([1.0 / bent.pairs[j].radius - 1.0 / base.pairs[j].radius for j in held])
         turn = np.concatenate([[0.0], np.cumsum(0.5 * gaps * (change[1:] + change[:-1]))])
         rise = gaps * turn[:-1] + gaps**2 / 6.0 * (2.0 * change[:-1] + change[1:])

@@ -45,9 +45,13 @@ class Criteria:
             residual: Local, N/m; at supports the distance from where they are to be, m.
             load: Along the test directions of the planes (free,), N/m.
         """
-        scale, fixed, reach = residual_state.scale, self.constraints.fixed, self.scales.reach
-        nodal = np.abs(residual[: len(reach)]) / reach
-        missing = nodal[fixed] * reach[fixed]
+        scale, fixed, force_per_stress = (
+            residual_state.scale,
+            self.constraints.fixed,
+            self.scales.force_per_stress,
+        )
+        nodal = np.abs(residual[: len(force_per_stress)]) / force_per_stress
+        missing = nodal[fixed] * force_per_stress[fixed]
         nodal[self.constraints.prescribed] = 0.0
         largest = np.abs(residual_state.local[fixed]).max(initial=0.0)
         worst = reductions.largest_of(

@@ -111,7 +111,7 @@ class Terms:
     row: ufl.Form | None
     corner: ufl.Form | None
 
-    def touching(self, interactions: Interactions, directions: Directions) -> Terms:
+    def with_interactions(self, interactions: Interactions, directions: Directions) -> Terms:
         """Add what acts on the surface; its work on the generalized strains is its own affair."""
         nodal, moved, one, other = directions.all
         for acting in interactions:
@@ -185,7 +185,7 @@ class Kinematics(ABC):
         )
         directions = Directions.of(fields, section.mesh)
         terms = self._terms(section, loads, free, directions)
-        self._compiled = terms.touching(interactions, directions).compiled(section)
+        self._compiled = terms.with_interactions(interactions, directions).compiled(section)
         self.rest: tuple[fem.Form, fem.Form] | None = None
         self.active = points.on(np.arange(section.cells, dtype=np.int32))
         self.forms = self._compiled.on(self.active.cells)

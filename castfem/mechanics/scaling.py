@@ -47,8 +47,11 @@ class Scales:
         space: Space of the displacement.
 
     Attributes:
-        comm: Ranks. length: Larger extent of the section, m. area: m2.
-        reach: Force per length on each owned degree of freedom per unit of stress around it, m.
+        comm: Ranks.
+        length: Larger extent of the section, m.
+        area: m2.
+        force_per_stress: Force per length on each owned degree of freedom per unit of stress
+            around it, m.
     """
 
     def __init__(self, points: Points, space: fem.FunctionSpace) -> None:
@@ -59,7 +62,9 @@ class Scales:
         ]
         self.length = max(high - low for low, high in ends)
         weights = np.repeat(points.deviator.volume, 4)
-        self.reach = dof_values.summed(space, abs(points.strain[: len(weights)]).T @ weights)
+        self.force_per_stress = dof_values.summed(
+            space, abs(points.strain[: len(weights)]).T @ weights
+        )
         self.area = reductions.total(self.comm, float(points.deviator.volume.sum()))
         self._finest = np.sqrt(reductions.smallest(self.comm, points.deviator.volume))
 

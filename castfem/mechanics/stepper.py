@@ -161,7 +161,7 @@ class MechanicalStepper:
         supports = problem.constraints.dofs
         held = residual_state.forces[supports]
         sums = [held[supports % 2 == i].sum() for i in range(2)]
-        free = residual_state.forces / problem.scales.reach
+        free = residual_state.forces / problem.scales.force_per_stress
         free[supports] = free[problem.constraints.prescribed] = 0.0
         worst = reductions.largest(self.comm, np.abs(free))
         scale = residual_state.scale

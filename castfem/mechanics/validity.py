@@ -133,12 +133,12 @@ class Validity:
         sums = [volume[solid].sum(), volume.sum(), stiff.sum(), *(stiff @ place**2)]
         frozen, whole, *bearing = reductions.totals(self._comm, [float(one) for one in sums])
         far = [np.abs(along).max(initial=0.0) for along in place.T]
-        reach = [1.0, *reductions.largest_of(self._comm, far)]
+        lever = [1.0, *reductions.largest_of(self._comm, far)]
         if frozen >= SCANT * whole:
             return ""
         for name, load in loads.items():
             axis = LOADS.index(name)
-            strain = abs(load) * reach[axis] / bearing[axis]
+            strain = abs(load) * lever[axis] / bearing[axis]
             if strain > max(1.0 - self._limits.thickness[0], self._limits.strain):
                 return f"mechanics.planes.{name}: {NO_SHELL}"
         return ""

@@ -95,8 +95,8 @@ def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Ou
     begun, progress = time.perf_counter(), stop or Stop()
     try:
         ranks = MPI.COMM_SELF if comm is None else comm
-        told = progress if ranks.rank == 0 else None
-        loop.run(job.case, job.folder, comm=ranks, resume=job.resume, progress=told)
+        reported = progress if ranks.rank == 0 else None
+        loop.run(job.case, job.folder, comm=ranks, resume=job.resume, progress=reported)
         if job.figures and ranks.rank == 0:
             from castfem.plots.figures import draw_figures
 

@@ -297,21 +297,21 @@ def _quantities(writer: _Writer, record: Tension) -> dict[str, Quantity]:
     return found
 
 
-SETTLED = 3  # cycle from which on a law that does not harden without end repeats itself
+STABILISED = 3  # cycle from which on a law that does not harden without end repeats itself
 
 
 def _of_cycles(stress: Array, cycles: list[slice]) -> dict[str, Quantity]:
     """Largest and smallest stress of some of the cycles that are complete, and their growth."""
     whole = [c for c in cycles if c.stop <= len(stress)]
     found = {}
-    for k in sorted({1, SETTLED, len(whole)} & set(range(1, len(whole) + 1))):
+    for k in sorted({1, STABILISED, len(whole)} & set(range(1, len(whole) + 1))):
         part = stress[whole[k - 1]]
         top, low = float(part.max()), float(part.min())
         found[f"tension_{k}"] = Quantity(top, "MPa", f"largest stress, cycle {k}")
         found[f"compression_{k}"] = Quantity(low, "MPa", f"smallest stress, cycle {k}")
-    if len(whole) > SETTLED:
-        first, last = (float(stress[c].max()) for c in (whole[SETTLED - 1], whole[-1]))
+    if len(whole) > STABILISED:
+        first, last = (float(stress[c].max()) for c in (whole[STABILISED - 1], whole[-1]))
         growth = last / first - 1.0 if first > 0.0 else 0.0
-        text = f"growth of the largest stress since cycle {SETTLED}"
+        text = f"growth of the largest stress since cycle {STABILISED}"
         found["growth"] = Quantity(growth, "percent", text)
     return found

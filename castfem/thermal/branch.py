@@ -38,7 +38,7 @@ class Branch:
         self._cooling: Cooling | None = None
         # Of the cooling that holds: least rise of the heat that leaves each vertex, W/m K, below 0
         # where it falls anywhere; None if it does so nowhere.
-        self._steepest: Array | None = None
+        self._sharpest: Array | None = None
 
     def longest_stage(self, old: CurvePoint, new: CurvePoint, time: float, asked: float) -> float:
         """Longest stage from `old` to `new` that has one root, s.
@@ -51,11 +51,11 @@ class Branch:
         """
         if self._cooling is not self._problem.cooling:
             self._look_at(self._problem.cooling, time)
-        if self._steepest is None:
+        if self._sharpest is None:
             return np.inf
         # Of the two ends the state that takes up less heat per degree.
         warming = np.maximum(old.temperature_slope, new.temperature_slope) / self._problem.volume
-        longest = self._bound(warming, self._steepest)
+        longest = self._bound(warming, self._sharpest)
         if longest >= asked:
             return longest
         return self._bound(warming, self._on_the_way(old.temperature, new.temperature, time))
@@ -67,24 +67,24 @@ class Branch:
         """
         knots = self._problem.curve.knots
         grid = np.arange(knots[0], knots[-1], SPACING)
-        steepest, falls = np.zeros_like(self._problem.area), False
+        sharpest, falls = np.zeros_like(self._problem.area), False
         for patch, law in cooling.laws:
             least = np.minimum(least_rise(law, grid, time), 0.0)
-            steepest[patch.dofs] += patch.weights * least
+            sharpest[patch.dofs] += patch.weights * least
             falls = falls or bool(np.any(least < 0.0))
         falls = reductions.any_of(self._problem.section.comm, falls)
-        self._cooling, self._steepest = cooling, steepest if falls else None
+        self._cooling, self._sharpest = cooling, sharpest if falls else None
 
     def _on_the_way(self, old: Array, new: Array, time: float) -> Array:
         """Least rise of the heat that leaves each vertex on its way (owned,), W/m K."""
-        steepest = np.zeros_like(old)
+        sharpest = np.zeros_like(old)
         for share in np.linspace(0.0, 1.0, SAMPLES):
             at = old + share * (new - old)
             slope = np.zeros_like(old)
             for patch, law in self._problem.cooling.laws:
                 slope[patch.dofs] += patch.weights * law.flux(at[patch.dofs], time)[1]
-            steepest = np.minimum(steepest, slope)
-        return steepest
+            sharpest = np.minimum(sharpest, slope)
+        return sharpest
 
     def _bound(self, warming: Array, slope: Array) -> float:
         """Longest stage that has one root, with these slopes (collective)."""

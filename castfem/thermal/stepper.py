@@ -42,7 +42,7 @@ REBOUND = 0.2  # K, by which a vertex may come back after a step
 # A mode carried past its rest comes back by at most 0.52 of what the rates of its step may err by;
 # a vertex that turns in truth (steel that still cools below a surface that warms again) by more
 # than 0.9, for its rates are small where it turns.
-DOUBT = 0.75
+COMES_BACK = 0.75
 CONTROLLED = 1.0  # K, estimated error below which no vertex of a step has been seen to come back
 
 
@@ -214,7 +214,7 @@ class ThermalStepper:
         rates = (old.rate, *(s.rate for s in stages))
         error = dt * kelvin * sum(abs(d) * np.abs(r) for d, r in zip(DEFECT, rates, strict=True))
         # No vertex comes back faster than the rate at its end, nor by more than its error.
-        most = np.minimum(tau * kelvin * np.abs(last.rate), DOUBT * error)
+        most = np.minimum(tau * kelvin * np.abs(last.rate), COMES_BACK * error)
         turning = (moved * last.rate < 0.0) & (most > REBOUND)
         if not reductions.any_of(self.comm, bool(turning.any())):
             return False, None
@@ -224,7 +224,7 @@ class ThermalStepper:
             return False, None
         back = after.point.temperature - last.point.temperature
         size = np.abs(back)
-        found = (back * moved < 0.0) & (size > REBOUND) & (size < DOUBT * error)
+        found = (back * moved < 0.0) & (size > REBOUND) & (size < COMES_BACK * error)
         return reductions.any_of(self.comm, bool(found.any())), after.rate
 
     def _taken_too_much(self, new: ThermalState) -> str:

@@ -41,7 +41,7 @@ class Interrupt(Closing):
     def __init__(self, comm: MPI.Comm) -> None:
         self.wanted = False
         self._comm, self._since = comm, 0.0
-        self._former: dict[signal.Signals, Any] = {}
+        self._previous: dict[signal.Signals, Any] = {}
 
     def heed(self) -> None:
         """Stop here if that is wanted (collective).
@@ -56,13 +56,13 @@ class Interrupt(Closing):
         if threading.current_thread() is threading.main_thread():
             for number, default in _DEFAULTS.items():
                 if signal.getsignal(number) is default:
-                    self._former[number] = signal.signal(number, self._note)
+                    self._previous[number] = signal.signal(number, self._note)
         return self
 
     def close(self) -> None:
         """Let the signals do what they did before."""
-        while self._former:
-            signal.signal(*self._former.popitem())
+        while self._previous:
+            signal.signal(*self._previous.popitem())
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if self.wanted:

@@ -55,7 +55,7 @@ def test_errors_stand_behind_the_values(tmp_path: Path) -> None:
 
 def test_faces_of_a_square_billet_are_one() -> None:
     both = found(shell_narrow_face=1.0, shell_corner=1.0, shell_mid_face=1.0, position=0.6)
-    assert billet_error.chief_names([both]) == ["shell_mid_face", "shell_corner"]
+    assert billet_error.main_names([both]) == ["shell_mid_face", "shell_corner"]
 
 
 def test_worst_error_is_counted_in_units_of_each() -> None:

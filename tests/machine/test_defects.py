@@ -15,7 +15,7 @@ from castfem.case.build_extraction import coupled_pairs, known_resistance
 from castfem.case.defects import Defect, RollDefect
 from castfem.errors import InputError
 from castfem.extraction.resistance import tributary_lengths
-from castfem.machine.defects import circle, out_of_line, settled
+from castfem.machine.defects import circle, out_of_line, with_radii
 from castfem.machine.rolls import Pair, Rolls
 from castfem.values.types import Array
 
@@ -114,10 +114,10 @@ def test_rolls_that_stay_leave_the_strand_alone() -> None:
     """Also in the straightener, where three rolls are on no circle of the given radius."""
     normal = rolls_of(REFERENCE)
     assert rolls_of(slab({"kind": "misaligned", "roll": 53, "by": "0 mm"})) == normal
-    assert settled(normal) is normal
+    assert with_radii(normal) is normal
     pairs = list(normal.pairs)
     pairs[52] = replace(pairs[52], offset=1e-9)
-    found = settled(replace(normal, pairs=tuple(pairs)))
+    found = with_radii(replace(normal, pairs=tuple(pairs)))
     for one, other in zip(found.pairs, normal.pairs, strict=True):
         assert 1.0 / one.radius == pytest.approx(1.0 / other.radius, abs=1e-7)
 
