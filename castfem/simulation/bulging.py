@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 Memory = Mapping[str, Array]
 FORESEEN = 3  # rolls whose forces are remembered where they are not alike, see `UnevenPitch`
+MOST_BULGE = 0.05  # of the pitch: beyond, slopes are no longer small, and no strand is cast so
 LEAST_BULGE = 50e-6  # m: a bed is no stiffer than the pressure over this
 LEAST_WITHIN = 1e-3  # of its stiffness: what holds a solid strand that no roll touches in its place
 EDGE = 0.32  # of the pitch: from the narrow face to where a clamped plate bulges as a strip
@@ -163,10 +164,14 @@ class PitchByPitch:
             p = head * share * self.core.handed_on(profiles[probe], time)
             span = Span(float(last - first), p, speed)
             bulge, added = self._bulge(passed - 1, _outward(group), span, profiles[probe])
-            # That of the shell between its rolls, p/w, and p is what is left of the head.
+            top, _, low = bulge.extremes()
+            if (most := max(top, -low)) > MOST_BULGE * span.length:
+                raise RunFailure(_breaks_out(float(first), float(last), bulge, most))
+            # That of the shell between its rolls, p/w, and p is what is left of the head. Below
+            # a lost roll a shell that has crept dips all along: it is as soft there.
             left = max(self.core.share_handed_on(profiles[probe]), LEAST_WITHIN)
-            new["stiffness"][i] = head / max(bulge.largest / left, LEAST_BULGE)
-            new["thickness"][i], new["largest"][i] = bulge.thickness, bulge.largest
+            new["stiffness"][i] = head / max(most / left, LEAST_BULGE)
+            new["thickness"][i], new["largest"][i] = bulge.thickness, top
             new["load"][i], new["error"][i] = p * span.length, max(old["error"][i], bulge.error)
             new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])
             if added is not None:
@@ -261,6 +266,16 @@ def build_roll_support(
         position=machine.position,
         knots=tuple(float(place) for place in places),
         loose=others,
+    )
+
+
+def _breaks_out(first: float, last: float, bulge: Bulge, most: float) -> str:
+    """What is said of a shell that cannot span a pitch."""
+    return (
+        f"bulging: between the rolls at {first:.4g} and {last:.4g} m a shell of "
+        f"{1e3 * bulge.thickness:.3g} mm would bulge by {1e3 * most:.3g} mm (at most "
+        f"{1e3 * MOST_BULGE * (last - first):.3g}): it is too thin or too hot for a pitch of "
+        f"{1e3 * (last - first):.4g} mm; look at cooling and speed, and for rolls that are lost"
     )
 
 

@@ -348,6 +348,15 @@ def test_rolls_that_come_closer_press_a_solid_strand() -> None:
     assert last.force[0] > 300e3
 
 
+def test_a_pitch_that_no_shell_can_span_ends_the_run() -> None:
+    rolls = deepcopy(SLAB["machine"]["rolls"]) | {"position": ["0.9 m", "2.4 m", "2.6 m"]}  # type: ignore[index]
+    for model in ("creep", "elastic"):
+        with pytest.raises(
+            RunFailure, match=r"between the rolls at 0\.9 and 2\.4 m a shell of \d.* \(at most 75\)"
+        ):
+            run_in_memory(slab(machine={"rolls": rolls}, mechanics__bulging=model))
+
+
 def test_a_strand_without_a_shell_ends_the_run() -> None:
     hot = deepcopy(SLAB["cooling"])
     hot[0]["surface"][0]["coefficient"] = "1 W/(m^2 K)"  # type: ignore[index]

@@ -83,6 +83,18 @@ def test_a_lost_roll_is_one_long_pitch_between_sound_ones(sound: Kept, lost: Kep
     assert moved[0] > 0.5 * bed.bulge and moved[0] > 8.0 * moved[1]
 
 
+def test_below_a_lost_roll_the_bed_is_as_soft_as_the_dip_is_deep(sound: Kept, lost: Kept) -> None:
+    """There the shell dips by more than it bulges: pressure over the one, not over 0.05 mm."""
+    memory = rolls_of(within(lost, 5)).memory
+    low, top = memory["deflection"].min(axis=1), memory["largest"]
+    assert np.all(-low > 1.2 * top) and np.all(-low > 60e-6)
+    pressure = memory["load"] / PITCH
+    assert memory["stiffness"] == pytest.approx(pressure / -low, rel=0.02)
+    plain = rolls_of(within(sound, 5)).memory
+    soft = np.maximum(plain["largest"], 50e-6)
+    assert plain["stiffness"] == pytest.approx(plain["load"] / PITCH / soft, rel=0.02)
+
+
 def test_rolls_beside_a_lost_one_bear_more_than_half_of_it(sound: Kept, lost: Kept) -> None:
     memory = rolls_of(within(lost, 3)).memory
     statics = 1.5 * PITCH * memory["load"] / (2 * PITCH)
