@@ -9,15 +9,17 @@ BIN := $(HOME_OF_ENV)/bin
 NP ?= 1
 CASE := cases/billet125/taper_1.toml
 OUT := results/billet125/taper_1
+SLAB := cases/slab1200/slab.toml
 SLABS := reference locked_48 locked_48_52 misaligned_48 imposed_axis warm_edges nozzles_47_52
 MOULDS := idealised taper_3 taper_1 taper_0 taper_minus_1 taper_minus_3
 
-.PHONY: help env billet billets slabs test lint benchmark clean-env clean
+.PHONY: help env billet billets slab slabs test lint benchmark clean-env clean
 
 help:
 	@echo "make billet      the 125 mm billet in a mould tapered by 1 %/m; results in $(OUT)"
 	@echo "make billets     it in the six moulds of the thesis, and their comparison"
-	@echo "make slabs       the slab through its caster, in order and with defects of its rolls, coarse"
+	@echo "make slab        half a slab from the mould's exit through its rolls, and where it may crack"
+	@echo "make slabs       it in order and with defects of its rolls, coarse, beside the thesis"
 	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest)"
 	@echo "make lint        ruff and mypy alone"
 	@echo "make benchmark   error against run time; tables and figures in docs/"
@@ -38,6 +40,11 @@ billets: env
 	    cases/billet125/$$mould.toml -o results/billet125/$$mould || exit; \
 	done
 	$(BIN)/castfem compare $(addprefix results/billet125/,$(MOULDS)) -o results/billet125/compare
+
+slab: env
+	$(if $(filter-out 1,$(NP)),$(BIN)/mpirun -n $(NP) castfem,$(BIN)/castfem) run $(SLAB) \
+	  -o results/slab1200/slab
+	@echo "results: results/slab1200/slab/ (summary.json, history.csv, figures/, surface_maps.h5)"
 
 slabs: env
 	for slab in $(SLABS); do \

@@ -189,3 +189,16 @@ def test_the_head_down_the_machine(line: Bent) -> None:
     assert list(accumulate(heights, max)) == pytest.approx(heights, abs=1e-4)
     assert line.height(2.3) == pytest.approx(2.3, rel=1e-9)
     assert 10.5 < line.height(16.75) < 11.5
+
+
+def test_the_slab_as_the_thesis_follows_it() -> None:
+    """From the mould's exit to five pairs of rolls below straightening, in order."""
+    case = load_case(FOLDER / "slab.toml")
+    assert case.machine is not None and not case.machine.defect
+    pairs = case.machine.pairs()
+    assert pairs is not None
+    assert case.casting.length == pytest.approx(pairs.pairs[61].position, abs=0.01)
+    assert case.casting.start is not None and case.casting.start.at == "mould_exit"
+    assert case.mechanics is not None and case.mechanics.bulging is not None
+    assert case.mechanics.bulging.model == "creep" and not case.mechanics.held
+    assert case.machine.extraction is not None and case.quality is not None
