@@ -11,6 +11,7 @@ from castfem.errors import InputError
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
+from castfem.report.derived import derived
 from castfem.sweep.plan import brief
 from castfem.sweep.record import SWEEP_NAME, Record
 
@@ -86,6 +87,7 @@ def _run(folder: Path, label: str = "") -> Run:
         raise InputError(
             f"{folder}: the run has not ended ({status}); wait for it, or leave it out"
         )
+    summary = replace(summary, quantities={**summary.quantities, **derived(folder, summary)})
     label = label or folder.resolve().name
     return Run(folder, label if status == "finished" else f"{label} ({status})", summary)
 

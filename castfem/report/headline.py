@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 
@@ -9,6 +10,8 @@ from castfem.output.summary import Quantity
 
 # In the order in which they are shown; what a run does not have is left out.
 HEADLINE = (
+    "liquid_end",
+    "metallurgical_length",
     "shell_mid_face",
     "shell_narrow_face",
     "shell_corner",
@@ -37,8 +40,12 @@ HEADLINE = (
     "way_I1_max",
     "way_I2_max",
     "slice_thickness_centre",
-    "metallurgical_length",
+    "mould_mean_flux",
 )
+FROM_HISTORY = ("shell_least", "contact_lost", "contact_regained")
+"""What tables of many runs have besides (`castfem.report.derived`)."""
+# Ends of the pool, which stand first, where any of the runs has come to them.
+_ENDS = ("liquid_end", "metallurgical_length")
 # Place, position, roll, time and phase of the largest value of a map.
 _PLACE = re.compile(
     r", (?:[^,]+, (?:corner|[^,]+ from the corner)|x = [^,]+, y = [^,]+)"
@@ -53,13 +60,21 @@ def headline(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
     The narrow face is left out where it is in every run as the mid-face.
     """
     everything = list(runs)
-    found = [name for name in HEADLINE if any(name in run for run in everything)]
+    found = [
+        name
+        for name in (*HEADLINE, *FROM_HISTORY)
+        if any(name in run and _to_show(name, run[name]) for run in everything)
+    ]
     return [
         name
         for name in found
         if not name.endswith("_narrow_face")
         or any(not _same_as_mid_face(run, name) for run in everything)
     ]
+
+
+def _to_show(name: str, quantity: Quantity) -> bool:
+    return name not in _ENDS or math.isfinite(quantity.value)
 
 
 def _same_as_mid_face(run: Mapping[str, Quantity], name: str) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from castfem.output.xdmf import HDF5_NAME
 from castfem.plots.history import plain_unit
 from castfem.report.remarks import remarks
 from castfem.results.labels import last_quantities
+from castfem.values.same_place import ROUNDING
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -28,6 +29,7 @@ _BRIEF = 0.01  # of the wall time; a stage that takes less is not named
 _LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
 _FINEST = 1e-4  # an error below is printed with its power of ten
 _SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
+_ENDS = ("liquid_end", "metallurgical_length")
 UNCHANGED = "of the unchanged case"
 """What stands in place of a difference where the case is not that of the reference any more."""
 _DECIMALS = {"degC": 1, "K": 1, "mm": 2}
@@ -72,6 +74,7 @@ def show(
         _print_last_state(out, path, record)
     if summary is not None:
         _print_summary(out, summary)
+        _print_liquid_left(out, summary)
     if summary is not None and not (path / HISTORY_NAME).is_file():
         text = f"{path / HISTORY_NAME} is missing: no figures over time, and nothing to look at"
         _print(out, text, style="yellow")
@@ -302,7 +305,7 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
     """
     rows: list[tuple[str, ...]] = []
     referred = {c.reference.quantity for c in summary.references}
-    for name, quantity in summary.quantities.items():
+    for name, quantity in _ends_first(summary.quantities):
         twin = summary.quantities.get(name.replace(_NARROW, _WIDE))
         if name.endswith(_NARROW) and name not in referred and _same(name, quantity, twin):
             continue
@@ -319,6 +322,27 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
             label = f"{comparison.reference.quantity} ({comparison.missing})"
             rows.append(_comparison_row(comparison, label, sources))
     return rows
+
+
+def _ends_first(quantities: Mapping[str, Quantity]) -> list[tuple[str, Quantity]]:
+    """The results, ends of the pool first where the strand has come to them."""
+    first = [n for n in _ENDS if n in quantities and math.isfinite(quantities[n].value)]
+    return [(n, quantities[n]) for n in dict.fromkeys((*first, *quantities))]
+
+
+def _print_liquid_left(out: Console, summary: Summary) -> None:
+    """Say that a strand that has left its mould is not solid where the run ends."""
+    found, end = summary.quantities, summary.quantities.get("position")
+    exit_ = summary.mould_exit
+    length = found.get("metallurgical_length")
+    if end is None or exit_ is None or end.value <= exit_ * (1 + ROUNDING):
+        return
+    if "solidus" not in found or (length is not None and math.isfinite(length.value)):
+        return
+    core = found.get("liquid_end")
+    ended = core is not None and math.isfinite(core.value)
+    what = f"no longer liquid from {core.value:.4g} m on, mushy" if ended and core else "liquid"
+    _print(out, f"not solid at the end of the run, at {end.value:.4g} m: its core is {what}")
 
 
 def _same(name: str, one: Quantity, other: Quantity | None) -> bool:

@@ -84,9 +84,10 @@ class Sample:
         temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
         mechanics: The strained slice; None in a simulation without mechanics.
         largest_stress: On the way to here. beyond_data: Likewise. metallurgical_length: Where the
-            last vertex passed the solidus, m; None while liquid is left. extremes: Of the contact
-            in the mould so far; None without a mould. quality: Crack indexes and end of the pool;
-            None in a case without [quality].
+            last vertex passed the solidus, m; None while liquid is left. liquid_end: Where it
+            passed the liquidus. mould_flux: Mean of the mould so far, W/m2; None without.
+        extremes: Of the contact in the mould so far; None without a mould.
+        quality: Crack indexes and end of the pool; None in a case without [quality].
     """
 
     simulation: Simulation
@@ -107,6 +108,8 @@ class Sample:
     largest_stress: LargestStress = field(default_factory=LargestStress)
     beyond_data: BeyondData = field(default_factory=BeyondData)
     metallurgical_length: float | None = None
+    liquid_end: float | None = None
+    mould_flux: float | None = None
     extremes: MouldExtremes | None = None
     quality: QualityState | None = None
 

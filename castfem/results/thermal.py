@@ -10,6 +10,7 @@ import numpy as np
 from castfem.coupling.staggered import StrandState
 from castfem.coupling.subcycling import SubSteps
 from castfem.fem import reductions
+from castfem.mould.mould import is_below
 from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtremes
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import Simulation
@@ -33,6 +34,9 @@ class Sampler:
         worst_balance: Largest relative heat balance error of a step.
         metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
             left.
+        liquid_end: Where it passed the liquidus, likewise.
+        mould_flux: Mean heat flux from the meniscus to here, or to the end of the mould, W/m2; None
+            without a mould, or of a run that does not begin at the meniscus.
         extremes: What the slice has met in its mould; None without one.
         largest_stress: Where its stress was largest.
         quality: Follows the crack indexes; None in a case without [quality].
@@ -43,6 +47,8 @@ class Sampler:
     mechanics: MechanicalSampler | None = None
     worst_balance: float = 0.0
     metallurgical_length: float | None = None
+    liquid_end: float | None = None
+    mould_flux: float | None = None
     extremes: MouldExtremes | None = None
     largest_stress: LargestStress = field(default_factory=LargestStress)
     beyond_data: BeyondData = field(default_factory=BeyondData)
@@ -50,6 +56,8 @@ class Sampler:
     sprays: SprayRange | None = None
     _hottest: float = np.inf
     _time: float = 0.0
+    _perimeter: float = 0.0
+    _mould_exit: float | None = None
     _surface: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -71,6 +79,10 @@ class Sampler:
             from castfem.results.spray_range import SprayRange
 
             self.sprays = SprayRange(self.simulation)
+        start = self.simulation.case.casting.start
+        if start is None or start.at == "meniscus":
+            self._mould_exit = self.simulation.case.mould_exit()
+        self._perimeter = self.simulation.zones.perimeter()
         section = self.simulation.section
         space_points = section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2]
         on_surface = self.simulation.zones.surface_vertices()
@@ -125,7 +137,10 @@ class Sampler:
             balance=balance,
             mechanics=self._read_mechanics(strand, mechanical),
             metallurgical_length=self.metallurgical_length,
+            liquid_end=self.liquid_end,
         )
+        self._note_mould_flux(sample)
+        sample.mould_flux = self.mould_flux
         self.largest_stress.note(sample)
         sample.largest_stress = replace(self.largest_stress)
         self.beyond_data.note(sample)
@@ -156,6 +171,8 @@ class Sampler:
         return {
             "worst_balance": self.worst_balance,
             "metallurgical_length": self.metallurgical_length,
+            "liquid_end": self.liquid_end,
+            "mould_flux": self.mould_flux,
             "hottest": self._hottest,
             "time": self._time,
             **({} if self.extremes is None else self.extremes.memory()),
@@ -167,6 +184,8 @@ class Sampler:
         """Take up what `memory` gave."""
         self.worst_balance = memory["worst_balance"] or 0.0
         self.metallurgical_length = memory["metallurgical_length"]
+        self.liquid_end = memory.get("liquid_end")  # of an older checkpoint they are not there
+        self.mould_flux = memory.get("mould_flux")
         self._hottest = memory["hottest"] or np.inf
         self._time = memory["time"] or 0.0
         if self.extremes is not None:
@@ -202,15 +221,32 @@ class Sampler:
         flux = reductions.totals(self.simulation.section.comm, local)
         return {name: float(flux[i]) for i, name in enumerate(names)}
 
+    def _note_mould_flux(self, sample: Sample) -> None:
+        """Note the mean flux as long as the slice is in the mould."""
+        end = self._mould_exit
+        if end is None or is_below(sample.position, end) or not sample.time > 0.0:
+            return
+        self.mould_flux = sample.removed / (self._perimeter * sample.time)
+
     def _note_closing(self, state: ThermalState, hottest: float) -> None:
-        """Note where the hottest vertex passes the solidus, between two steps by interpolation."""
-        solidus = self.simulation.steel.solidus
-        if hottest >= solidus:
-            self.metallurgical_length = None
-        elif self.metallurgical_length is None:
-            share = 1.0
-            if np.isfinite(self._hottest) and self._hottest > solidus:
-                share = (self._hottest - solidus) / (self._hottest - hottest)
-            time = self._time + share * (state.time - self._time)
-            self.metallurgical_length = self.simulation.machine.position(time)
+        """Note where the hottest vertex passes liquidus and solidus."""
+        steel = self.simulation.steel
+        self.liquid_end = self._passed(state, hottest, steel.liquidus, self.liquid_end)
+        self.metallurgical_length = self._passed(
+            state, hottest, steel.solidus, self.metallurgical_length
+        )
         self._hottest, self._time = hottest, state.time
+
+    def _passed(
+        self, state: ThermalState, hottest: float, level: float, known: float | None
+    ) -> float | None:
+        """Where the hottest vertex passed a level, m, between two steps by interpolation."""
+        if hottest >= level:
+            return None
+        if known is not None:
+            return known
+        share = 1.0
+        if np.isfinite(self._hottest) and self._hottest > level:
+            share = (self._hottest - level) / (self._hottest - hottest)
+        time = self._time + share * (state.time - self._time)
+        return self.simulation.machine.position(time)

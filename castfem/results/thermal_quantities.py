@@ -160,3 +160,30 @@ def energy_error(sample: Sample) -> float:
 def metallurgical_length(sample: Sample) -> float | None:
     """Where the last of the section passed the solidus; none while liquid is left."""
     return sample.metallurgical_length
+
+
+@quantity(
+    "liquid_end",
+    unit="m",
+    label="end of the liquid core, fs = 0",
+    column=False,
+    after="mould_penetration_max",
+)
+def liquid_end(sample: Sample) -> float | None:
+    """Where the last of the section passed the liquidus; none while some is above it."""
+    return sample.liquid_end
+
+
+@quantity(
+    "mould_mean_flux",
+    unit="kW/m^2",
+    label="mean heat flux in the mould",
+    column=False,
+    after="cooling_power",
+)
+def mould_mean_flux(sample: Sample) -> float | None:
+    """Heat removed in the mould so far, over the surface of the strand and the time there.
+
+    The end of the mould is `mould.length`, or that of the zones which are called a mould.
+    """
+    return sample.mould_flux

@@ -137,6 +137,13 @@ class Zones:
             share[self._cooled.dofs] = self._cooled.weights
         return share
 
+    def perimeter(self) -> float:
+        """Perimeter of the whole strand as it is now, m (collective)."""
+        section = self._surface.section
+        patch = self._surface.patch(section.matching(section.outer_groups))
+        whole = reductions.total(section.comm, float(patch.weights.sum()))
+        return section.multiplicity * whole
+
     def surface_vertices(self) -> npt.NDArray[np.int64]:
         """Owned vertices on the strand's surface, cooled or not."""
         return self._surface.whole().dofs

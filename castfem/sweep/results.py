@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from castfem.errors import CastfemError
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Quantity, Summary
+from castfem.report.derived import derived
 from castfem.report.headline import headline, plain_label
 from castfem.results.places import quantities_at
 from castfem.support.atomic_files import write_text
@@ -68,8 +69,9 @@ def rows(variants: Sequence[Variant], record: Record, at: Sequence[float] = ()) 
         if status == "finished":
             try:
                 summary = Summary.load(record.folder / variant.name)
-                quantities = summary.quantities if summary else {}
-                quantities = {**_results_at(record.folder / variant.name, at), **quantities}
+                folder = record.folder / variant.name
+                quantities = {**summary.quantities, **derived(folder, summary)} if summary else {}
+                quantities = {**_results_at(folder, at), **quantities}
             except CastfemError as error:
                 message = str(error)
         found.append(

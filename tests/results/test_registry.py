@@ -85,7 +85,7 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
     assert d.about.endswith((".", ")")) and len(d.about) > 10
     assert [e.name for e in declared() if e.label == d.label] == [d.name]
     strained, frozen, curved, rolled = samples
-    sample = frozen if d.name == "metallurgical_length" else strained
+    sample = frozen if d.name in ("metallurgical_length", "liquid_end") else strained
     sample = curved if {"bending", "quality", "extraction"} & set(d.needs) else sample
     sample = rolled if "bulging" in d.needs else sample
     assert d.is_of(sample.simulation)

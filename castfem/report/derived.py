@@ -1,0 +1,46 @@
+"""Numbers of a run that its history tells, for tables of many runs: the thinnest shell, contact."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from castfem.errors import InputError
+from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.summary import Quantity, Summary, to_si
+from castfem.plots.history import curves
+from castfem.report.remarks import OPEN, mould_exit, spells
+
+
+def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
+    """Return those that a run has; none without a history.
+
+    The shell is the thinnest at the probes where the mould ends. Contact is lost where the first of
+    the probes loses it, and regained where the last of those that do has it again; NaN where it
+    is not.
+    """
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return {}
+    if len(table) < 2 or "position" not in table:
+        return {}
+    position, units = table["position"].to_numpy(), table.attrs["units"]
+    found: dict[str, Quantity] = {}
+    at, name = mould_exit(position, summary)
+    shells = [c for _, _, c in curves(table, "shell")]
+    depths = [to_si(float(np.interp(at, position, table[c])), units[c]) for c in shells]
+    if depths:
+        label = f"thinnest shell, {name}"
+        found["shell_least"] = Quantity(min(depths), "mm", label)
+    gaps = [table[c].to_numpy() for _, _, c in curves(table, "gap")]
+    lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]
+    if gaps:
+        first = min((spell.start for spell in lost), default=np.nan)
+        found["contact_lost"] = Quantity(first, "mm", "contact lost at")
+    if lost:
+        open_ = any(not spell.regained for spell in lost)
+        last = np.nan if open_ else max(spell.end for spell in lost)
+        found["contact_regained"] = Quantity(last, "mm", "contact regained at")
+    return found
