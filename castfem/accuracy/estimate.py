@@ -8,16 +8,17 @@ known of the error.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from scipy.optimize import brentq
 
 SAFETY = 1.25  # [Roache1994], for an order that three sizes have shown
 LEAST_ORDER, MOST_ORDER = 0.5, 2.0  # less is no convergence; more the schemes do not have
 LUCK = 3.0  # an order above it is an accident of the values
-SPREAD = 1.0  # of the values, where no order shows
+SPREAD = 1.5  # of the values, where no order shows
 LEAST = 0.25  # of the spread, where an order shows: three values may agree by luck
 FEW = 3.0  # [Roache1994], of the difference between two sizes, when there are no more
-_ALIKE = 0.02  # relative; ratios of sizes that differ by less are one
 _SAME = 1e-12  # relative; values that differ by less are rounded differently
 
 
@@ -47,16 +48,18 @@ def estimate(values: Mapping[float, float]) -> Estimate:
     Args:
         values: The number by size, relative; that of 1 among them.
 
-    The three finest sizes show an order p if the number goes one way, by (v1 - v0) and then by
-    (v2 - v1), whose ratio is r^p for sizes with the ratio r. The error is then the difference to
-    the extrapolated value, with the factor of safety; it is at least a quarter of the spread, since
-    the order may be luck. What is known of two sizes is the difference alone.
+    The three finest sizes show an order p if the number goes one way and
+
+        (v2 - v1) / (v1 - v0) = (x2^p - x1^p) / (x1^p - x0^p)
+
+    has a solution that is no slower than 0.5. The error is then the difference to the extrapolated
+    value, with the factor of safety; it is at least a quarter of the spread, since the order may
+    be luck. What is known of two sizes is the difference alone.
     """
-    known = sorted((size, v) for size, v in values.items() if math.isfinite(v))
+    known = sorted((size, v) for size, v in values.items() if math.isfinite(v))[:3]
     here = values.get(1.0, math.nan)
     if len(known) < 2 or not math.isfinite(here):
         return Estimate(math.nan)
-    known = known[:3]
     spread = max(v for _, v in known) - min(v for _, v in known)
     if spread <= _SAME * abs(here):
         return Estimate(0.0)
@@ -65,18 +68,22 @@ def estimate(values: Mapping[float, float]) -> Estimate:
     order = observed_order(known)
     if order is None:
         return Estimate(SPREAD * spread)
-    (finest, last), (next_, before), *_ = known
-    rest = (last - before) / ((next_ / finest) ** min(order, MOST_ORDER) - 1.0)
-    return Estimate(max(SAFETY * abs(here - last - rest), LEAST * spread), order)
+    believed = min(order, MOST_ORDER)
+    (x0, v0), (x1, v1), _ = known
+    limit = v0 - (v1 - v0) * x0**believed / (x1**believed - x0**believed)
+    return Estimate(max(SAFETY * abs(here - limit), LEAST * spread), order)
 
 
-def observed_order(known: list[tuple[float, float]]) -> float | None:
-    """Return the order that the first three pairs of size and value show; None for none.
-
-    Sizes whose neighbours have different ratios, a run between them having failed, show none.
-    """
-    (x0, v0), (x1, v1), (x2, v2) = known[:3]
-    if (v1 - v0) * (v2 - v1) <= 0.0 or not math.isclose(x1 / x0, x2 / x1, rel_tol=_ALIKE):
+def observed_order(known: Sequence[tuple[float, float]]) -> float | None:
+    """Return the order that three pairs of size and value show, the finest first; None for none."""
+    (x0, v0), (x1, v1), (x2, v2) = known
+    if (v1 - v0) * (v2 - v1) <= 0.0:
         return None
-    order = math.log((v2 - v1) / (v1 - v0)) / math.log(x1 / x0)
-    return order if LEAST_ORDER <= order <= LUCK else None
+    wanted = (v2 - v1) / (v1 - v0)
+
+    def excess(order: float) -> float:
+        return (x2**order - x1**order) / (x1**order - x0**order) - wanted
+
+    if excess(LEAST_ORDER) > 0.0 or excess(LUCK) < 0.0:
+        return None
+    return float(brentq(excess, LEAST_ORDER, LUCK))

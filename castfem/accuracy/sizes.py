@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from typing import Any
 
 from castfem.case import Case
@@ -47,6 +48,18 @@ def factors_of(word: str) -> dict[str, float]:
 def axes_of(case: Case) -> tuple[str, ...]:
     """Return what there is to scale: without mechanics there is no coupling."""
     return AXES if case.mechanics is not None else (MESH, STEP)
+
+
+def cell_count(case: Case) -> int:
+    """Return the number of cells of a case's mesh, which is made for it once."""
+    return _cells(json.dumps(case.mesh_parameters(), sort_keys=True))
+
+
+@lru_cache(maxsize=32)
+def _cells(parameters: str) -> int:
+    from castfem.meshes.build import build
+
+    return len(build(**json.loads(parameters)).cells)
 
 
 def window(case: Case) -> float:

@@ -200,13 +200,7 @@ def gather(
             continue
         parts: dict[str, Part] = {}
         for axis in sizes.axes_of(case):
-            values: dict[float, float] = {
-                level.factor: results[level.name].quantities[name].shown
-                for level in levels
-                if level.axis in ("", axis)
-                and level.name in results
-                and name in results[level.name].quantities
-            }
+            values = _series(case, axis, levels, results, name)
             made = estimate(values)
             parts[axis] = Part(made.error, made.order, values)
         largest = max((abs(v) for part in parts.values() for v in part.values.values()), default=0)
@@ -214,6 +208,54 @@ def gather(
             unit, value = quantity.shown_unit, quantity.shown
             found[name] = Entry(quantity.label, unit, value, parts, _scale(quantity, poured))
     return ErrorTable(case.title, sizes.key(case), sizes.described(case), tuple(runs), found)
+
+
+def _series(
+    case: Case,
+    axis: str,
+    levels: Sequence[Level],
+    results: Mapping[str, Summary],
+    name: str,
+) -> dict[float, float]:
+    """A number by the factor of one of the sizes, in its unit.
+
+    Where the windows cut the thermal steps shorter windows have shorter steps, too: what these
+    alone do to the number is told by the run with such steps, and is taken out.
+    """
+
+    def of(axis: str) -> dict[float, float]:
+        return {
+            level.factor: results[level.name].quantities[name].shown
+            for level in levels
+            if level.axis in ("", axis)
+            and level.name in results
+            and name in results[level.name].quantities
+        }
+
+    found = of(axis)
+    if axis == sizes.MESH:
+        return _by_cells(case, levels, found)
+    if axis == sizes.COUPLING and sizes.steps_fill_windows(case):
+        steps = of(sizes.STEP)
+        for factor in [factor for factor in found if factor < 1.0]:
+            if factor in steps:
+                found[factor] -= steps[factor] - steps[1.0]
+            else:
+                del found[factor]
+    return found
+
+
+def _by_cells(
+    case: Case, levels: Sequence[Level], values: Mapping[float, float]
+) -> dict[float, float]:
+    """Values by the mean size of the cells, instead of what was asked for.
+
+    A length takes a whole number of cells: on a coarse mesh all sizes doubled may leave much of it
+    as it is. Meshes with the same number of cells count once.
+    """
+    now = sizes.cell_count(case)
+    cases = {1.0: case} | {one.factor: one.case for one in levels if one.axis == sizes.MESH}
+    return {(now / sizes.cell_count(cases[f])) ** 0.5: value for f, value in values.items()}
 
 
 def _scale(quantity: Quantity, poured: float) -> float:

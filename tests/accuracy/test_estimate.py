@@ -45,9 +45,11 @@ def test_few_sizes() -> None:
     assert math.isnan(estimate({1.0: math.nan, 2.0: 5.5, 0.5: 5.0}).error)
 
 
-def test_a_missing_size_shows_no_order() -> None:
-    """The ratios of neighbours differ then, of which the formula knows nothing."""
-    assert estimate({2.0: 8.0, 1.0: 4.0, 1.0 / R: 3.0}).order is None
+def test_sizes_need_not_have_one_ratio() -> None:
+    """Meshes have whole numbers of cells."""
+    found = estimate({x: 5.0 - 3.0 * x**1.5 for x in (1.9, 1.0, 0.77)})
+    assert found.order == pytest.approx(1.5)
+    assert found.error == pytest.approx(SAFETY * 3.0)
 
 
 def test_the_same_everywhere_has_no_error() -> None:

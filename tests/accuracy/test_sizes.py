@@ -8,8 +8,11 @@ import pytest
 from small_case import small
 
 from castfem.accuracy import sizes
-from castfem.accuracy.ladder import levels
+from castfem.accuracy.estimate import SAFETY
+from castfem.accuracy.ladder import Level, levels
+from castfem.accuracy.table import gather
 from castfem.case import load_case
+from castfem.output.summary import Quantity, Summary
 
 CASES = Path(__file__).parents[2] / "cases"
 TAPERED = CASES / "billet125" / "taper_0.toml"
@@ -68,9 +71,43 @@ def test_a_mesh_of_another_grading_is_none_of_the_ladder() -> None:
     assert sizes.factors_between(sizes.described(case), sizes.described(other)) is None
 
 
+def test_cells_are_counted_and_not_taken_on_trust() -> None:
+    """Values stand by the mean size of the cells that a mesh has, not by what was asked for."""
+    case = small()
+    rungs = levels(case)
+    counts = {level.factor: sizes.cell_count(level.case) for level in rungs if level.axis != "step"}
+    assert counts[2.0] < counts[1.0] < counts[2.0**-0.5]
+    results = {
+        one.name: Summary("", "finished", {"heat": Quantity(one.factor, "J", "heat")})
+        for one in rungs
+    }
+    part = gather(case, rungs, results, ()).quantities["heat"].parts["mesh"]
+    wanted = {(counts[1.0] / counts[f]) ** 0.5: f for f in counts}
+    assert dict(part.values) == pytest.approx(wanted)
+
+
 def test_cheap_ones_first() -> None:
     names = [level.name for level in levels(load_case(TAPERED))]
     assert names[0] == "mesh_x2"
     assert names[-1] == "coupling_x0.5"
     assert set(names) >= {"base", "step_x0.5", "step_x0.25", "mesh_x0.707"}
     assert not any(name.startswith("coupling") for name in (one.name for one in levels(small())))
+
+
+def test_shorter_windows_are_not_charged_with_their_steps() -> None:
+    """Of v = 7 s + 2 w, with steps that fill the windows, the part of the windows is 2 w."""
+    case = load_case(TAPERED)
+    rungs = levels(case)
+
+    def result(level: Level) -> Summary:
+        window = level.factor if level.axis == "coupling" else 1.0
+        step = level.factor if level.axis == "step" else min(window, 1.0)
+        value = 7.0 * step + 2.0 * window
+        return Summary(level.name, "finished", {"heat": Quantity(value, "J", "heat")})
+
+    results = {level.name: result(level) for level in rungs}
+    parts = gather(case, rungs, results, ()).quantities["heat"].parts
+    assert parts["coupling"].order == pytest.approx(1.0)
+    assert parts["coupling"].error == pytest.approx(SAFETY * 2.0)
+    assert parts["step"].error == pytest.approx(SAFETY * 7.0)
+    assert parts["mesh"].error == 0.0
