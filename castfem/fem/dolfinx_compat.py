@@ -54,6 +54,20 @@ class CellForm:
         self._mesh, self._form = mesh, form
         self._compiled = fem.compile_form(mesh.comm, form, scalar, jit_options())
         self._facets = _facets_of(mesh, form)
+        self._constants = {c: c for c in ufl.algorithms.analysis.extract_constants(form)}
+        self._coefficients = self._named()
+        self._spaces = [argument.ufl_function_space() for argument in form.arguments()]
+
+    def _named(self) -> dict[Any, Any]:
+        """The coefficients by the names under which DOLFINx looks for them."""
+        found = ufl.algorithms.extract_coefficients(self._form)
+        if not version().startswith("0.9"):
+            return {one: one for one in found}
+        # It names them by their place among all of the form, and finds them by that among those
+        # which the compiler has left.
+        compiled = self._compiled.ufcx_form
+        places = compiled.original_coefficient_positions
+        return {found[i]: found[places[i]] for i in range(compiled.num_coefficients)}
 
     def on(self, cells: npt.NDArray[np.int32], surface: bool = True) -> fem.Form:
         """The form on local cells and, if asked for, on all of its surface."""
@@ -61,17 +75,9 @@ class CellForm:
         parts: dict[Any, list[tuple[int, npt.NDArray[np.int32]]]] = {kind.cell: [(CELLS, cells)]}
         if surface and self._facets:
             parts[kind.exterior_facet] = list(self._facets)
-        found = ufl.algorithms.extract_coefficients(self._form)
-        coefficients = {one: one for one in found}
-        if version().startswith("0.9"):
-            # It names them by their place among all of the form, and finds them by that among
-            # those which the compiler has left.
-            compiled = self._compiled.ufcx_form
-            places = compiled.original_coefficient_positions
-            coefficients = {found[i]: found[places[i]] for i in range(compiled.num_coefficients)}
-        constants = {one: one for one in ufl.algorithms.analysis.extract_constants(self._form)}
-        spaces = [argument.ufl_function_space() for argument in self._form.arguments()]
-        return fem.create_form(self._compiled, spaces, self._mesh, parts, coefficients, constants)
+        return fem.create_form(
+            self._compiled, self._spaces, self._mesh, parts, self._coefficients, self._constants
+        )
 
 
 def _facets_of(mesh: dmesh.Mesh, form: ufl.Form) -> list[tuple[int, npt.NDArray[np.int32]]]:

@@ -13,7 +13,7 @@ from castfem.values.types import Flags, Indices
 def matrix_of_nodes(
     whole: PETSc.Mat, space: fem.FunctionSpace, nodes: Flags
 ) -> tuple[PETSc.Mat, Indices]:
-    """The pattern that a matrix has among some nodes, empty (collective).
+    """What a matrix has among some nodes (collective).
 
     What is added for other nodes by their local numbers is left out.
 

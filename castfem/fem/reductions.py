@@ -17,7 +17,9 @@ def total(comm: MPI.Comm, value: float) -> float:
 
 def totals(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Sum of an array of numbers over the ranks, in one message."""
-    send = np.ascontiguousarray(values, dtype=np.float64)
+    send = np.array(values, dtype=np.float64)
+    if comm.size == 1:
+        return send
     receive = np.empty_like(send)
     comm.Allreduce(send, receive, op=MPI.SUM)
     return receive
@@ -58,7 +60,9 @@ def largest_of(comm: MPI.Comm, values: npt.ArrayLike) -> npt.NDArray[np.float64]
 
     MPI says nothing of NaN: its maximum keeps or loses one as the ranks happen to be compared.
     """
-    own = np.ascontiguousarray(values, dtype=np.float64)
+    own = np.array(values, dtype=np.float64)
+    if comm.size == 1:
+        return own
     unknown = np.isnan(own)
     send = np.stack([np.where(unknown, -np.inf, own), unknown])
     receive = np.empty_like(send)

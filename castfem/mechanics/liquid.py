@@ -25,6 +25,7 @@ from dolfinx import fem, la
 
 from castfem.fem import dof_values, reductions
 from castfem.fem.dolfinx_compat import assemble_into, create_matrix
+from castfem.fem.part_matrix import matrix_of_nodes
 from castfem.fem.section import Section
 from castfem.forms.mechanics import following
 from castfem.mechanics.quadrature import Points
@@ -63,11 +64,8 @@ class FedLiquid:
         # A deep node has deep cells alone round it: its equations are the same in any step.
         self._whole = create_matrix(form)
         assemble_into(self._whole, form, [])
-        self._matrix = self._whole.duplicate()
-        for option in (PETSc.Mat.Option.SYMMETRIC, PETSc.Mat.Option.KEEP_NONZERO_PATTERN):
-            self._matrix.setOption(option, True)
         self._moved, self._right = self._whole.createVecs()
-        self._ksp = self._make_solver()
+        self._equations: _Equations | None = None
         self._marks = fem.Function(space)
         self._surface = self._surface_cells()
         self._nodes = np.asarray(space.dofmap.list)[: section.cells]
@@ -82,20 +80,6 @@ class FedLiquid:
         self.bears = False
         self.deep: npt.NDArray[np.int64] = np.zeros(0, np.int64)
         self.held = self._condition(np.zeros(0, np.int32))
-
-    def _make_solver(self) -> PETSc.KSP:
-        """A factorisation, exact, so that ranks and restarts agree; kept while the front stays.
-
-        Conjugate gradients by that of an earlier step take 20 to 60 iterations where the front has
-        moved by single cells, a dozen of which cost as much as a new factorisation.
-        """
-        ksp = PETSc.KSP().create(self.section.comm)
-        ksp.setOperators(self._matrix)
-        ksp.setType("preonly")
-        ksp.getPC().setType("cholesky")
-        has_mumps = PETSc.Sys.hasExternalPackage("mumps")
-        ksp.getPC().setFactorSolverType("mumps" if has_mumps else "petsc")
-        return ksp
 
     def _surface_cells(self) -> Flags:
         """Own cells with a side on the surface of the strand (cells,)."""
@@ -171,6 +155,7 @@ class FedLiquid:
         ]
         self.carries = np.concatenate(each) if len(shell) else np.zeros(0, dtype=bool)
         self.layer = int(self._innermost(shell))
+        self._outermost = reductions.smallest(self.section.comm, self._layers[~shell].astype(float))
         size = self._space.dofmap.bs
         deep = np.flatnonzero(self._of_cells(shell) == 0.0).astype(np.int32)
         self.held = self._condition(deep)
@@ -192,23 +177,77 @@ class FedLiquid:
             condition.set(u.x.array)
         if reductions.any_of(comm, self._new):
             self._restrict()
+        assert self._equations is not None
         owned = slice(0, len(follows))
         self._moved.setArray(u.x.array[owned])
         self._whole.mult(self._moved, self._right)
-        self._right.setArray(np.where(follows, -self._right.getArray(readonly=True), 0.0))
-        self._ksp.solve(self._right, self._moved)
-        u.x.array[owned][follows] += self._moved.getArray(readonly=True)[follows]
+        right = np.where(follows, -self._right.getArray(readonly=True), 0.0)
+        u.x.array[owned] += self._equations.solved(right)
         u.x.scatter_forward()
 
     def _restrict(self) -> None:
         """Equations of the nodes that follow; the others stay where they are (collective)."""
-        self._whole.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
-        first = self._matrix.getOwnershipRange()[0]
-        stays = np.flatnonzero(~self._follows) + first
-        self._matrix.zeroRowsColumns(stays.astype(PETSc.IntType))
+        if self._equations is None or self._equations.outermost != self._outermost:
+            if self._equations is not None:
+                self._equations.destroy()
+            deep = np.flatnonzero(self._layers >= self._outermost).astype(np.int32)
+            nodes = self.nodes_of(deep)
+            self._equations = _Equations(self._whole, self._space, nodes, self._outermost)
+        self._equations.restrict(self._follows)
         self._new = False
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._ksp, self._matrix, self._whole, self._right, self._moved):
+        if self._equations is not None:
+            self._equations.destroy()
+        for thing in (self._whole, self._right, self._moved):
+            thing.destroy()
+
+
+class _Equations:
+    """Those of the cells from the outermost layer on that has a deep one.
+
+    A factorisation, exact, so that ranks and restarts agree; kept while the front stays.  Conjugate
+    gradients by that of an earlier step take 20 to 60 iterations where the front has moved by
+    single cells, a dozen of which cost as much as a new factorisation.
+
+    Args:
+        whole: Equations of all cells. space: Of the displacement.
+        nodes: Local nodes of those layers. outermost: Number of the first of them.
+    """
+
+    def __init__(
+        self, whole: PETSc.Mat, space: fem.FunctionSpace, nodes: Flags, outermost: float
+    ) -> None:
+        self.outermost = outermost
+        self._part, self._rows = matrix_of_nodes(whole, space, nodes)
+        self._matrix = self._part.duplicate()
+        kind = PETSc.Mat.Option
+        for option in (kind.SYMMETRIC, kind.SPD, kind.KEEP_NONZERO_PATTERN):
+            self._matrix.setOption(option, True)
+        self._right, self._moved = self._part.createVecs()
+        self._ksp = PETSc.KSP().create(space.mesh.comm)
+        self._ksp.setOperators(self._matrix)
+        self._ksp.setType("preonly")
+        self._ksp.getPC().setType("cholesky")
+        has_mumps = PETSc.Sys.hasExternalPackage("mumps")
+        self._ksp.getPC().setFactorSolverType("mumps" if has_mumps else "petsc")
+
+    def restrict(self, follows: Flags) -> None:
+        """Let these of this rank's unknowns follow and all others stay (collective)."""
+        self._part.copy(self._matrix, PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        stays = np.flatnonzero(~follows[self._rows]) + self._matrix.getOwnershipRange()[0]
+        self._matrix.zeroRowsColumns(stays.astype(PETSc.IntType))
+
+    def solved(self, right: Array) -> Array:
+        """How far this rank's unknowns move by forces (owned,), 0 where they stay (collective)."""
+        self._right.setArray(right[self._rows])
+        self._ksp.solve(self._right, self._moved)
+        found = np.zeros_like(right)
+        found[self._rows] = self._moved.getArray(readonly=True)
+        return found
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for thing in (self._ksp, self._matrix, self._part, self._right, self._moved):
             thing.destroy()

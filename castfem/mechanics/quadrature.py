@@ -8,6 +8,7 @@ rule cell after cell.  Only a rank's own cells count.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import basix
 import basix.ufl
@@ -234,13 +235,23 @@ class Points:
         linear = self.linear.on(cells.astype(np.int64))
         if len(cells) == self.section.cells:
             return ActivePoints(
-                self, cells, EVERY, EVERY, EVERY, self.deviator_points, linear, self.strain
+                self,
+                cells,
+                EVERY,
+                EVERY,
+                EVERY,
+                self.deviator_points,
+                linear,
+                self.strain,
+                self.volume,
             )
         each = (len(self.deviator.points), len(self.mean.points))
         deviator, mean = ((cells[:, None] * n + np.arange(n)).ravel().astype(int) for n in each)
         rows = np.concatenate([deviator, self.deviator_points + mean])
         strain = self.strain[(4 * rows[:, None] + np.arange(4)).ravel()]
-        return ActivePoints(self, cells, rows, deviator, mean, len(deviator), linear, strain)
+        return ActivePoints(
+            self, cells, rows, deviator, mean, len(deviator), linear, strain, self.volume[rows]
+        )
 
     def level(self, strain: Array) -> Array:
         """Make the change of volume linear on each cell: strains (count, 4) are written to."""
@@ -276,14 +287,20 @@ class Points:
         found[:, :3] += ((own @ self._carry.T).ravel() - found[:, :3].mean(axis=1))[:, None]
         return found
 
+    @cached_property
+    def _around_vertices(self) -> tuple[sparse.csr_matrix, Array]:
+        """Weights of the deviator's points around each local vertex, and their sums."""
+        weights = self.vertex[: self.deviator_points].T.multiply(self.deviator.volume).tocsr()
+        return weights, np.asarray(weights.sum(axis=1)).ravel()
+
     def at_vertices(self, values: Array) -> Array:
         """Mean of values at the deviator's points (deviator_points, ...) around each owned vertex.
 
         Each point counts by its area and its nearness to the vertex (the vertex' hat function).
         """
-        weights = self.vertex[: self.deviator_points].T.multiply(self.deviator.volume).tocsr()
+        weights, whole = self._around_vertices
         flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
-        sums = np.column_stack([weights @ flat, np.asarray(weights.sum(axis=1)).ravel()])
+        sums = np.column_stack([weights @ flat, whole])
         summed = np.column_stack([self._summed(column) for column in sums.T])
         mean = summed[:, :-1] / summed[:, -1:]
         return np.asarray(mean.reshape(len(mean), *values.shape[1:]))
@@ -326,7 +343,7 @@ class ActivePoints:
         rows: Of all points, those of these cells. deviator: The same of the deviator's rule alone.
         mean: Of that of the mean stress. deviator_points: Number of the first.
         linear: Projection of values at the points of the mean stress. strain: Operator from the
-            displacement to Mandel strain, see `Points`.
+            displacement to Mandel strain, see `Points`. volume: Area of each point, see there.
     """
 
     points: Points
@@ -337,16 +354,12 @@ class ActivePoints:
     deviator_points: int
     linear: Linear
     strain: sparse.csr_matrix
+    volume: Array
 
     @property
     def count(self) -> int:
         """Points of both rules."""
         return int(self.strain.shape[0]) // 4
-
-    @property
-    def volume(self) -> Array:
-        """Area of each point, see `Points`."""
-        return np.asarray(self.points.volume[self.rows])
 
     def rest(self) -> Indices:
         """Points of the mean stress of all other cells."""

@@ -1,0 +1,30 @@
+"""A billet whose liquid is fed goes on from a checkpoint as if it had never been stopped."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from interrupted import Interrupted
+
+from castfem.case import load_case
+from castfem.time_loop.loop import run
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+COARSE = (
+    "mesh.surface_size=2 mm", "mesh.corner_size=2 mm", "mesh.face_size=10 mm",
+    "mesh.core_size=10 mm", "coupling.interval=0.4 s", "casting.length=240 mm",
+    "output.figures=false", "output.fields=[]",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("steps", [3, 6])
+def test_it_goes_on_byte_for_byte(tmp_path: Path, steps: int) -> None:
+    """Whether the checkpoint stands before or after another layer of cells has begun to freeze."""
+    case = load_case(CASES / "taper_1.toml", COARSE)
+    run(case, tmp_path / "whole")
+    with pytest.raises(KeyboardInterrupt):
+        run(case, tmp_path / "cut", progress=Interrupted(steps))
+    run(case, tmp_path / "cut", resume=True)
+    whole, cut = ((tmp_path / n / "history.csv").read_bytes() for n in ("whole", "cut"))
+    assert cut == whole
