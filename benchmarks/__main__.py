@@ -41,6 +41,7 @@ BENCHMARKS = {
     "bulging": "benchmarks.bulging",
     "lost_roll": "benchmarks.lost_roll",
     "shell3d": "benchmarks.shell3d",
+    "moving_strip": "benchmarks.moving_strip",
     "slabs": "benchmarks.slabs",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
@@ -66,6 +67,7 @@ PAGES = {
     "bulging": "slab.md",
     "lost_roll": "slab.md",
     "shell3d": "slab.md",
+    "moving_strip": "slab.md",
     "slabs": "slab.md",
 }
 """Pages of those whose tables do not stand in the first."""

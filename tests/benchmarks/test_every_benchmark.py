@@ -33,6 +33,7 @@ SLOW = {
     "bulging": "slabs down their caster; tests/time_loop/test_bulging_slab.py has short ones",
     "lost_roll": "a minute; tests/bulging/test_ode_strip.py and test_uneven.py have its parts",
     "shell3d": "tests/bulging/test_shell3d.py has two of its slabs",
+    "moving_strip": "two minutes; tests/bulging/test_moving_strip.py has coarse ones",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "verification": "tests/verification runs what it runs",
 }
