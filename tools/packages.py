@@ -46,6 +46,7 @@ ORDER = {
     "design": "which values are best",
     "accuracy": "the error of each number",
     "compare": "runs side by side",
+    "html_report": "runs as one HTML page",
     "cli": "commands",
 }
 

@@ -300,6 +300,25 @@ def compare(
 
 
 @app.command()
+def report(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders of runs, or of a sweep.")
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="File; by default report.html in the run, or beside the runs."
+        ),
+    ] = None,
+) -> None:
+    """Write a run, or several side by side, as one HTML file that opens offline and prints."""
+    from castfem.html_report.page import REPORT_NAME, write
+
+    beside = folders[0] if len(folders) == 1 else folders[0].resolve().parent
+    print(f"report in {write(folders, output or beside / REPORT_NAME)}")
+
+
+@app.command()
 def mesh(
     case: CaseName,
     output: Annotated[

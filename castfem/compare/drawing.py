@@ -98,7 +98,7 @@ def _draw_figure(
     )
     abscissa = _abscissa(panels[0])
     for panel, ax in zip(panels, axes, strict=True):
-        factor, unit = _engineering(definition, panel)
+        factor, unit = engineering(definition, panel)
         # The base first, so that a run that lies on it is seen.
         for curve in sorted(panel.curves, key=lambda c: c.run is not base):
             pen = pens[id(curve.run)]
@@ -180,7 +180,7 @@ def _abscissa(panel: Panel) -> Abscissa:
     return Abscissa(time, longest.position, zones if same else ())
 
 
-def _engineering(definition: Definition, panel: Panel) -> tuple[float, str]:
+def engineering(definition: Definition, panel: Panel) -> tuple[float, str]:
     """Factor and unit for the axis: joules and watts with a prefix, fractions in percent."""
     unit = plain_unit(panel.unit)
     if unit == "-" and definition.quantity in _PERCENT:

@@ -111,14 +111,21 @@ class Panel:
     curves: tuple[Curve, ...]
 
 
-def figures(runs: Sequence[Run], base: Run) -> list[tuple[Definition, list[Panel]]]:
+def figures(
+    runs: Sequence[Run], base: Run, *, least: int = 2
+) -> list[tuple[Definition, list[Panel]]]:
     """Return the figures of the columns that two or more runs have, each with its panels.
 
     Runs without a history are left out; an idealised mould is not in the figure of the gap.
+
+    Args:
+        runs: In the order of the curves.
+        base: Whose heat is 100 %.
+        least: How many runs must have a column.
     """
     tables = {id(run): history for run in runs if (history := run.history()) is not None}
     drawn = [run for run in runs if id(run) in tables]
-    if len(drawn) < 2:
+    if len(drawn) < least:
         return []
     for run in drawn:
         _derive(tables[id(run)], tables.get(id(base)))
@@ -130,7 +137,7 @@ def figures(runs: Sequence[Run], base: Run) -> list[tuple[Definition, list[Panel
             continue
         having = {id(run): t for run in drawn if column in (t := tables[id(run)])}
         units = {str(t.attrs["units"][column]) for t in having.values()}
-        if len(having) < 2 or len(units) > 1:
+        if len(having) < least or len(units) > 1:
             continue
         if any(t[column].isna().all() for t in having.values()):
             continue

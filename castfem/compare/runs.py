@@ -73,6 +73,15 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
     return _distinct(list(known.values()))
 
 
+def alone(folder: Path) -> Run | None:
+    """Return the run in a folder; None where that holds a sweep.
+
+    Raises:
+        InputError: There is no run, or it has not ended.
+    """
+    return None if (folder / SWEEP_NAME).is_file() else _run(folder)
+
+
 def _run(folder: Path, label: str = "") -> Run:
     """Read one run.
 

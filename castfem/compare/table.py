@@ -261,6 +261,14 @@ def _cell(line: Line, run: int, *, bare: bool) -> str:
     return f"{ours} ({_reference(line, run)})"
 
 
+def cells(line: Line) -> list[tuple[str, str]]:
+    """Return the value of each run as tables print it, and its reference, empty for none."""
+    return [
+        (_cell(line, i, bare=True), _reference(line, i) if math.isfinite(line.theirs[i]) else "")
+        for i in range(len(line.ours))
+    ]
+
+
 def _reference(line: Line, run: int) -> str:
     """The reference of a run, a bound with its sign."""
     return SIGNS[line.kinds[run]] + _text(line.theirs[run], line.unit)

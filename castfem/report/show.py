@@ -146,6 +146,11 @@ def _print(out: Console, text: str, style: str = "") -> None:
     out.print(text, style=style or None, highlight=False, soft_wrap=True, markup=False)
 
 
+def how_it_ended(record: RunRecord) -> str:
+    """One line: how a run that has ended stands."""
+    return _status(record, running=False)
+
+
 def _status(record: RunRecord, running: bool) -> str:
     """One line: how the run stands."""
     how = record.status
@@ -236,7 +241,7 @@ def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
     if not found:
         return
     _print(out, "What to look at", "bold")
-    lines = [(remark, _finely(remark.value, remark.unit)) for remark in found]
+    lines = [(remark, finely(remark.value, remark.unit)) for remark in found]
     what, value = (
         max(len(text) for text in texts)
         for texts in zip(*((remark.what, text) for remark, text in lines), strict=True)
@@ -289,7 +294,7 @@ def _wrapped(out: Console, text: str, start: str) -> list[str]:
     return lines or [start]
 
 
-def _finely(value: float, unit: str) -> str:
+def finely(value: float, unit: str) -> str:
     """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
     if (small := small_gap(value, unit)) is not None:
         return f"{small} {unit_shown('um')}"

@@ -1,0 +1,311 @@
+"""`castfem report`: what the page of some runs holds, and the page itself."""
+
+from __future__ import annotations
+
+import base64
+import json
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from castfem.compare.runs import Run, alone, read_runs
+from castfem.compare.table import SHARE, Line, cells, lines
+from castfem.errors import InputError
+from castfem.html_report import charts as drawn
+from castfem.html_report.sections import Section, section
+from castfem.output.fields import Fields
+from castfem.output.folder import CASE_NAME, FIGURES_NAME
+from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.run_record import RunRecord
+from castfem.output.summary import Summary
+from castfem.output.xdmf import HDF5_NAME
+from castfem.report.remarks import remarks
+from castfem.report.show import finely, how_it_ended, shown, unit_shown
+from castfem.support.atomic_files import write_text
+
+REPORT_NAME = "report.html"
+LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out
+_PICTURES = ("maps", "caster", "bulging", "extraction", "slice")  # that are no curves
+_CURVES = 60  # charts of a page at most
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A number of a run in the table.
+
+    Attributes:
+        text: With its error where that is known.
+        reference: What others have found, empty for nothing.
+        verdict: Whether it keeps to a bound; None where there is none.
+    """
+
+    text: str
+    reference: str
+    verdict: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A quantity of all runs.
+
+    Attributes:
+        label: What it is.
+        unit: Of its numbers.
+        cells: One a run.
+        differs: Whether the runs differ in it, as it is printed.
+    """
+
+    label: str
+    unit: str
+    cells: tuple[Cell, ...]
+    differs: bool
+
+
+def write(folders: Sequence[Path], target: Path) -> Path:
+    """Write the report of one run, or of several beside one another.
+
+    Args:
+        folders: Of runs, or of sweeps.
+        target: The file.
+
+    Raises:
+        InputError: A folder holds no run that has ended.
+        RunFailure: The file cannot be written.
+    """
+    runs = _runs(folders)
+    write_text(target, rendered(runs), durable=False)
+    return target
+
+
+def rendered(runs: Sequence[Run]) -> str:
+    """The page of some runs, one file without links to others."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
+    )
+    template = environment.from_string(_text("report.html.j2"))
+    return template.render(_content(runs))
+
+
+def _runs(folders: Sequence[Path]) -> list[Run]:
+    """One run or several.
+
+    Raises:
+        InputError: A folder holds no run that has ended.
+    """
+    found = alone(folders[0]) if len(folders) == 1 else None
+    return [found] if found is not None else read_runs(folders)
+
+
+def _content(runs: Sequence[Run]) -> dict[str, Any]:
+    """What the template is filled with."""
+    table = [line for line in lines(runs, runs[0]) if len(runs) > 1 or line.unit != SHARE]
+    charts = drawn.charts(runs)[:_CURVES]
+    parts = [_part(run, len(runs)) for run in runs]
+    for one in parts:
+        if one["section"] is not None:
+            one["slice_data"] = _json(_slice(one["section"]))
+    differences = list(_differences(runs)) if len(runs) > 1 else []
+    size = {
+        "width": drawn.WIDTH, "height": drawn.HEIGHT, "left": drawn.LEFT, "right": drawn.RIGHT,
+        "top": drawn.TOP, "bottom": drawn.BOTTOM,
+    }  # fmt: skip
+    script = _text("report.js")
+    for name in ("WIDTH", "LEFT", "RIGHT"):
+        script = script.replace(name, str(size[name.lower()]))
+    found = {
+        "title": runs[0].summary.title if len(runs) == 1 else f"{len(runs)} runs side by side",
+        "css": _text("report.css"),
+        "script": script,
+        "runs": parts,
+        "rows": _rows(table, len(runs)),
+        "notes": list(_notes(runs)),
+        "differences": differences,
+        "charts": charts,
+        "chart_data": [_json(chart.data) for chart in charts],
+        "size": size,
+    }
+    found["parts"] = _contents(found)
+    return found
+
+
+def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
+    """The parts of the page that are there, for its table of contents."""
+    there = {
+        "numbers": ("Chief numbers", True),
+        "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
+        "case": ("Cases", bool(found["differences"])),
+        "section": ("Section", any(run["section"] for run in found["runs"])),
+        "curves": ("Over the strand", bool(found["charts"])),
+        "pictures": ("Pictures", any(run["pictures"] for run in found["runs"])),
+        "balances": ("Balances", True),
+        "provenance": ("Where it comes from", True),
+    }
+    return [{"id": key, "name": name} for key, (name, present) in there.items() if present]
+
+
+def _part(run: Run, count: int) -> dict[str, Any]:
+    """What the page says of one run.
+
+    Args:
+        run: The run.
+        count: Of runs among which the size of the page is divided.
+    """
+    record = RunRecord.load(run.folder)
+    summary = run.summary
+    referred = any(not c.missing for c in summary.references)
+    return {
+        "label": run.label,
+        "status": how_it_ended(record),
+        "referred": referred,
+        "remarks": list(_remarks(run)),
+        "section": section(run.folder),
+        "slice_data": "",
+        "pictures": list(_pictures(run.folder, LARGEST / 2 / count)),
+        "balances": [
+            {
+                "name": f"Balance of {name.replace('_', ' ')}",
+                "terms": [
+                    {
+                        "label": q.label,
+                        "value": shown(q.shown, q.shown_unit),
+                        "unit": unit_shown(q.shown_unit),
+                    }
+                    for q in terms.values()
+                ],
+            }
+            for name, terms in summary.balances.items()
+        ],
+        "effort": _effort(record, summary),
+        "provenance": _provenance(run, record),
+        "case": _case(run.folder),
+    }
+
+
+def _rows(table: Sequence[Line], count: int) -> list[Row]:
+    """The table of chief numbers."""
+    found = []
+    for line in table:
+        texts = cells(line)
+        differs = len({text for text, _ in texts}) > 1
+        found.append(
+            Row(
+                line.label,
+                unit_shown(line.unit),
+                tuple(Cell(*texts[i], line.verdict(i)) for i in range(count)),
+                differs,
+            )
+        )
+    return found
+
+
+def _notes(runs: Sequence[Run]) -> Iterator[str]:
+    """Sources of the references, and what is from memory."""
+    sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
+    if sources:
+        yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not kept."
+    if not any(q.error is not None for run in runs for q in run.summary.quantities.values()):
+        folder = runs[0].folder
+        yield f"Errors of these numbers: castfem error {folder / CASE_NAME}."
+    for line in dict.fromkeys(text for run in runs for text in run.summary.unchecked):
+        yield f"From memory, not compared with its source: {line}"
+
+
+def _remarks(run: Run) -> Iterator[dict[str, str]]:
+    """What to look at in a run."""
+    try:
+        table = read_history(run.folder / HISTORY_NAME)
+        if (run.folder / HDF5_NAME).is_file():
+            with Fields(run.folder) as fields:
+                found = remarks(table, run.summary, fields)
+        else:
+            found = remarks(table, run.summary)
+    except InputError:
+        return
+    for one in found:
+        yield {"what": one.what, "value": finely(one.value, one.unit), "where": one.where}
+
+
+def _slice(section_: Section) -> dict[str, Any]:
+    """What the pointer and the slider need of a section."""
+    fields = [{k: v for k, v in field.items() if k != "first"} for field in section_.fields]
+    return {"positions": section_.positions, "mirrors": section_.mirrors, "fields": fields}
+
+
+def _pictures(folder: Path, room: float) -> Iterator[dict[str, str]]:
+    """Pictures that are no curves, as long as the page stays small."""
+    for name in _PICTURES:
+        path = folder / FIGURES_NAME / f"{name}.png"
+        if not path.is_file():
+            continue
+        room -= 4 / 3 * path.stat().st_size
+        if room > 0.0:
+            data = base64.b64encode(path.read_bytes()).decode("ascii")
+            yield {"name": name.replace("_", " "), "data": data}
+
+
+def _effort(record: RunRecord, summary: Summary) -> str:
+    """Steps and machine time in a sentence."""
+    steps = ", ".join(f"{name} {value:.6g}" for name, value in summary.steps.items())
+    seconds = sum(record.wall_time.values())
+    memory = "" if record.memory_mb is None else f", {record.memory_mb:.0f} MB"
+    return f"Steps: {steps}. {seconds:.1f} s on {record.ranks} rank(s){memory}."
+
+
+def _provenance(run: Run, record: RunRecord) -> list[tuple[str, str]]:
+    """By what the run was made."""
+    rows = [("folder", str(run.folder)), ("started", record.started), ("ended", record.ended)]
+    rows += [("command", command) for command in record.commands]
+    rows += [("versions", ", ".join(f"{n} {v}" for n, v in record.versions.items()))]
+    rows += [(f"SHA-256 of {name}", digest) for name, digest in record.files.items()]
+    return [(name, value) for name, value in rows if value]
+
+
+def _case(folder: Path) -> str:
+    """The case as it was run, empty if it cannot be read."""
+    try:
+        return (folder / CASE_NAME).read_text(encoding="utf-8")
+    except OSError:
+        return ""
+
+
+def _differences(runs: Sequence[Run]) -> Iterator[tuple[str, list[str]]]:
+    """Keys of the cases that are not the same in all runs, with their values."""
+    known: list[dict[str, str]] = []
+    for run in runs:
+        try:
+            known.append(dict(_flat(tomllib.loads(_case(run.folder)))))
+        except tomllib.TOMLDecodeError:
+            known.append({})
+    for key in dict.fromkeys(key for case in known for key in case):
+        values = [case.get(key, "-") for case in known]
+        if key.partition(".")[0] not in ("title", "reference") and len(set(values)) > 1:
+            yield key, values
+
+
+def _flat(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, str]]:
+    """Dotted key and value of each entry of a case."""
+    for key, value in table.items():
+        inner = f"{path}{key}"
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{inner}.")
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            for i, entry in enumerate(value):
+                yield from _flat(entry, f"{inner}.{entry.get('name', i)}.")
+        else:
+            yield inner, json.dumps(value, ensure_ascii=False, default=str).strip('"')
+
+
+def _json(content: Any) -> str:
+    """JSON that can stand in a page: nothing in it ends its script."""
+    text = json.dumps(content, ensure_ascii=True, separators=(",", ":"), allow_nan=False)
+    return text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e")
+
+
+def _text(name: str) -> str:
+    """A file of the templates."""
+    return (resources.files(__package__) / "templates" / name).read_text(encoding="utf-8")

@@ -1,0 +1,113 @@
+"""The section of a run at several places of the strand: its cells, and a colour each."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from castfem.output.field_files import HDF5_NAME
+from castfem.output.fields import Fields
+from castfem.output.layout import UNITS
+from castfem.values.constants import ZERO_CELSIUS
+
+STATES = 16  # places at most
+_CELLS = 6000  # beyond it the page would be slow, and large
+_SHADES = 24  # of a scale of colours
+_PICTURE = 460.0  # width or height of the drawing
+_SHOWN = {"temperature": "inferno", "von_mises": "viridis", "solid_fraction": "cividis"}
+_SCALED = {"K": ("°C", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "-": ("", 1.0, 0.0)}
+_CORNERS = {"triangle": 3, "quadrilateral": 4}
+_MIRRORS = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """The cells of a section, and what they show at some places.
+
+    Attributes:
+        box: Width and height of the drawing.
+        mirrors: Signs of x and y of the parts that make the whole section.
+        polygons: Corners of each cell, as SVG has them.
+        outlines: Paths of the cells, for each of `polygons`.
+        positions: Of the places, m.
+        fields: Name, unit, limits, palette and the values of all cells and places (base64 of 16-bit
+            numbers, 0 to 65535 between the limits).
+    """
+
+    box: tuple[float, float]
+    mirrors: tuple[tuple[int, int], ...]
+    polygons: tuple[str, ...]
+    positions: tuple[float, ...]
+    fields: tuple[dict[str, Any], ...]
+
+
+def section(folder: Path) -> Section | None:
+    """The section of a run; None if it has no fields, or too many cells for a page."""
+    if not (folder / HDF5_NAME).is_file():
+        return None
+    with Fields(folder) as fields:
+        names = [name for name in _SHOWN if name in fields.names and fields.centre(name) == "point"]
+        if not names or not 0 < len(fields.cells) <= _CELLS:
+            return None
+        corners = fields.cells[:, : _CORNERS[fields.cell]]
+        count = len(fields.times)
+        chosen = np.unique(np.linspace(0, count - 1, min(STATES, count)).round().astype(int))
+        box, polygons = _polygons(fields.points[:, :2], corners, str(_part(fields)))
+        shown = tuple(_field(fields, name, corners, chosen) for name in names)
+        positions = tuple(float(fields.positions[i]) for i in chosen)
+        return Section(box, _MIRRORS.get(_part(fields), ((1, 1),)), polygons, positions, shown)
+
+
+def _part(fields: Fields) -> str:
+    return str(fields.attributes.get("symmetry", "whole"))
+
+
+def _polygons(
+    points: NDArray[np.float64], corners: NDArray[np.int32], part: str
+) -> tuple[tuple[float, float], tuple[str, ...]]:
+    """Size of the whole section's drawing, and the cells about its middle, y upward."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle = np.array(
+        [
+            0.0 if part in ("quarter", "half") else 0.5 * (low[0] + high[0]),
+            0.0 if part == "quarter" else 0.5 * (low[1] + high[1]),
+        ]
+    )
+    half = np.abs(np.vstack([low, high]) - middle).max(axis=0)
+    scale = 0.5 * _PICTURE / half.max()
+    flat = (points - middle) * scale * np.array([1.0, -1.0])
+    width, height = (float(f"{2 * scale * h:.1f}") for h in half)
+    return (width, height), tuple(
+        " ".join(f"{x:.1f},{y:.1f}" for x, y in flat[cell]) for cell in corners
+    )
+
+
+def _field(
+    fields: Fields, name: str, corners: NDArray[np.int32], chosen: NDArray[np.int_]
+) -> dict[str, Any]:
+    """A field at the chosen places, a mean a cell, between its smallest and largest value."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    unit, factor, offset = _SCALED[UNITS[name]]
+    values = np.stack([fields.values(name, int(i))[corners].mean(axis=1) for i in chosen])
+    values = np.nan_to_num(factor * values + offset)
+    low, high = float(values.min()), float(values.max())
+    if high - low < 1e-9 * max(1.0, abs(high)):
+        high = low + 1.0
+    levels = np.round(65535 * (values - low) / (high - low)).astype("<u2")
+    palette = colormaps[_SHOWN[name]]
+    return {
+        "name": name.replace("von_mises", "von Mises stress").replace("_", " "),
+        "unit": unit,
+        "low": float(f"{low:.6g}"),
+        "high": float(f"{high:.6g}"),
+        "palette": [to_hex(palette(i / (_SHADES - 1))) for i in range(_SHADES)],
+        "first": [min(_SHADES - 1, int(_SHADES * int(level) / 65536)) for level in levels[-1]],
+        "values": base64.b64encode(levels.tobytes()).decode("ascii"),
+    }
