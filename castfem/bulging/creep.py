@@ -101,7 +101,8 @@ class CreepingStrip:
         coarse, _ = self.periodic(layers, span, self.steps // 2)
         guess = None if accumulates(self.law) else coarse
         fine, periodic = self.periodic(layers, span, self.steps, guess)
-        bulge = extrapolated(coarse, fine, layers, np.array([span.pressure * span.length]))
+        force = np.array([span.pressure * span.length])
+        bulge = replace(extrapolated(coarse, fine, layers), roll_force=force)
         if periodic or accumulates(self.law):
             return replace(bulge, periodic=periodic)
         missing = fine.change * fine.size  # it still moves by this from pass to pass
@@ -137,19 +138,22 @@ class CreepingStrip:
         return search.pitch, False
 
 
-def extrapolated(coarse: Pitch, fine: Pitch, layers: Layers, roll_force: Array) -> Bulge:
-    """Return the bulge of two strips, one with twice the steps: the scheme is of first order."""
+def extrapolated(coarse: Pitch, fine: Pitch, layers: Layers) -> Bulge:
+    """Return the bulge of two strips, one with twice the steps: the scheme is of first order.
+
+    No roll force is in it yet.
+    """
     w, slope = 2.0 * fine.deflection[:, ::2] - coarse.deflection
     return Bulge(
         z=coarse.z,
         deflection=w,
         slope=slope,
-        moment=fine.moment[::2],
+        moment=2.0 * fine.moment[::2] - coarse.moment,
         curvature=2.0 * fine.curvature[::2] - coarse.curvature,
         axial_strain=2.0 * fine.history.axial_strain[::2] - coarse.history.axial_strain,
         neutral=layers.stiffness.neutral,
         thickness=layers.points.thickness,
-        roll_force=roll_force,
+        roll_force=np.zeros(0),
         error=float(np.abs(w - fine.deflection[0, ::2]).max()),
     )
 

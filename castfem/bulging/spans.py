@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -77,7 +77,8 @@ def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
     layers = Layers(strip.law, shell.points(strip.layers, shell.breaks(strip.law)))
     coarse, found = _Spans(strip, rolls, layers, strip.steps // 2).solved()
     fine, _ = _Spans(strip, rolls, layers, strip.steps).solved(found)
-    return extrapolated(coarse, fine, layers, _forces(rolls, fine.moment[:: strip.steps]))
+    bulge = extrapolated(coarse, fine, layers)
+    return replace(bulge, roll_force=_forces(rolls, bulge.moment[:: strip.steps // 2]))
 
 
 def _forces(rolls: Rolls, moments: Sequence[float] | Array) -> Array:

@@ -31,6 +31,7 @@ SLOW = {
     "billet_trade": "billets that are compared with a reference at the mould's exit",
     "billet_cost": "repeated billets; its runs are tested in test_billet_benchmarks.py",
     "bulging": "slabs down their caster; tests/time_loop/test_bulging_slab.py has short ones",
+    "strip_order": "half a minute; tests/bulging has its orders",
     "lost_roll": "a minute; tests/bulging/test_ode_strip.py and test_uneven.py have its parts",
     "shell3d": "tests/bulging/test_shell3d.py has two of its slabs",
     "moving_strip": "two minutes; tests/bulging/test_moving_strip.py has coarse ones",

@@ -95,6 +95,7 @@ def test_steps_and_layers_have_their_order() -> None:
     law, n = norton(3), 3
     c = NORTON[n][1] * bending_rate(law, n) * (SPAN.pressure * SPAN.length**2) ** n
     exact = c * SPAN.length**3 / SPAN.speed
+    load, m = SPAN.pressure * SPAN.length**2, closed_m(n)
     ours = [
         abs(CreepingStrip(law, steps=k, layers=96).bulge(SPAN, SHELL).largest / exact - 1.0)
         for k in (16, 32, 64)
@@ -107,6 +108,11 @@ def test_steps_and_layers_have_their_order() -> None:
     ]
     assert single[0] / single[1] == pytest.approx(2.0, rel=0.1)
     assert single[1] / single[2] == pytest.approx(2.0, rel=0.1)
+    moments = [
+        abs(CreepingStrip(law, steps=k, layers=48).bulge(SPAN, SHELL).moment[0] / load + 1.0 / m)
+        for k in (32, 64, 128)
+    ]
+    assert moments[0] > 3.0 * moments[1] > 9.0 * moments[2]
     # The stress of creep, |n|^(1/3), has a kink in the middle: order 2 + 1/3 there.
     fine = CreepingStrip(law, steps=64, layers=192).bulge(SPAN, SHELL).largest
     coarse = [

@@ -7,6 +7,7 @@ import pytest
 
 from castfem.bulging import CreepingStrip, Rolls, Shell, over_rolls, stiffness
 from castfem.constitutive import Elasticity, NortonCreep, ThermoElastic, load_elasticity, load_law
+from castfem.constitutive.base import Law
 from castfem.values.types import Array
 
 PITCH, PRESSURE, SPEED = 0.31, 0.2e6, 0.02
@@ -87,6 +88,23 @@ def test_linear_creep_superposes() -> None:
     # It is felt downstream farther than upstream: what has crept goes on with the strand.
     up, down = (np.abs(added[side]).max() for side in (once.z < 2 * PITCH, once.z > 4 * PITCH))
     assert down > 1.1 * up
+
+
+@pytest.mark.parametrize("exponent", [None, 1.0, 3.0])
+def test_a_lost_roll_has_its_order_in_the_steps(exponent: float | None) -> None:
+    """Second, of the bulge and of the forces on rolls: steps of a pitch are its cells in z."""
+    shell = Shell(0.03, lambda depth: 1400.0)
+    law: Law = ThermoElastic(Elasticity.constant(10e9, 0.3))
+    if exponent is not None:  # and no elastic strain to speak of
+        law = NortonCreep.constant(Elasticity.constant(1e13, 0.3), 1e-3, 5e6, exponent)
+    given, values = rolls((0, 1, 2, 4, 5, 6)), []
+    for steps in (32, 64, 128):
+        bulge = over_rolls(CreepingStrip(law, steps=steps, layers=12), given, shell)
+        values.append([bulge.largest, bulge.roll_force[1] / (PRESSURE * PITCH)])
+    (first, _), (second, force) = np.abs(np.diff(np.array(values), axis=0))
+    assert np.log2(first / second) > 1.8
+    assert second < 1e-3 * values[-1][0]
+    assert force < 2e-4  # what one number of steps has is 3e-3 off, of first order
 
 
 def test_forces_bear_the_pressure() -> None:
