@@ -297,6 +297,7 @@ _NO_NEWS = (
     "output",
     "reference",
     "verification",
+    "optimise",
 )  # keys, and what is below them, that change no result
 
 

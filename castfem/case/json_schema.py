@@ -18,6 +18,7 @@ _INHERITED = (
         "Mould",
         "Machine",
         "Quality",
+        "Optimise",
         "Thermal",
         "Stepping",
         "Adaptive",

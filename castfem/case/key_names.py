@@ -15,7 +15,7 @@ from castfem.values.units import nearest
 Keys = tuple[str | int, ...]
 
 _SHOWN = 6  # candidates named in a message
-_NOT_MEANT = ("reference",)  # what a run is compared with is no setting of it
+_NOT_MEANT = ("reference", "optimise")  # of what a run gives: no settings of it
 
 
 def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:

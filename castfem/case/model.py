@@ -27,6 +27,7 @@ from castfem.case.document import PROPERTY_FILES, is_path
 from castfem.case.machine import Machine
 from castfem.case.mechanics import Coupling, Mechanics
 from castfem.case.mould import Mould
+from castfem.case.optimise import Optimise
 from castfem.case.quality import Quality
 from castfem.case.secondary import Secondary
 from castfem.case.section import Mesh, Section
@@ -41,6 +42,7 @@ _NOT_PHYSICS: Any = {
     "output": True,
     "reference": True,
     "verification": True,
+    "optimise": True,
     "casting": {"length"},
     "thermal": {"solver"},
     "mechanics": {"solver"},
@@ -99,6 +101,11 @@ class Case(TableModel):
     output: Output = Field(default_factory=lambda: Output.model_validate({}))
     verification: Verification | None = Field(
         None, description="the closed form it is held against; left out: none"
+    )
+    optimise: Optimise | None = Field(
+        None,
+        description="what castfem optimise looks for; left out: nothing. A run of the case does "
+        "not look at it",
     )
     reference: tuple[Reference, ...] = ()
 

@@ -13,6 +13,7 @@ _NO_PHYSICS = (
     ("output",),
     ("reference",),
     ("verification",),
+    ("optimise",),
     ("mesh",),
     ("thermal",),
     ("coupling",),

@@ -29,6 +29,7 @@ from castfem.case.mechanics import (
 )
 from castfem.case.mould import ContactSettings, Copper, Friction, Mould
 from castfem.case.mould_tube import MouldTube
+from castfem.case.optimise import Optimise, Variable
 from castfem.case.probe import Probe
 from castfem.case.problems import submodels
 from castfem.case.quality import Quality, Range
@@ -138,6 +139,8 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[[output.probe]]", Probe),
     ("[verification]", Verification),
     ("[[reference]]", Reference),
+    ("[optimise]", Optimise),
+    ("[[optimise.variable]]", Variable),
     ("[tensile]", Tensile),
     ("[[tensile.segment]]", Segment),
     ("[output], of a tensile test", TensileOutput),

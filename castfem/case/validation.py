@@ -22,6 +22,7 @@ from castfem.case.extraction import check_extraction
 from castfem.case.machine import check_machine
 from castfem.case.mechanics import GeneralizedPlaneStrain
 from castfem.case.model import Case
+from castfem.case.optimise import check_optimise
 from castfem.case.problems import Problem
 from castfem.case.section import Section, Strip
 from castfem.case.verification import check_verification
@@ -51,6 +52,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from _output(case)
     yield from _references(case)
     yield from check_verification(case)
+    yield from check_optimise(case)
 
 
 def _casting(case: Case) -> Iterator[Problem]:

@@ -211,6 +211,28 @@ def error(
 
 
 @app.command()
+def optimise(
+    case: CaseName,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder; by default results/<family>/<name>_optimise."),
+    ] = None,
+    set_: Overrides = None,
+    jobs: Annotated[
+        int | None, typer.Option("-j", help="How many runs at once; by default one a core.")
+    ] = None,
+    figures: Annotated[bool, typer.Option(help="Draw the answer.")] = True,
+    quiet: Quiet = False,
+) -> None:
+    """Find the best values of a case's keys, by its table [optimise]. The same command goes on."""
+    from castfem.cli.optimising import Options, optimise_case
+
+    status = optimise_case(Options(case, output, tuple(set_ or ()), jobs, figures, quiet))
+    if status:
+        raise typer.Exit(status)
+
+
+@app.command()
 def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
     """Check a case, its steel and its mesh without running it."""
     from castfem.cli.checking import check_case

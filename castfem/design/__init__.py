@@ -3,9 +3,16 @@
 fidelity    how well a run is computed, by one word; the idealised mould of a case
 store       runs in a folder, found again by the case they are of
 evaluator   all results of a case with some keys changed, run once
+question    what a case asks for by [optimise];  outputs  what a run means for it
+ideal_taper where a search for tapers begins
+search      COBYQA behind the runs that are there;  vicinity  what lies round an optimum
+study       ask, tell, result;  optimum  the answer, made by `verdict`
 """
 
 from castfem.design.evaluator import Evaluator
+from castfem.design.optimum import Optimum
+from castfem.design.question import Wanted
 from castfem.design.store import Evaluation
+from castfem.design.study import Study
 
-__all__ = ["Evaluation", "Evaluator"]
+__all__ = ["Evaluation", "Evaluator", "Optimum", "Study", "Wanted"]

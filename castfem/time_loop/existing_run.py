@@ -18,7 +18,7 @@ from castfem.support import log
 from castfem.support.messages import differences
 from castfem.values.same_place import same_or_before
 
-_NOT_PHYSICS = ("title", "output", "reference", "verification", "casting.length")
+_NOT_PHYSICS = ("title", "output", "reference", "verification", "optimise", "casting.length")
 
 
 _COMMAND = (

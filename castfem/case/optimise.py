@@ -1,0 +1,221 @@
+"""The table [optimise]: what may be changed in a case, what is to become best, what must hold.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, field_validator
+
+from castfem.case import result_names
+from castfem.case.base import TableModel
+from castfem.case.problems import Problem
+from castfem.values import units
+
+if TYPE_CHECKING:
+    from castfem.case.model import Case
+
+Sense = Literal["at_least", "at_most"]
+_SENSES: dict[str, Sense] = {">=": "at_least", "≥": "at_least", "<=": "at_most", "≤": "at_most"}
+_CONSTRAINT = re.compile(r"\s*(\w+)\s*(>=|<=|≥|≤)\s*(\S.*?)\s*")
+_SHARE = re.compile(r"(.*\S)\s+of\s+idealised")
+_EXAMPLE = '"heat_removed >= 99 % of idealised" or "von_mises_max <= 14 MPa"'
+_MOST_OBJECTIVES = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """A constraint.
+
+    Attributes:
+        text: As written.
+        right: Of that, what stands right of the sign.
+        quantity: Name of the result that is bounded.
+        sense: On which side.
+        value: The bound in SI; with `relative` a share of the result in the idealised mould.
+        unit: In which it was written, "" for none.
+        relative: Whether it is such a share.
+    """
+
+    text: str
+    right: str
+    quantity: str
+    sense: Sense
+    value: float
+    unit: str
+    relative: bool
+
+    @property
+    def sign(self) -> float:
+        """1 where more is better, -1 where less is."""
+        return 1.0 if self.sense == "at_least" else -1.0
+
+
+def bound(text: str) -> Bound:
+    """Read a constraint.
+
+    Raises:
+        ValueError: It is not written as one.
+    """
+    found = _CONSTRAINT.fullmatch(text)
+    if found is None:
+        raise ValueError(f"is no constraint; write it as {_EXAMPLE}")
+    name, sign, right = found.groups()
+    share = _SHARE.fullmatch(right)
+    if share is None:
+        value, _ = units.parse_any(right)
+        return Bound(text, right, name, _SENSES[sign], value, units.split(right)[1], False)
+    value = units.parse(share[1], "1", kind=("share of the idealised mould's", "99 %"))
+    return Bound(text, right, name, _SENSES[sign], value, units.split(share[1])[1], True)
+
+
+def _constraint(text: str) -> str:
+    bound(text)
+    return text
+
+
+def _listed(given: Any) -> Any:
+    """One name may stand for a list of one."""
+    return (given,) if isinstance(given, str) else given
+
+
+def _as_text(given: Any) -> Any:
+    """A number without unit as the text that it would be with one."""
+    return repr(given) if isinstance(given, int | float) and given is not True else given
+
+
+_ONE_OR_MORE = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
+Names = Annotated[tuple[str, ...], BeforeValidator(_listed), WithJsonSchema(_ONE_OR_MORE)]
+Constraint = Annotated[str, AfterValidator(_constraint)]
+_TEXT_OR_NUMBER = {"anyOf": [{"type": "string"}, {"type": "number"}]}
+Value = Annotated[str, BeforeValidator(_as_text), WithJsonSchema(_TEXT_OR_NUMBER)]
+
+
+class Variable(TableModel):
+    """A key of the case whose value is looked for, in a range."""
+
+    key: str = Field(
+        description="dotted key; within a taper by part, or by segment and end",
+        examples=["mould.taper", "mould.taper.corner", "mould.taper.0.taper", "casting.speed"],
+    )
+    range: tuple[Value, ...] = Field(
+        description="lowest and highest value, with unit", examples=[["0 %/m", "3 %/m"]]
+    )
+    start: Value | None = Field(
+        None,
+        description="where the search begins; by default, of a taper, that of the strand in its "
+        "idealised mould (302), (303), else the value of the case",
+    )
+
+    @field_validator("range")
+    @classmethod
+    def _is_range(cls, ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        """Refuse what is no range."""
+        if ends is None:
+            return ends
+        if len(ends) != 2:
+            raise ValueError('two values are needed, such as ["0 %/m", "3 %/m"]')
+        (low, unit), (high, other) = (units.parse_any(end) for end in ends)
+        if unit != other:
+            raise ValueError(f"its ends measure different things ({unit} and {other})")
+        if not low < high:
+            raise ValueError("is empty: the first value must lie below the second")
+        return ends
+
+    @property
+    def si(self) -> tuple[float, float, str]:
+        """Both ends of the range in SI, and that unit."""
+        (low, unit), (high, _) = (units.parse_any(end) for end in self.range)
+        return low, high, unit
+
+    @property
+    def unit(self) -> str:
+        """The unit in which the range is written, "" for none."""
+        return units.split(self.range[0])[1]
+
+
+class Optimise(TableModel):
+    """What `castfem optimise` looks for: values of some keys with which a result is best."""
+
+    minimise: Names = Field((), description="result, as in summary.json, that is to be small")
+    maximise: Names = Field((), description="likewise, that is to be large")
+    constraints: tuple[Constraint, ...] = Field(
+        (),
+        description="what must hold: result, >= or <=, and a value with unit or a share of what "
+        "the idealised mould gives",
+        examples=[["heat_removed >= 99 % of idealised", "mould_gap_max <= 0.05 mm"]],
+    )
+    fidelity: Literal["coarse", "default", "fine"] = Field(
+        "default",
+        description="how well the runs of the search are computed; the best one is checked by the "
+        "next better level",
+    )
+    most_runs: int = Field(60, ge=1, strict=True, description="runs of the search, at most")
+    variable: tuple[Variable, ...] = Field(
+        min_length=1, description="the keys whose values are looked for"
+    )
+
+    @property
+    def bounds(self) -> tuple[Bound, ...]:
+        """The constraints."""
+        return tuple(bound(text) for text in self.constraints)
+
+    @property
+    def objectives(self) -> tuple[tuple[str, float], ...]:
+        """What is to be best: result, and 1 where it is to be small, -1 where large."""
+        return (*((n, 1.0) for n in self.minimise), *((n, -1.0) for n in self.maximise))
+
+
+def check_optimise(case: Case) -> Iterator[Problem]:
+    """Yield what cannot be looked for."""
+    table = case.optimise
+    if table is None:
+        return
+    yield from _objectives(table)
+    for number, text in enumerate(table.constraints or ()):
+        if text is not None:
+            yield from _constraint_faults(case, number, bound(text))
+    keys = [variable.key for variable in table.variable or () if variable is not None]
+    for key in sorted({key for key in keys if keys.count(key) > 1}):
+        yield Problem(("optimise", "variable"), f'("{key}") is given twice; leave one out')
+
+
+def _objectives(table: Optimise) -> Iterator[Problem]:
+    if table.minimise is None or table.maximise is None:
+        return
+    count = len(table.objectives)
+    if not 1 <= count <= _MOST_OBJECTIVES:
+        told = "nothing is to become best" if not count else f"{count} results are to become best"
+        yield Problem(
+            ("optimise",),
+            f'{told}; give minimise = "von_mises_max" or maximise = "heat_removed", one of them',
+        )
+    for key in ("minimise", "maximise"):
+        for name in getattr(table, key):
+            if result_names.unit_of(name) is None:
+                near = units.nearest(name, result_names.all_names())
+                yield Problem(("optimise", key), f'("{name}") is no result of a run{near}')
+
+
+def _constraint_faults(case: Case, number: int, found: Bound) -> Iterator[Problem]:
+    path = ("optimise", "constraints", number)
+    if found.relative:
+        fault = result_names.fault(found.quantity, f"1 {_of(found.quantity)}")
+        if case.mould is None:
+            yield Problem(path, f'("{found.text}"): the case has no [mould], it is idealised')
+        elif found.value <= 0.0:
+            yield Problem(path, f'("{found.text}"): a share above 0 % is needed')
+    else:
+        fault = result_names.fault(found.quantity, found.right)
+    if fault is not None:
+        yield Problem(path, fault[1])
+
+
+def _of(name: str) -> str:
+    unit = result_names.unit_of(name) or "1"
+    return "" if unit == "1" else unit

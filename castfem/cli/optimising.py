@@ -1,0 +1,162 @@
+"""`castfem optimise`: search for the best values of a case's keys, print, write and draw them."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.case import load_case, shipped_cases
+from castfem.cli import parallel
+from castfem.cli.many_runs import check_processes, cores
+from castfem.design.evaluator import Evaluator, serve
+from castfem.design.mould_table import mould_table, write_mould_table
+from castfem.design.study import Study
+from castfem.design.told import told
+from castfem.errors import InputError, RunFailure
+from castfem.output.folder import RUN_NAME
+from castfem.support.atomic_files import write_json
+from castfem.sweep.work import Job, Outcome
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from castfem.design.optimum import Optimum
+
+OPTIMUM_NAME = "optimum.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user asked for.
+
+    Attributes:
+        name: Case file or name of a shipped case.
+        folder: Where runs and answer go, None for the default.
+        overrides: Those of --set.
+        processes: How many runs at once; None for one a core.
+        figures: Draw the answer.
+        quiet: Print nothing but errors.
+    """
+
+    name: str
+    folder: Path | None
+    overrides: tuple[str, ...]
+    processes: int | None
+    figures: bool
+    quiet: bool
+
+
+class Teller:
+    """Tells of the runs as they end, a line each."""
+
+    def __init__(self, quiet: bool) -> None:
+        self._quiet, self._count = quiet, 0
+
+    def begun(self, job: Job) -> None:
+        """Nothing is said of a run that begins."""
+
+    def ended(self, job: Job, outcome: Outcome) -> None:
+        """Say how a run has ended."""
+        self._count += 1
+        how = f"failed: {outcome.message}" if outcome.failed else "finished"
+        if not self._quiet:
+            line = f"run {self._count}, {job.name}: {how} in {outcome.seconds:.1f} s"
+            print(line, file=sys.stderr, flush=True)
+
+    def tick(self) -> None:
+        """Nothing is said in between."""
+
+
+def optimise_case(options: Options) -> int:
+    """Search, and return the exit status: 2 where nothing meets the constraints (collective).
+
+    Raises:
+        InputError: Something the user wrote cannot be used.
+        RunFailure: A file cannot be written.
+    """
+    comm = parallel.communicator()
+    prepared: tuple[Study, Path] | None = None
+    problems: tuple[str, ...] = ()
+    if parallel.rank_of(comm) == 0:
+        try:
+            prepared = _prepared(options, comm)
+        except InputError as error:
+            problems = error.problems
+    problems = parallel.agree(comm, problems)
+    if problems:
+        raise InputError(problems)
+    if prepared is None:
+        assert comm is not None
+        serve(comm)
+        return int(comm.bcast(0))
+    study, target = prepared
+    assert study.evaluator is not None
+    with study.evaluator:
+        optimum = study.solve(Teller(options.quiet))
+    status = _told(study, optimum, target, options)
+    return status if comm is None else int(comm.bcast(status))
+
+
+def _prepared(options: Options, comm: MPI.Intracomm | None) -> tuple[Study, Path]:
+    """Read the case and look at its folder.
+
+    Raises:
+        InputError: As `optimise_case`.
+    """
+    check_processes(options.processes, comm is not None)
+    path = shipped_cases.find(options.name)
+    case = load_case(path, options.overrides)
+    alone = shipped_cases.default_folder(options.name, path)
+    target = options.folder or alone.with_name(f"{alone.name}_optimise")
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: is a file, a folder is needed; choose another with -o")
+    if (target / RUN_NAME).is_file():
+        raise InputError(f"{target}: holds a single run; choose another with -o")
+    processes = 0 if comm is not None else options.processes or cores()
+    evaluator = Evaluator(case, target, processes=processes, comm=comm)
+    return Study(case, evaluator=evaluator, origin=str(path)), target
+
+
+def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int:
+    """Write and print the answer; return the exit status."""
+    write_json(target / OPTIMUM_NAME, optimum.to_json())
+    best = study.case_of(optimum)
+    written = [OPTIMUM_NAME]
+    moulded = best.mould is not None and optimum.status != "failed"
+    if moulded:
+        written.append(write_mould_table(target, best).name)
+    if options.figures and optimum.away:
+        from castfem.design.figure import FIGURE_NAME, draw
+
+        draw(optimum, target / FIGURE_NAME)
+        written.append(FIGURE_NAME)
+    if not options.quiet:
+        out = parallel.console()
+        for block in told(optimum):
+            out.print(block, "", highlight=False, soft_wrap=isinstance(block, str))
+        if moulded:
+            out.print(_mould(study, optimum), "", highlight=False)
+        print(f"{', '.join(written)} in {target}, runs beside")
+    if optimum.status != "found":
+        what = "no run has come to its end"
+        if optimum.status == "impossible":
+            what = "the constraints cannot be met"
+        print(f"castfem: {what}", file=sys.stderr)
+        return RunFailure.exit_status
+    return 0
+
+
+def _mould(study: Study, optimum: Optimum) -> object:
+    """The table of the mould, for the terminal."""
+    from rich import box
+    from rich.table import Table
+
+    head, rows = mould_table(study.case_of(optimum), every=0.1)
+    found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    for name in head:
+        found.add_column(name, justify="right")
+    for row in rows:
+        found.add_row(f"{row[0]:g}", *(f"{size:.3f}" for size in row[1:]))
+    return found

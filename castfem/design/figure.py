@@ -1,0 +1,89 @@
+"""Figure of an optimum: objective and constraints along each variable through it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from castfem.design.optimum import Kept, Optimum, Value
+from castfem.output.summary import unit_of_difference
+from castfem.plots.style import DPI, look
+from castfem.support.atomic_files import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FIGURE_NAME = "optimum.png"
+_WIDTH, _HEIGHT = 3.4, 2.3  # inches, of a panel
+
+
+def draw(optimum: Optimum, path: Path) -> None:
+    """Draw an optimum: a column for each variable, a row for the objective and each constraint.
+
+    Raises:
+        RunFailure: The file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows, columns = 1 + len(optimum.constraints), len(optimum.values)
+    with look():
+        figure = Figure(
+            figsize=(1.2 + _WIDTH * columns, 0.6 + _HEIGHT * rows), layout="constrained"
+        )
+        FigureCanvasAgg(figure)
+        grid: Any = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
+        for column, value in enumerate(optimum.values):
+            _objective(grid[0][column], optimum, value)
+            for row, kept in enumerate(optimum.constraints, start=1):
+                _constraint(grid[row][column], optimum, value, kept, row - 1)
+            unit = f" [{value.unit}]" if value.unit else ""
+            grid[-1][column].set_xlabel(f"{value.key}{unit}")
+        _name_rows(grid, optimum)
+        figure.suptitle(optimum.title, fontsize=9)
+        with replacing(path) as temporary:
+            figure.savefig(temporary, dpi=DPI, format="png")
+
+
+def _name_rows(grid: Any, optimum: Optimum) -> None:
+    assert optimum.objective is not None
+    unit = optimum.objective.shown_unit
+    grid[0][0].set_ylabel(f"{optimum.objective.name}\n[{unit}]", fontsize=8)
+    for row, kept in enumerate(optimum.constraints, start=1):
+        unit = unit_of_difference(kept.known.shown_unit)
+        grid[row][0].set_ylabel(f"left of {kept.text}\n[{unit}]", fontsize=7)
+
+
+def _frame(axes: Axes, value: Value) -> None:
+    axes.axvspan(value.low, value.high, color="0.88", lw=0)
+    axes.axvline(value.value, color="0.5", lw=0.8)
+
+
+def _curve(axes: Axes, optimum: Optimum, value: Value, here: float, there: list[float]) -> None:
+    """A result over one variable, the optimum among its steps."""
+    places = [step.value for step in optimum.away if step.key == value.key]
+    pairs = sorted(zip([*places, value.value], [*there, here], strict=True))
+    axes.plot(*zip(*pairs, strict=True), color="#0072b2", marker="o", ms=3.5, lw=1.2)
+    axes.plot([value.value], [here], color="#d55e00", marker="o", ms=5.5, ls="none")
+
+
+def _objective(axes: Axes, optimum: Optimum, value: Value) -> None:
+    known = optimum.objective
+    assert known is not None
+    _frame(axes, value)
+    there = [known.shown(known.value + s.objective) for s in optimum.away if s.key == value.key]
+    _curve(axes, optimum, value, known.shown(known.value), there)
+
+
+def _constraint(axes: Axes, optimum: Optimum, value: Value, kept: Kept, number: int) -> None:
+    _frame(axes, value)
+    shown = kept.known.shown_difference
+    there = [
+        shown(s.left[number]) if s.left else float("nan")
+        for s in optimum.away
+        if s.key == value.key
+    ]
+    _curve(axes, optimum, value, shown(kept.left), there)
+    error = shown(kept.error)
+    axes.axhspan(-error, error, color="#d55e00", alpha=0.15, lw=0)
+    axes.axhline(0.0, color="#d55e00", lw=0.9)

@@ -1,0 +1,217 @@
+"""The answer to a question: the optimum as an interval, what binds, what a step away costs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+from castfem.output.summary import from_si, unit_of_difference
+
+Status = Literal["found", "impossible", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A variable at the optimum, in the unit of its range.
+
+    Attributes:
+        key: Of the case. unit: "" for none.
+        value: At the best run.
+        low: Lowest value that cannot be told from the best. high: Likewise.
+        open_low: Whether it may lie lower still. open_high: Likewise.
+        range: In which it was looked for.
+        at_end: What it lies at: the "lowest" or "highest" of its range, or where "runs fail"; ""
+            for none.
+    """
+
+    key: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    open_low: bool
+    open_high: bool
+    range: tuple[float, float]
+    at_end: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """A result at the optimum and its errors, in SI.
+
+    Attributes:
+        name: Of the result. label: In words. shown_unit: In which it is shown.
+        value: At the best run.
+        noise: Scatter between runs that differ by next to nothing.
+        numerical: Difference to the level of fidelity that checks it; NaN where that run failed.
+    """
+
+    name: str
+    label: str
+    shown_unit: str
+    value: float
+    noise: float
+    numerical: float
+
+    def shown(self, value: float) -> float:
+        """A value in the unit in which it is shown."""
+        return from_si(value, self.shown_unit)
+
+    def shown_difference(self, value: float) -> float:
+        """A difference likewise."""
+        return from_si(value, unit_of_difference(self.shown_unit))
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A constraint at the optimum.
+
+    Attributes:
+        text: As written. known: The result. bound: In SI.
+        left: How far it is on the right side, SI.
+        error: Of that: noise and numerical error.
+        met: Whether it holds. binding: Whether it keeps the objective from being better.
+    """
+
+    text: str
+    known: Known
+    bound: float
+    left: float
+    error: float
+    met: bool
+    binding: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Away:
+    """What a step of one variable from the optimum costs.
+
+    Attributes:
+        key: The variable. value: Where the step leads, in its unit.
+        objective: Change of the objective, SI; NaN where the run fails.
+        left: What the constraints have left there, SI.
+        message: Why that run failed.
+    """
+
+    key: str
+    value: float
+    objective: float
+    left: tuple[float, ...]
+    message: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """What a search has found.
+
+    Attributes:
+        title: Of the case.
+        status: "found"; "impossible" where no run meets all constraints, of which this is the one
+            that misses them least; "failed" where no run has come to its end.
+        sense: "minimise" or "maximise".
+        values: The variables. objective: The result that is best. constraints: What must hold.
+        away: What steps away from it cost.
+        elsewhere: Other runs that are as good as can be told, by their values.
+        fidelity: Of the search. checked: The level by which it was checked, "" where that failed.
+        step: Of the last steps, as a share of the ranges.
+        runs: Counts: of the search, about the optimum, failed, in all.
+        spent: Whether the search ended for it had no more runs.
+        seconds: That all runs took.
+        best: Name of the best run's folder, "" where it was told by others.
+    """
+
+    title: str
+    status: Status
+    sense: str
+    values: tuple[Value, ...]
+    objective: Known | None
+    constraints: tuple[Kept, ...]
+    away: tuple[Away, ...]
+    elsewhere: tuple[tuple[float, ...], ...]
+    fidelity: str
+    checked: str
+    step: float
+    runs: Mapping[str, int]
+    spent: bool
+    seconds: float
+    best: str = ""
+
+    @property
+    def binding(self) -> tuple[Kept, ...]:
+        """The constraints that keep the objective from being better."""
+        return tuple(kept for kept in self.constraints if kept.binding)
+
+    @property
+    def worst(self) -> Kept | None:
+        """The constraint that is missed most, by its own bound; None where all are met."""
+        missed = [kept for kept in self.constraints if not kept.met]
+        by_bound = [kept.left / max(abs(kept.bound), 1e-300) for kept in missed]
+        return missed[by_bound.index(min(by_bound))] if missed else None
+
+    def changes(self) -> dict[str, str | float]:
+        """Keys and values of the optimum, as `Case.with_` takes them."""
+        return {v.key: f"{v.value:.12g} {v.unit}" if v.unit else v.value for v in self.values}
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of optimum.json, results in the units in which they are shown."""
+        return {
+            "format": "castfem optimum",
+            "title": self.title,
+            "status": self.status,
+            "sense": self.sense,
+            "values": [asdict(value) for value in self.values],
+            "objective": None if self.objective is None else _known(self.objective),
+            "constraints": [
+                {
+                    "text": kept.text,
+                    **_known(kept.known),
+                    "bound": kept.known.shown(kept.bound),
+                    "left": kept.known.shown_difference(kept.left),
+                    "error": kept.known.shown_difference(kept.error),
+                    "met": kept.met,
+                    "binding": kept.binding,
+                }
+                for kept in self.constraints
+            ],
+            "away": [self._away(step) for step in self.away],
+            "elsewhere": [list(values) for values in self.elsewhere],
+            "fidelity": self.fidelity,
+            "checked": self.checked,
+            "last_step": self.step,
+            "runs": dict(self.runs),
+            "spent": self.spent,
+            "seconds": self.seconds,
+            "best": self.best,
+        }
+
+    def _away(self, step: Away) -> dict[str, Any]:
+        known = self.objective
+        return {
+            "key": step.key,
+            "value": step.value,
+            "objective": step.objective
+            if known is None
+            else known.shown_difference(step.objective),
+            "left": [
+                kept.known.shown_difference(left)
+                for kept, left in zip(self.constraints, step.left, strict=False)
+            ],
+            "message": step.message,
+        }
+
+
+def _known(known: Known) -> dict[str, Any]:
+    return {
+        "quantity": known.name,
+        "label": known.label,
+        "unit": known.shown_unit,
+        "value": known.shown(known.value),
+        "noise": known.shown_difference(known.noise),
+        "numerical": known.shown_difference(known.numerical),
+    }
+
+
+def counted(sequence: Sequence[Any], what: str) -> str:
+    """A count in words: `3 runs`."""
+    return f"{len(sequence)} {what}{'' if len(sequence) == 1 else 's'}"

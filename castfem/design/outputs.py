@@ -1,0 +1,178 @@
+"""What a run means for a question: objective and margins of the constraints, failed or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.design.question import Question, Wanted
+from castfem.errors import InputError
+from castfem.output.summary import Quantity
+from castfem.values import units
+from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.design.store import Evaluation
+
+
+class Needs(Exception):
+    """Runs that must be done before a search can go on.
+
+    Attributes:
+        wanted: The runs, none of which waits for another.
+    """
+
+    def __init__(self, wanted: Sequence[Wanted]) -> None:
+        super().__init__(f"{len(wanted)} runs are needed")
+        self.wanted = tuple(wanted)
+
+
+Look = Callable[[Wanted], "Evaluation | None"]
+Obtain = Callable[[Sequence[Wanted]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Margin:
+    """A constraint at a run.
+
+    Attributes:
+        value: The result, in SI. bound: What it must keep to, in SI.
+        sign: 1 where more is better, -1 where less is.
+    """
+
+    value: float
+    bound: float
+    sign: float
+
+    @property
+    def left(self) -> float:
+        """How far the result is on the right side, in SI; below 0 the constraint is not met."""
+        return self.sign * (self.value - self.bound)
+
+
+class Outputs:
+    """Objective and margins of the runs of a question.
+
+    Args:
+        question: What is asked.
+        look: Gives what a run has given, None where it has not been done.
+        objective: Which of the question's objectives counts.
+        extra: Further constraints in SI: result, sign as in `Margin`, bound.
+        obtain: Does the runs that are missing; None where they are to be asked for.
+
+    Attributes:
+        seen: The runs that were looked at, in that order.
+    """
+
+    def __init__(
+        self,
+        question: Question,
+        look: Look,
+        objective: int = 0,
+        extra: Sequence[tuple[str, float, float]] = (),
+        obtain: Obtain | None = None,
+    ) -> None:
+        self.question, self._look, self._extra = question, look, tuple(extra)
+        self._obtain = obtain
+        self.objective, self.sense = question.table.objectives[objective]
+        self.seen: dict[Wanted, Evaluation] = {}
+
+    def fetch(self, wanted: Sequence[Wanted]) -> list[Evaluation]:
+        """Return what runs have given.
+
+        Raises:
+            Needs: Some have not been done; all of them, and the idealised ones they are held to.
+        """
+        ideal = [self.question.ideal(one) for one in wanted] if self._relative else []
+        every = list(dict.fromkeys([*ideal, *wanted]))
+        found = {one: self._look(one) for one in every}
+        missing = [one for one, given in found.items() if given is None]
+        if missing and self._obtain is None:
+            raise Needs(missing)
+        if missing and self._obtain is not None:
+            self._obtain(missing)
+        given = [found[one] or self._look(one) for one in wanted]
+        self.seen.update({w: e for w, e in zip(wanted, given, strict=True) if e is not None})
+        return [one for one in given if one is not None]
+
+    @property
+    def _relative(self) -> bool:
+        return any(bound.relative for bound in self.question.bounds)
+
+    @property
+    def count(self) -> int:
+        """How many constraints there are."""
+        return len(self.question.bounds) + len(self._extra)
+
+    def text(self, number: int) -> str:
+        """A constraint in words."""
+        if number < len(self.question.bounds):
+            return self.question.bounds[number].text.strip()
+        name, sign, value = self._extra[number - len(self.question.bounds)]
+        return f"{name} {'>=' if sign > 0 else '<='} {value:.6g} (SI)"
+
+    def name(self, number: int) -> str:
+        """The result that a constraint is about."""
+        if number < len(self.question.bounds):
+            return self.question.bounds[number].quantity
+        return self._extra[number - len(self.question.bounds)][0]
+
+    def value(self, wanted: Wanted) -> float:
+        """The objective of a run in SI, as it is.
+
+        Raises:
+            KeyError: The run has failed.
+        """
+        return self._quantity(self.seen[wanted], self.objective, "objective").value
+
+    def cost(self, wanted: Wanted) -> float:
+        """The objective of a run, less is better."""
+        return self.sense * self.value(wanted)
+
+    def margins(self, wanted: Wanted) -> list[Margin]:
+        """The constraints at a run.
+
+        Raises:
+            KeyError: It has failed.
+            InputError: It has no such result, or the idealised mould's run has failed.
+        """
+        found, given = [], self.seen[wanted]
+        for bound in self.question.bounds:
+            own = self._quantity(given, bound.quantity, "constraints").value
+            limit = bound.value
+            if bound.relative:
+                limit *= self._ideal(wanted, bound.quantity)
+            found.append(Margin(own, limit, bound.sign))
+        for name, sign, limit in self._extra:
+            found.append(Margin(self._quantity(given, name, "objective").value, limit, sign))
+        return found
+
+    def vector(self, wanted: Wanted) -> Array:
+        """Cost and margins of a run (1 + m,); NaN of one that has failed."""
+        if self.seen[wanted].failed:
+            return np.full(1 + self.count, np.nan)
+        return np.array([self.cost(wanted), *(m.left for m in self.margins(wanted))])
+
+    def _ideal(self, wanted: Wanted, name: str) -> float:
+        given = self._look(self.question.ideal(wanted))
+        assert given is not None
+        if given.failed:
+            raise InputError(
+                f"{self.question.origin}: optimise.constraints: the run in the idealised mould, by "
+                f"which {name} is measured, has failed: {given.message}"
+            )
+        return self._quantity(given, name, "constraints").value
+
+    def _quantity(self, given: Evaluation, name: str, key: str) -> Quantity:
+        found: Mapping[str, Quantity] = given.quantities
+        if name not in found:
+            if given.failed:
+                raise KeyError(name)
+            raise InputError(
+                f'{self.question.origin}: optimise: {key} ("{name}") is no result of this case'
+                f"{units.nearest(name, found)}"
+            )
+        return found[name]

@@ -1,0 +1,210 @@
+"""What is asked of a case by its table [optimise]: variables between 0 and 1, bounds, the start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.case.load import changed
+from castfem.case.optimise import Bound, Optimise, Variable
+from castfem.errors import InputError
+from castfem.values import units
+from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.design.store import Evaluation
+
+_STEPS = 1e4  # of a range: values are rounded to its hundredths of a percent
+_TAPER = "mould.taper"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A run that is wanted.
+
+    Attributes:
+        values: Of the variables, in the units of their ranges; those of the mould stand at their
+            lowest in the idealised mould, to which they mean nothing.
+        fidelity: How well it is to be computed (`castfem.design.fidelity`).
+        ideal: Whether the mould follows the strand.
+    """
+
+    values: tuple[float, ...]
+    fidelity: str
+    ideal: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A variable as the search has it.
+
+    Attributes:
+        key: Dotted key in the case.
+        low: Of its range, in its unit. high: Likewise.
+        unit: "" for none.
+        decimals: To which its values are rounded.
+    """
+
+    key: str
+    low: float
+    high: float
+    unit: str
+    decimals: int
+
+    @classmethod
+    def of(cls, variable: Variable) -> Axis:
+        """The axis of a variable."""
+        low, high, si = variable.si
+        unit = variable.unit
+        ends = [units.convert(end, si, unit or "1") for end in (low, high)]
+        decimals = max(0, math.ceil(-math.log10((ends[1] - ends[0]) / _STEPS)))
+        return cls(variable.key, ends[0], ends[1], unit, decimals)
+
+    @property
+    def of_mould(self) -> bool:
+        """Whether it is the mould's, and means nothing to an idealised one."""
+        return self.key.partition(".")[0] == "mould"
+
+    @property
+    def label(self) -> str:
+        """Its key, with the unit."""
+        return f"{self.key} [{self.unit}]" if self.unit else self.key
+
+    def value(self, share: float) -> float:
+        """The value at a share of the range, rounded."""
+        found = round(self.low + share * (self.high - self.low), self.decimals)
+        return min(max(found, self.low), self.high) + 0.0
+
+    def share(self, value: float) -> float:
+        """The inverse of `value`, within the range."""
+        return min(max((value - self.low) / (self.high - self.low), 0.0), 1.0)
+
+    def written(self, value: float) -> str | float:
+        """A value as a case file has it."""
+        return f"{value:.12g} {self.unit}" if self.unit else value
+
+
+class Question:
+    """A case with its table [optimise].
+
+    Attributes:
+        case: The case.
+        table: The table.
+        axes: Its variables.
+        bounds: Its constraints.
+
+    Raises:
+        InputError: The case asks for nothing, or a variable is none of its keys.
+    """
+
+    def __init__(self, case: Case, origin: str = "") -> None:
+        origin = origin or case.title
+        if case.optimise is None:
+            raise InputError(
+                f"{origin}: optimise: the table is missing; add [optimise] with minimise = "
+                '"von_mises_max" and [[optimise.variable]] with key = "mould.taper" and '
+                'range = ["0 %/m", "3 %/m"]'
+            )
+        self.case, self.origin = case, origin
+        self.table: Optimise = case.optimise
+        self.axes = tuple(Axis.of(variable) for variable in self.table.variable)
+        self.bounds: tuple[Bound, ...] = self.table.bounds
+        self._check_keys()
+
+    def _check_keys(self) -> None:
+        """Try both ends of each range, each start in the case."""
+        problems: list[str] = []
+        for number, (axis, variable) in enumerate(zip(self.axes, self.table.variable, strict=True)):
+            where = f"{self.origin}: optimise.variable.{number}"
+            for value in (axis.written(axis.low), axis.written(axis.high), variable.start):
+                if value is None:
+                    continue
+                try:
+                    changed(self.case, {axis.key: value}, where)
+                except InputError as error:
+                    problems += [line.replace("case: ", f"{where}: ") for line in error.problems]
+        if problems:
+            raise InputError(dict.fromkeys(problems))
+
+    @property
+    def needs_ideal(self) -> bool:
+        """Whether something is measured by the idealised mould: a bound, or a taper's start."""
+        tapers = any(
+            axis.key.startswith(_TAPER) and variable.start is None
+            for axis, variable in zip(self.axes, self.table.variable, strict=True)
+        )
+        return self.case.mould is not None and (tapers or any(b.relative for b in self.bounds))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Results that are asked for, each once."""
+        objectives = [name for name, _ in self.table.objectives]
+        return tuple(dict.fromkeys([*objectives, *(b.quantity for b in self.bounds)]))
+
+    def at(self, shares: Array, fidelity: str = "") -> Wanted:
+        """The run at shares of the ranges (n,)."""
+        values = tuple(a.value(float(u)) for a, u in zip(self.axes, shares, strict=True))
+        return Wanted(values, fidelity or self.table.fidelity)
+
+    def shares(self, wanted: Wanted) -> Array:
+        """The inverse of `at` (n,)."""
+        return np.array([a.share(v) for a, v in zip(self.axes, wanted.values, strict=True)])
+
+    def ideal(self, wanted: Wanted) -> Wanted:
+        """The run in the idealised mould, all else as in another one."""
+        pairs = zip(self.axes, wanted.values, strict=True)
+        values = tuple(axis.low if axis.of_mould else value for axis, value in pairs)
+        return Wanted(values, wanted.fidelity, ideal=True)
+
+    def changes(self, wanted: Wanted) -> dict[str, Any]:
+        """Keys and values of a run, as `Case.with_` takes them."""
+        return {
+            axis.key: axis.written(value)
+            for axis, value in zip(self.axes, wanted.values, strict=True)
+            if not (wanted.ideal and axis.of_mould)
+        }
+
+    def start(self, ideal: Evaluation | None) -> Array:
+        """Where the search begins, as shares of the ranges (n,).
+
+        Args:
+            ideal: The run in the idealised mould; tapers begin with what its strand does.
+        """
+        from castfem.design.ideal_taper import fitted
+
+        document = self.case.document()
+        found: list[float | None] = []
+        for axis, variable in zip(self.axes, self.table.variable, strict=True):
+            given = variable.start or _at(document, axis.key)
+            try:
+                value, si = units.parse_any(given)
+                found.append(axis.share(units.convert(value, si, axis.unit or "1")))
+            except ValueError:
+                found.append(None)
+        begun = np.array([0.5 if share is None else share for share in found])
+        free = [
+            i
+            for i, (axis, variable) in enumerate(zip(self.axes, self.table.variable, strict=True))
+            if axis.key.startswith(_TAPER) and variable.start is None
+        ]
+        if free and ideal is not None and ideal.folder is not None and not ideal.failed:
+            return fitted(self, begun, free, ideal.folder)
+        return begun
+
+
+def _at(document: Mapping[str, Any], key: str) -> Any:
+    """The value under a dotted key, "" where there is none that is plain."""
+    place: Any = document
+    for part in key.split("."):
+        if isinstance(place, Mapping):
+            place = place.get(part, "")
+        elif isinstance(place, Sequence) and not isinstance(place, str) and part.isdigit():
+            place = place[int(part)] if int(part) < len(place) else ""
+        else:
+            return ""
+    return place if isinstance(place, str | int | float) else ""

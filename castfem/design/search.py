@@ -1,0 +1,247 @@
+"""The search for the best values: COBYQA behind the runs that are there, stopped by their noise.
+
+Nothing is run here. A search looks at runs; where one is missing it stops, says which it needs and
+begins anew when they are there: it always takes the same way, so that it goes on after a kill, and
+whoever does the runs, in whatever order, gets the same answer.
+
+A run that fails has neither objective nor margins. It gets the worst of those seen so far, and
+violates a constraint of its own by what is left of its way, so that the search goes back to where
+the strand comes through.
+
+COBYQA: [Ragonneau2022] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.design.outputs import Outputs
+from castfem.design.question import Wanted
+from castfem.values.types import Array
+
+_NEIGHBOURS = 5  # runs by which noise is measured
+_APART = 1e-3  # of the ranges: how far apart they are
+FIRST, LAST = 0.1, 0.002  # of the ranges: first step, and the smallest worth taking
+_LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
+_FAILED = 10.0  # of a failed run's missing way, in scales of the other constraints
+_ROUNDING = 1e-9  # of a bound: what misses it by less has met it
+
+
+Done = dict[tuple[object, ...], tuple[Wanted, ...]]
+"""Parts of a search, by start, first step and aim: which runs each has looked at, in order."""
+
+
+class Spent(Exception):
+    """The search has had its runs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Scatter of results between runs that differ by next to nothing.
+
+    Attributes:
+        sigma: Of cost and margins (1 + m,), in SI: standard deviation about straight lines.
+        slope: Of cost and margins along each variable (1 + m, n), SI over the range.
+        runs: By how many runs it was measured; 0 where they failed.
+    """
+
+    sigma: Array
+    slope: Array
+    runs: int
+
+
+class Search:
+    """A search with one objective.
+
+    Args:
+        outputs: What runs mean.
+        most: How many runs it may look at.
+        done: Parts of the search that have come to their end, kept for the next time it is begun.
+
+    Attributes:
+        noise: Of the results; None before it is measured.
+        radius: Of the last step, as a share of the ranges.
+        spent: Whether it ended for it had no more runs.
+    """
+
+    def __init__(self, outputs: Outputs, most: int, done: Done | None = None) -> None:
+        self.outputs, self.question, self._most = outputs, outputs.question, most
+        self._done: Done = {} if done is None else done
+        self._order: list[Wanted] = []
+        self.noise: Noise | None = None
+        self.radius, self.spent = LAST, False
+        self._scale = np.ones(1 + outputs.count)
+        self._given: dict[Wanted, Array] = {}
+        self._worst = np.zeros(1 + outputs.count)
+
+    def run(self, start: Array) -> Wanted:
+        """Return the best run that is found from a start (n,), shares of the ranges.
+
+        Raises:
+            Needs: Runs are missing.
+        """
+        try:
+            begin = self._settle(start)
+            self._cobyqa(begin, FIRST, self._cost)
+            best = self.best()
+            if self.violation(best) > 0.0:  # nothing meets all: what comes nearest?
+                self._cobyqa(self.question.shares(best), FIRST, self._worst_violation)
+        except Spent:
+            self.spent = True
+        return self.best()
+
+    def again(self, begin: Wanted) -> Wanted:
+        """Search on from a run with small steps, and return the best one.
+
+        Raises:
+            Needs: Runs are missing.
+        """
+        try:
+            steps = min(max(4.0 * self.radius, 2.0 * LAST), FIRST)
+            self._cobyqa(self.question.shares(begin), steps, self._cost)
+        except Spent:
+            self.spent = True
+        return self.best()
+
+    def _settle(self, start: Array) -> Array:
+        """Measure noise, scales and the last step about the start; return the start."""
+        begin = np.clip(start, 0.0, 1.0)
+        inner = np.clip(begin, FIRST, 1.0 - FIRST)
+        cross = [inner, *(inner + s * FIRST * e for e in np.eye(len(begin)) for s in (1.0, -1.0))]
+        along = (np.arange(_NEIGHBOURS) - _NEIGHBOURS // 2) * _APART
+        line = [np.clip(inner + step, 0.0, 1.0) for step in along]
+        runs = list(dict.fromkeys(self.question.at(u) for u in [begin, *cross, *line]))
+        self._fetch(runs)
+        values = np.array([self.outputs.vector(self.question.at(u)) for u in cross])
+        slope = np.array(
+            [(values[1 + 2 * i] - values[2 + 2 * i]) / (2.0 * FIRST) for i in range(len(begin))]
+        ).T
+        sigma, count = self._scatter(along, line)
+        self.noise = Noise(sigma, slope, count)
+        spread = np.nanmax(np.abs(values - values[0]), axis=0, initial=0.0, where=~np.isnan(values))
+        size = np.array([1.0, *(abs(b) for b in self._bounds(runs))])
+        widest = np.maximum(np.nan_to_num(spread), np.maximum(10.0 * sigma, 1e-6 * size))
+        self._scale = np.asarray(np.where(widest > 0.0, widest, 1.0))
+        finished = [w for w, given in self.outputs.seen.items() if not given.failed]
+        if finished:
+            scaled = np.array([self.outputs.vector(w) for w in finished]) / self._scale
+            self._worst = np.array([scaled[:, 0].max(), *scaled[:, 1:].min(axis=0)])
+        steepest = np.nanmax(np.abs(np.nan_to_num(slope)), axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.where(steepest > 0.0, 2.0 * sigma / steepest, np.inf)
+        if count:
+            self.radius = float(np.clip(np.min(steps), LAST, _LARGEST_LAST))
+        return begin
+
+    def _bounds(self, runs: Sequence[Wanted]) -> list[float]:
+        for run in runs:
+            if not self.outputs.seen[run].failed:
+                return [margin.bound for margin in self.outputs.margins(run)]
+        return [1.0] * self.outputs.count
+
+    def _scatter(
+        self, along: npt.NDArray[Any], line: Sequence[npt.NDArray[Any]]
+    ) -> tuple[Array, int]:
+        """Standard deviation about straight lines through neighbouring runs (1 + m,)."""
+        values = np.array([self.outputs.vector(self.question.at(u)) for u in line])
+        if np.isnan(values).any():
+            return np.zeros(values.shape[1]), 0
+        fit = np.polynomial.polynomial.polyfit(along, values, 1)
+        rest = values - np.polynomial.polynomial.polyval(along, fit).T
+        return np.sqrt(np.sum(rest**2, axis=0) / (len(along) - 2)), len(along)
+
+    def _fetch(self, wanted: Sequence[Wanted]) -> None:
+        new = [one for one in wanted if one not in self.outputs.seen]
+        if len(self.outputs.seen) + len(new) > self._most and len(new) == 1:
+            raise Spent
+        self.outputs.fetch(wanted)
+
+    def given(self, wanted: Wanted) -> Array:
+        """Scaled cost, margins and how far it came, of a run that may have failed (2 + m,)."""
+        if wanted not in self._given:
+            self._fetch([wanted])
+            self._order.append(wanted)
+            evaluation, vector = self.outputs.seen[wanted], self.outputs.vector(wanted)
+            if evaluation.failed:
+                left = _FAILED * (evaluation.share - 1.0) - 1.0 / _FAILED
+                self._given[wanted] = np.array([*self._worst, left])
+            else:
+                scaled = vector / self._scale
+                self._worst[0] = max(self._worst[0], scaled[0])
+                self._worst[1:] = np.minimum(self._worst[1:], scaled[1:])
+                self._given[wanted] = np.array([*scaled, 1.0])
+        return self._given[wanted]
+
+    def _cost(self, u: Array) -> float:
+        return float(self.given(self.question.at(u))[0])
+
+    def _worst_violation(self, u: Array) -> float:
+        return float(max(0.0, -np.min(self.given(self.question.at(u))[1:])))
+
+    def _cobyqa(self, begin: Array, first: float, objective: object) -> None:
+        """Search from a start; what was seen is in `outputs`."""
+        from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+        last = min(self.radius, 0.5 * first)
+        aim = objective == self._cost
+        part = (*(float(u) for u in begin), first, last, aim)
+        if part in self._done:
+            for wanted in self._done[part]:
+                self.given(wanted)
+            return
+        before = len(self._order)
+        if not aim:
+            limits = []
+        else:
+            tolerated = np.array([*self._tolerance() / self._scale[1:], 0.0])
+            limits = [NonlinearConstraint(
+                lambda u: self.given(self.question.at(u))[1:], -tolerated, np.inf
+            )]  # fmt: skip
+        minimize(
+            objective,
+            begin,
+            method="COBYQA",
+            bounds=Bounds(np.zeros(len(begin)), np.ones(len(begin))),
+            constraints=limits,
+            options={
+                "initial_tr_radius": first,
+                "final_tr_radius": last,
+                "maxfev": 4 * self._most,
+                "feasibility_tol": 1e-6,
+            },
+        )
+        self._done[part] = tuple(self._order[before:])
+
+    def _tolerance(self) -> Array:
+        """What a constraint may be missed by: its own noise (m,), SI."""
+        sigma = np.zeros(1 + self.outputs.count) if self.noise is None else self.noise.sigma
+        return np.asarray(sigma[1:])
+
+    def violation(self, wanted: Wanted) -> float:
+        """By how much a run misses what must hold, in scales of its constraints; 0: it does not."""
+        evaluation = self.outputs.seen[wanted]
+        if evaluation.failed:
+            return float(1e3 + _FAILED * (1.0 - evaluation.share))
+        if not self.outputs.count:
+            return 0.0
+        margins = self.outputs.margins(wanted)
+        left = np.array([m.left for m in margins])
+        allowed = self._tolerance() + _ROUNDING * np.array([abs(m.bound) for m in margins])
+        short = np.where(left >= -allowed, 0.0, -left)
+        return float(np.max(short / self._scale[1:]))
+
+    def best(self) -> Wanted:
+        """The best run seen: the one with the least violation, and of those the least cost."""
+        level = self.question.table.fidelity
+        own = [w for w in self.outputs.seen if w.fidelity == level and not w.ideal]
+
+        def order(wanted: Wanted) -> tuple[float, float]:
+            failed = self.outputs.seen[wanted].failed
+            return self.violation(wanted), np.inf if failed else self.outputs.cost(wanted)
+
+        return min(own, key=order)

@@ -1,0 +1,257 @@
+"""A search that is driven from outside: ask which runs it needs, tell what they have given.
+
+study = Study(castfem.load("billet125/optimum_single"), "folder")
+while wanted := study.ask():
+for one in wanted:
+study.tell(one, castfem.run(study.case(one)))
+print(study.result().changes())
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.api import Result
+from castfem.case.load import changed
+from castfem.case.result_names import unit_of
+from castfem.design import vicinity
+from castfem.design.evaluator import Evaluator, Watcher, lean
+from castfem.design.fidelity import DEFAULT, LEVELS, at_level, idealised
+from castfem.design.optimum import Optimum
+from castfem.design.outputs import Needs, Obtain, Outputs
+from castfem.design.question import Question, Wanted
+from castfem.design.search import Done, Search
+from castfem.design.store import Evaluation
+from castfem.design.verdict import Findings, verdict
+from castfem.errors import InputError
+from castfem.output.summary import Quantity
+from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+
+_STEP, _WIDEST = 0.025, 0.1  # of the ranges: between the runs about an optimum
+_TURNS = 3  # of search and look around
+
+
+class Study:
+    """The search for the best values of a case with [optimise].
+
+    What has been told, and what lies in the folder, is known; the search itself keeps nothing: it
+    takes the same way through the same runs whenever it is asked.
+
+    Args:
+        case: The case.
+        folder: Of runs, as `Evaluator` keeps them; None if all runs are told.
+        origin: What messages call the case.
+        evaluator: Does the runs, instead of one made for the folder.
+
+    Attributes:
+        question: What is asked for.
+        evaluator: Does runs; None without a folder.
+
+    Raises:
+        InputError: The case asks for nothing that could be looked for.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        folder: Path | str | None = None,
+        *,
+        origin: str = "",
+        evaluator: Evaluator | None = None,
+    ) -> None:
+        self.question = Question(case, origin)
+        self.evaluator = evaluator
+        if folder is not None and evaluator is None:
+            self.evaluator = Evaluator(case, folder)
+        self._lean = lean(case)
+        self._told: dict[Wanted, Evaluation] = {}
+        self._cases: dict[Wanted, Case] = {}
+        self._result: Optimum | None = None
+        self._done: Done = {}
+
+    def ask(self) -> tuple[Wanted, ...]:
+        """Return the runs that the search needs next, which may be done at once; () at its end.
+
+        Raises:
+            InputError: A run has no result that is asked for.
+        """
+        try:
+            self._result = self._solved(None)
+        except Needs as needs:
+            return needs.wanted
+        return ()
+
+    def solve(self, watcher: Watcher | None = None, obtain: Obtain | None = None) -> Optimum:
+        """Do all runs that the search needs, and return what it has found.
+
+        Args:
+            watcher: Told of the runs.
+            obtain: Does runs and tells what they give, instead of the study's evaluator.
+
+        Raises:
+            InputError: The study has no folder, or a run has no result that is asked for.
+            RunFailure: A file cannot be written.
+        """
+        self._result = self._solved(obtain or (lambda wanted: self._run(wanted, watcher)))
+        return self._result
+
+    def _run(self, wanted: Sequence[Wanted], watcher: Watcher | None) -> None:
+        self.run(wanted, watcher)
+
+    def case(self, wanted: Wanted) -> Case:
+        """Return the case of a run that is wanted."""
+        if wanted not in self._cases:
+            changes = self.question.changes(wanted)
+            case = changed(self._lean, changes) if changes else self._lean
+            case = lean(idealised(case)) if wanted.ideal else case
+            self._cases[wanted] = at_level(case, wanted.fidelity)
+        return self._cases[wanted]
+
+    def tell(self, wanted: Wanted, given: Evaluation | Result | Mapping[str, float]) -> None:
+        """Say what a run has given.
+
+        Args:
+            wanted: The run.
+            given: An evaluation, a result of castfem, or results by name in SI.
+
+        Raises:
+            InputError: It is none of them.
+        """
+        if isinstance(given, Result):
+            given = Evaluation(given.summary.quantities, folder=given.folder)
+        elif isinstance(given, Mapping):
+            given = Evaluation({name: _quantity(name, value) for name, value in given.items()})
+        if not isinstance(given, Evaluation):
+            raise InputError(f"tell: an Evaluation or a Result is needed, not {given!r}")
+        self._told[wanted] = given
+
+    def run(self, wanted: Sequence[Wanted], watcher: Watcher | None = None) -> list[Evaluation]:
+        """Do runs that are wanted, or find them, and tell what they give.
+
+        Raises:
+            InputError: The study has no folder.
+            RunFailure: A file cannot be written. A run that fails raises nothing.
+        """
+        if self.evaluator is None:
+            raise InputError("a study without a folder runs nothing; give it one")
+        cases = [self.case(one) for one in wanted]
+        found = self.evaluator.evaluate(cases, [self.given(one) for one in wanted], watcher)
+        for one, evaluation in zip(wanted, found, strict=True):
+            self.tell(one, evaluation)
+        return found
+
+    def given(self, wanted: Wanted) -> dict[str, str]:
+        """Key to value of what is varied in a run, for names and tables."""
+        found = {key: str(value) for key, value in self.question.changes(wanted).items()}
+        if wanted.ideal:
+            found["mould"] = "idealised"
+        if wanted.fidelity != DEFAULT:
+            found["fidelity"] = wanted.fidelity
+        return found
+
+    def result(self) -> Optimum:
+        """Return what the search has found.
+
+        Raises:
+            InputError: It has not come to its end.
+        """
+        if self._result is None and self.ask():
+            raise InputError("the search has not come to its end: ask, run and tell go on")
+        assert self._result is not None
+        return self._result
+
+    def case_of(self, optimum: Optimum) -> Case:
+        """Return the case with the values of an optimum, as the user wrote it else."""
+        return self.question.case.with_(optimum.changes())
+
+    def known(self, wanted: Wanted) -> Evaluation | None:
+        """Return what a run has given, None where it has not been done."""
+        found = self._told.get(wanted)
+        if found is None and self.evaluator is not None:
+            found = self.evaluator.store.find(self.case(wanted))
+            if found is not None:
+                self._told[wanted] = found
+        return found
+
+    def _solved(self, obtain: Obtain | None) -> Optimum:
+        """The whole search, as far as runs are there.
+
+        Raises:
+            Needs: Some are missing, and there is nobody to obtain them.
+        """
+        question = self.question
+        ideal = None
+        middle = question.at(question.start(None))
+        if question.needs_ideal:
+            ideal = self.known(question.ideal(middle))
+            if ideal is None and obtain is None:
+                raise Needs([question.ideal(middle)])
+            if ideal is None and obtain is not None:
+                obtain([question.ideal(middle)])
+                ideal = self.known(question.ideal(middle))
+        outputs = Outputs(question, self.known, obtain=obtain)
+        search = Search(outputs, question.table.most_runs, self._done)
+        best = search.run(question.start(ideal))
+        if outputs.seen[best].failed:
+            return verdict(Findings(question, outputs, search, best, None, "", None, self._told))
+        best, model, step = self._surroundings(search, best)
+        checked, check = self._checked(outputs, best)
+        error = np.abs(check - outputs.vector(best))
+        for _ in range(2):
+            assert search.noise is not None
+            found = vicinity.intervals(model, search.noise.sigma, np.nan_to_num(error))
+            if step >= _WIDEST or not any(i.open_low or i.open_high for i in found):
+                break
+            step = min(2.0 * step, _WIDEST)
+            model = self._model(outputs, best, step)
+        return verdict(Findings(question, outputs, search, best, model, checked, error, self._told))
+
+    def _surroundings(
+        self, search: Search, best: Wanted
+    ) -> tuple[Wanted, vicinity.Quadratic, float]:
+        """Look round a best run; where another one there is better, search on from that."""
+        outputs = search.outputs
+        step = float(np.clip(4.0 * search.radius, _STEP, _WIDEST))
+        for _ in range(_TURNS):
+            model = self._model(outputs, best, step)
+            better = search.best()
+            gain = outputs.cost(best) - outputs.cost(better)
+            nearer = search.violation(better) < search.violation(best)
+            assert search.noise is not None
+            if better == best or not (nearer or gain > search.noise.sigma[0]):
+                break
+            best = search.again(better)
+        else:
+            best = search.best()
+            model = self._model(outputs, best, step)
+        return best, model, step
+
+    def _model(self, outputs: Outputs, best: Wanted, step: float) -> vicinity.Quadratic:
+        """Quadratics through the runs about a best one, those that it takes to fit them."""
+        question = self.question
+        centre = question.shares(best)
+        outputs.fetch([question.at(place) for place in vicinity.around(centre, step)])
+        own = [w for w in outputs.seen if w.fidelity == best.fidelity and not w.ideal]
+        shares = np.array([question.shares(w) for w in own])
+        values = np.array([outputs.vector(w) for w in own])
+        return vicinity.Quadratic.fit(centre, step, shares, values)
+
+    def _checked(self, outputs: Outputs, best: Wanted) -> tuple[str, Array]:
+        """The level that checks the best run, and cost and margins by it (1 + m,)."""
+        level = LEVELS[best.fidelity].finer or DEFAULT
+        other = Wanted(best.values, level)
+        given = outputs.fetch([other])[0]
+        return ("" if given.failed else level), outputs.vector(other)
+
+
+def _quantity(name: str, value: float) -> Quantity:
+    """A result that was told in SI, in the unit in which castfem shows it."""
+    unit = unit_of(name) or "1"
+    return Quantity(float(value), "-" if unit == "1" else unit, name.replace("_", " "))

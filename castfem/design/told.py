@@ -1,0 +1,163 @@
+"""An optimum in words and tables, for the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from castfem.design.optimum import Kept, Known, Optimum, Value
+from castfem.output.summary import unit_of_difference
+from castfem.report.show import shown
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_SIGMAS = 4.0  # of noise, that a handful of runs may lie apart by it
+
+
+def told(optimum: Optimum) -> Iterator[Table | str]:
+    """Yield what there is to say, in order."""
+    if optimum.objective is None:
+        yield (
+            f"no run has come to its end; the one that came furthest: "
+            f"{_values(optimum)}. Look into its run.log ({optimum.best or 'told by others'})"
+        )
+        return
+    yield f"{optimum.sense} {optimum.objective.label}: {_state(optimum)}"
+    yield _variables(optimum)
+    yield _results(optimum)
+    if optimum.away:
+        yield _steps(optimum)
+    yield from _remarks(optimum)
+
+
+def _state(optimum: Optimum) -> str:
+    if optimum.status == "found":
+        held = ", ".join(kept.text for kept in optimum.binding)
+        ends = [f"{v.key} at the {v.at_end} of its range" for v in optimum.values
+                if v.at_end in ("lowest", "highest")]  # fmt: skip
+        ends += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
+        by = "; ".join(part for part in (held, *ends) if part)
+        return f"found; held by {by}" if by else "found; no constraint binds"
+    worst = optimum.worst
+    if worst is None:
+        return "no run meets all constraints"
+    short = worst.known.shown_difference(-worst.left)
+    unit = unit_of_difference(worst.known.shown_unit)
+    return (
+        f"the constraints cannot be met; nearest, {worst.text} is missed by "
+        f"{short:.3g} {_unit(unit)}"
+    )
+
+
+def _values(optimum: Optimum) -> str:
+    return ", ".join(f"{v.key} = {v.value:g} {v.unit}".rstrip() for v in optimum.values)
+
+
+def _unit(unit: str) -> str:
+    return {"-": "", "percent": "%"}.get(unit, unit)
+
+
+def _table(*heads: str) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    for i, head in enumerate(heads):
+        found.add_column(head, justify="left" if i == 0 else "right")
+    return found
+
+
+def _variables(optimum: Optimum) -> Table:
+    found = _table("variable", "best", "cannot be told from", "looked for in")
+    for value in optimum.values:
+        label = f"{value.key} [{value.unit}]" if value.unit else value.key
+        low, high = value.range
+        found.add_row(label, f"{value.value:g}", interval(value), f"{low:g} to {high:g}")
+    return found
+
+
+def interval(value: Value) -> str:
+    """The interval of a variable in words."""
+    low = f"{value.low:.4g}" + (" or less" if value.open_low else "")
+    high = f"{value.high:.4g}" + (" or more" if value.open_high else "")
+    return f"{low} to {high}"
+
+
+def _number(known: Known, value: float) -> str:
+    """A difference in the unit of a result."""
+    return f"{known.shown_difference(value):.2g}" if math.isfinite(value) else "?"
+
+
+def _results(optimum: Optimum) -> Table:
+    found = _table("at the optimum", "value", "noise", "numerical error", "left", "")
+    objective = optimum.objective
+    assert objective is not None
+    found.add_row(_label(objective), _shown(objective), *_errors(objective), "", "objective")
+    for kept in optimum.constraints:
+        known = kept.known
+        left = f"{_number(known, kept.left)} ± {_number(known, kept.error)}"
+        found.add_row(kept.text, _shown(known), *_errors(known), left, _word(kept))
+    return found
+
+
+def _word(kept: Kept) -> str:
+    if not kept.met:
+        return "not met"
+    if kept.binding:
+        return "binds"
+    return "" if kept.left >= kept.error else "met, within its error"
+
+
+def _label(known: Known) -> str:
+    return f"{known.name} [{known.shown_unit}]" if known.shown_unit != "-" else known.name
+
+
+def _shown(known: Known) -> str:
+    return shown(known.shown(known.value), known.shown_unit)
+
+
+def _errors(known: Known) -> tuple[str, str]:
+    return _number(known, known.noise), _number(known, known.numerical)
+
+
+def _steps(optimum: Optimum) -> Table:
+    objective = optimum.objective
+    assert objective is not None
+    unit = _unit(unit_of_difference(objective.shown_unit))
+    heads = [f"left of {kept.text}" for kept in optimum.constraints]
+    found = _table("a step away", f"{objective.name} [{unit}]", *heads)
+    units = {value.key: value.unit for value in optimum.values}
+    for step in optimum.away:
+        name = f"{step.key} = {step.value:g} {units[step.key]}".rstrip()
+        if step.message:
+            found.add_row(name, "fails", *("" for _ in heads))
+            continue
+        cells = []
+        for kept, left in zip(optimum.constraints, step.left, strict=True):
+            missed = "" if left >= -kept.known.noise - 1e-9 * abs(kept.bound) else " (not met)"
+            left_unit = _unit(unit_of_difference(kept.known.shown_unit))
+            cells.append(f"{kept.known.shown_difference(left):.3g} {left_unit}{missed}")
+        found.add_row(name, f"{objective.shown_difference(step.objective):+.3g}", *cells)
+    return found
+
+
+def _remarks(optimum: Optimum) -> Iterator[str]:
+    runs = optimum.runs
+    failed = f", {runs['failed']} of them failed" if runs["failed"] else ""
+    checked = f"checked by {optimum.checked}" if optimum.checked else "the check of it failed"
+    yield (
+        f"{runs['search']} runs ({optimum.fidelity}{failed}), {runs['all']} in all; {checked}; "
+        f"{optimum.seconds:.0f} s of runs; best run: {optimum.best or 'told by others'}"
+    )
+    if optimum.spent:
+        yield "the search has had its runs before it was done: raise optimise.most_runs"
+    if optimum.elsewhere:
+        some = "; ".join(", ".join(f"{v:g}" for v in one) for one in optimum.elsewhere[:3])
+        yield f"as good as can be told, elsewhere: {some}"
+    objective = optimum.objective
+    assert objective is not None
+    span = [abs(step.objective) for step in optimum.away if math.isfinite(step.objective)]
+    if span and max(span) <= _SIGMAS * objective.noise:
+        yield "all about it the objective changes by no more than its noise: it is flat here"

@@ -1,0 +1,193 @@
+"""From the runs of a search to its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.design import vicinity
+from castfem.design.optimum import Away, Kept, Known, Optimum, Status, Value
+from castfem.design.outputs import Outputs
+from castfem.design.question import Question, Wanted
+from castfem.design.search import Search
+from castfem.design.store import Evaluation
+from castfem.values.types import Array
+
+_AT_END = 2.0  # last steps from the end of a range
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What a search has come to.
+
+    Attributes:
+        question: What was asked. outputs: What the runs mean. search: The search.
+        best: The best run. model: Of what lies about it; None where no run has come through.
+        checked: The level by which the best run was checked, "" where that failed.
+        error: Difference of cost and margins to it (1 + m,), SI.
+        told: All runs.
+    """
+
+    question: Question
+    outputs: Outputs
+    search: Search
+    best: Wanted
+    model: vicinity.Quadratic | None
+    checked: str
+    error: Array | None
+    told: Mapping[Wanted, Evaluation]
+
+    @property
+    def noise(self) -> Array:
+        """Of cost and margins (1 + m,), SI."""
+        noise = self.search.noise
+        return np.zeros(1 + self.outputs.count) if noise is None else noise.sigma
+
+
+def verdict(found: Findings) -> Optimum:
+    """Return the answer."""
+    outputs, best = found.outputs, found.best
+    given = outputs.seen[best]
+    level = found.question.table.fidelity
+    own = [w for w in outputs.seen if w.fidelity == level and not w.ideal]
+    status: Status = "found" if found.search.violation(best) <= 0.0 else "impossible"
+    places = _intervals(found)
+    return Optimum(
+        title=found.question.case.title,
+        status="failed" if given.failed else status,
+        sense="minimise" if outputs.sense > 0 else "maximise",
+        values=_values(found, places),
+        objective=None if given.failed else _known(found, outputs.objective, 0),
+        constraints=() if given.failed else tuple(_constraints(found)),
+        away=tuple(_away(found)),
+        elsewhere=() if status != "found" or given.failed else _elsewhere(found, places, own),
+        fidelity=level,
+        checked=found.checked,
+        step=found.search.radius,
+        runs={
+            "search": len(own),
+            "failed": sum(outputs.seen[w].failed for w in own),
+            "all": len(found.told),
+        },
+        spent=found.search.spent,
+        seconds=sum(one.seconds for one in found.told.values()),
+        best="" if given.folder is None else given.folder.name,
+    )
+
+
+def _intervals(found: Findings) -> list[vicinity.Interval]:
+    if found.model is None or found.error is None:
+        return [vicinity.Interval(0.0, 1.0, False, False) for _ in found.question.axes]
+    return vicinity.intervals(found.model, found.noise, np.nan_to_num(found.error))
+
+
+def _values(found: Findings, places: list[vicinity.Interval]) -> tuple[Value, ...]:
+    shares, last = found.question.shares(found.best), _AT_END * found.search.radius
+    values = []
+    for number, (axis, value, place, share) in enumerate(
+        zip(found.question.axes, found.best.values, places, shares, strict=True)
+    ):
+        ends = max(place.low - found.search.radius, 0.0), min(place.high + found.search.radius, 1.0)
+        below, above = _failing(found, number)
+        ends = max(ends[0], below), min(ends[1], above)
+        low, high = (axis.low + s * (axis.high - axis.low) for s in ends)
+        end = "lowest" if share <= last else "highest" if share >= 1.0 - last else ""
+        if not end and (share - below <= last or above - share <= last):
+            end = "runs fail"
+        low, high = min(low, value), max(high, value)
+        values.append(
+            Value(
+                axis.key, axis.unit, value, low, high, place.open_low, place.open_high,
+                (axis.low, axis.high), end,
+            )
+        )  # fmt: skip
+    return tuple(values)
+
+
+def _failing(found: Findings, number: int) -> tuple[float, float]:
+    """The nearest runs that fail below and above the optimum along a variable, as shares."""
+    centre, near = found.question.shares(found.best), found.search.radius
+    below, above = -np.inf, np.inf
+    for wanted, given in found.outputs.seen.items():
+        if not given.failed or wanted.fidelity != found.best.fidelity:
+            continue
+        there = found.question.shares(wanted)
+        others = np.delete(np.abs(there - centre), number)
+        if np.all(others <= near):
+            if there[number] > centre[number]:
+                above = min(above, float(there[number]))
+            elif there[number] < centre[number]:
+                below = max(below, float(there[number]))
+    return below, above
+
+
+def _known(found: Findings, name: str, place: int) -> Known:
+    """A result at the optimum; `place` is that of its noise among cost and margins."""
+    outputs, best = found.outputs, found.best
+    quantity = outputs.seen[best].quantities[name]
+    check = found.told.get(Wanted(best.values, found.checked)) if found.checked else None
+    numerical = np.nan
+    if check is not None and name in check.quantities:
+        numerical = abs(check[name] - quantity.value)
+    noise = float(found.noise[place])
+    return Known(name, quantity.label, quantity.shown_unit, quantity.value, noise, numerical)
+
+
+def _constraints(found: Findings) -> list[Kept]:
+    outputs, best = found.outputs, found.best
+    count = outputs.count
+    binds = [False] * count
+    if found.model is not None:
+        binds = vicinity.binding(found.model, found.noise)
+    kept = []
+    for i, margin in enumerate(outputs.margins(best)):
+        known = _known(found, outputs.name(i), 1 + i)
+        numerical = 0.0 if found.error is None else float(found.error[1 + i])
+        allowed = known.noise + 1e-9 * abs(margin.bound)
+        kept.append(
+            Kept(
+                outputs.text(i), known, margin.bound, margin.left, known.noise + numerical,
+                margin.left >= -allowed, binds[i],
+            )
+        )  # fmt: skip
+    return kept
+
+
+def _away(found: Findings) -> list[Away]:
+    """The runs to either side of the optimum along each variable."""
+    outputs, best = found.outputs, found.best
+    if found.model is None:
+        return []
+    here, steps = outputs.vector(best), []
+    for place in vicinity.around(found.question.shares(best), found.model.step):
+        there = found.question.at(place)
+        given = outputs.seen.get(there)
+        if given is None or there == best:
+            continue
+        moved = zip(found.question.axes, there.values, best.values, strict=True)
+        key, value = next((axis.key, new) for axis, new, old in moved if new != old)
+        vector = outputs.vector(there)
+        change = float(outputs.sense * (vector[0] - here[0]))
+        left = tuple(float(v) for v in vector[1:])
+        steps.append(Away(key, value, change, left, given.message))
+    return steps
+
+
+def _elsewhere(
+    found: Findings, places: list[vicinity.Interval], own: list[Wanted]
+) -> tuple[tuple[float, ...], ...]:
+    """Runs outside of the intervals that meet all and are as good as can be told."""
+    assert found.model is not None
+    outputs, search = found.outputs, found.search
+    low = np.array([p.low for p in places]) - search.radius
+    high = np.array([p.high for p in places]) + search.radius
+    enough = outputs.cost(found.best) + found.noise[0] + found.model.misfit[0]
+    good = []
+    for one in own:
+        shares = found.question.shares(one)
+        outside = bool(np.any((shares < low) | (shares > high)))
+        if outside and search.violation(one) <= 0.0 and outputs.cost(one) <= enough:
+            good.append(one.values)
+    return tuple(good)

@@ -1,0 +1,170 @@
+"""What lies round an optimum: slopes, the cost of a step, and how sure its place is.
+
+Quadratics are fitted to the runs near the optimum. Of two runs near to one another the numerical
+error is all but the same: it moves a bound, not which of two neighbours has the smaller objective.
+So the place of the optimum is as sure as
+    - the scatter of the objective (noise, and what the quadratic leaves) against its curvature: all
+      values whose objective is not worse by more than that,
+    - the error of the constraints (numerical error, noise, misfit) against their slopes: the optima
+      of bounds that are moved by it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from castfem.values.types import Array
+
+REACH = 2.5  # steps from the optimum to which the quadratics are held
+_SAMPLES = 2**14
+_LINE = 4001
+
+
+@dataclass(frozen=True, slots=True)
+class Quadratic:
+    """Results near an optimum as quadratics of the variables.
+
+    Attributes:
+        centre: The optimum (n,), shares of the ranges. step: The unit of length of the fit.
+        weights: (k, 1 + m), of 1, d_i, d_i d_j (i <= j).
+        misfit: What the runs scatter about it (1 + m,), SI.
+    """
+
+    centre: Array
+    step: float
+    weights: Array
+    misfit: Array
+
+    @classmethod
+    def fit(cls, centre: Array, step: float, shares: Array, values: Array) -> Quadratic:
+        """Fit runs (r, n) with cost and margins (r, 1 + m); those beyond reach do not count."""
+        near = np.max(np.abs(shares - centre), axis=1) <= REACH * step * (1.0 + 1e-9)
+        near &= ~np.isnan(values).any(axis=1)
+        columns = _columns(np.asarray((shares[near] - centre) / step))
+        weights, _, rank, _ = np.linalg.lstsq(columns, values[near], rcond=1e-8)
+        rest = values[near] - columns @ weights
+        free = max(len(columns) - int(rank), 1)
+        return cls(centre, step, weights, np.sqrt(np.sum(rest**2, axis=0) / free))
+
+    def __call__(self, shares: Array) -> Array:
+        """Cost and margins (r, 1 + m) at some places (r, n)."""
+        return np.asarray(_columns((shares - self.centre) / self.step) @ self.weights)
+
+
+def _columns(d: npt.NDArray[np.floating[Any]]) -> Array:
+    n = d.shape[1]
+    squares = [d[:, i] * d[:, j] for i, j in itertools.combinations_with_replacement(range(n), 2)]
+    return np.column_stack([np.ones(len(d)), *d.T, *squares])
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """Where an optimum may lie along one variable.
+
+    Attributes:
+        low: Share of the range. high: Likewise.
+        open_low: Whether it may lie below, where the quadratics end. open_high: Likewise.
+    """
+
+    low: float
+    high: float
+    open_low: bool
+    open_high: bool
+
+
+def intervals(model: Quadratic, scatter: Array, error: Array) -> list[Interval]:
+    """Return where the optimum may lie, one interval a variable.
+
+    Args:
+        model: Of the runs near it.
+        scatter: Of cost and margins (1 + m,), SI: noise.
+        error: Numerical error of cost and margins (1 + m,), SI; that of the cost does not count.
+    """
+    places, low, high = _places(model)
+    values = model(places)
+    beside = float(scatter[0] + model.misfit[0])
+    moved = scatter[1:] + model.misfit[1:] + error[1:]
+    count = len(moved)
+    shifts = [np.zeros(count), *(s * e for e in np.diag(moved) for s in (1.0, -1.0))]
+    if count > 1:
+        shifts += [moved, -moved]
+    kept = np.zeros(len(places), dtype=bool)
+    kept[-1] = True
+    for shift in shifts:
+        allowed = _nearest_to_allowed(values[:, 1:] + shift, moved)
+        least = np.min(values[allowed, 0])
+        kept |= allowed & (values[:, 0] <= least + beside)
+    found = places[kept]
+    ends = zip(found.min(axis=0), found.max(axis=0), low, high, strict=True)
+    near = 0.02 * (high - low)
+    return [
+        Interval(
+            float(a), float(b),
+            bool(lo > 0.0 and a <= lo + e), bool(hi < 1.0 and b >= hi - e),
+        )
+        for (a, b, lo, hi), e in zip(ends, near, strict=True)
+    ]  # fmt: skip
+
+
+def binding(model: Quadratic, scatter: Array) -> list[bool]:
+    """Return of each constraint whether the objective would be better without it.
+
+    Args:
+        model: Of the runs near the optimum.
+        scatter: Of cost and margins (1 + m,), SI; what is gained must be more.
+    """
+    places, _, _ = _places(model)
+    values, scale = model(places), scatter[1:] + model.misfit[1:]
+    least = np.min(values[_nearest_to_allowed(values[:, 1:], scale), 0])
+    found = []
+    for i in range(len(scale)):
+        others = np.delete(values[:, 1:], i, axis=1)
+        allowed = _nearest_to_allowed(others, np.delete(scale, i))
+        found.append(bool(np.min(values[allowed, 0]) < least - scatter[0] - model.misfit[0]))
+    return found
+
+
+def _places(model: Quadratic) -> tuple[Array, Array, Array]:
+    """Places where a model holds (r, n), the last one its centre, and the ends of their box."""
+    low = np.clip(model.centre - REACH * model.step, 0.0, 1.0)
+    high = np.clip(model.centre + REACH * model.step, 0.0, 1.0)
+    return np.vstack([_sampled(low, high), model.centre]), low, high
+
+
+def _nearest_to_allowed(margins: Array, scale: Array) -> npt.NDArray[np.bool_]:
+    """Which of some places meet all margins (r, m), or miss them least; m may be 0."""
+    if not margins.shape[1]:
+        return np.ones(len(margins), dtype=bool)
+    short = np.max(np.maximum(-margins / np.maximum(scale, 1e-300), 0.0), axis=1)
+    return np.asarray(short <= np.min(short) + 1e-9)
+
+
+def _sampled(low: Array, high: Array) -> Array:
+    """Places that fill a box: evenly spaced in one dimension, Sobol's in more."""
+    if len(low) == 1:
+        return np.asarray(np.linspace(low, high, _LINE), dtype=np.float64)
+    from scipy.stats import qmc
+
+    points = qmc.Sobol(len(low), scramble=False).random(_SAMPLES)
+    return np.asarray(low + points * (high - low))
+
+
+def around(centre: Array, step: float) -> list[Array]:
+    """Return the places along each variable through an optimum: two steps to either side.
+
+    Where a range ends before, the other side has more of them.
+    """
+    found: list[Array] = []
+    for i in range(len(centre)):
+        below = [k for k in (-1, -2) if centre[i] + k * step >= -1e-9]
+        above = [k for k in (1, 2) if centre[i] + k * step <= 1.0 + 1e-9]
+        for k in sorted([*below, *above]):
+            place = np.array(centre)
+            place[i] = np.clip(centre[i] + k * step, 0.0, 1.0)
+            found.append(place)
+    return found

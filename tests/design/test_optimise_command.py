@@ -1,0 +1,99 @@
+"""`castfem optimise`: the answer printed, written and drawn; it goes on where it was."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+
+import pytest
+from small_case import SMALL
+
+from castfem.api import load
+from castfem.cli.app import app
+from castfem.design.mould_table import mould_table
+
+TABLE = """
+[optimise]
+minimise = "surface_temperature_mid_face"
+constraints = ["heat_removed >= 0.05 MJ/m", "heat_removed <= 9 MJ/m"]
+fidelity = "coarse"
+
+[[optimise.variable]]
+key = "casting.speed"
+range = ["2 m/min", "5 m/min"]
+"""
+
+
+@pytest.fixture
+def case(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    short = SMALL.replace('"60 mm"', '"6 mm"').replace("[output]", "[output]\ncheckpoint_every = 0")
+    (tmp_path / "small.toml").write_text(short + TABLE)
+    return tmp_path
+
+
+def test_command(case, capsys):
+    def call(*words: str) -> int:
+        try:
+            app(["optimise", "small", *words], standalone_mode=False)
+        except SystemExit as end:
+            return int(end.code or 0)
+        return 0
+
+    call("-j", "1", "-o", "out")
+    first = capsys.readouterr()
+    content = json.loads((case / "out" / "optimum.json").read_text())
+    # The slower, the colder: the range's end, where nothing binds.
+    assert content["status"] == "found"
+    assert content["values"][0]["value"] == 2.0
+    assert content["values"][0]["at_end"] == "lowest"
+    assert content["checked"] == "default"
+    assert (case / "out" / "optimum.png").stat().st_size > 10_000
+    assert "casting.speed at the lowest of its range" in first.out
+    assert "[m/min]" in first.out
+    assert "run 1, " in first.err
+    with (case / "out" / "sweep.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == content["runs"]["all"]
+    assert {row["fidelity"] for row in rows} == {"coarse", ""}
+    # Again: nothing is run, the same is said.
+    call("-j", "1", "-o", "out", "--no-figures")
+    again = capsys.readouterr()
+    assert "run 1, " not in again.err
+    assert json.loads((case / "out" / "optimum.json").read_text()) == content
+    # What cannot be met, with a status that is not zero.
+    call("-j", "1", "-o", "out", "--no-figures", "--set",
+         'optimise.constraints=["heat_removed >= 3 MJ/m"]')  # fmt: skip
+    last = capsys.readouterr()
+    assert "the constraints cannot be met; nearest, heat_removed >= 3 MJ/m is missed by" in last.out
+    assert json.loads((case / "out" / "optimum.json").read_text())["status"] == "impossible"
+
+
+def test_table_of_the_mould():
+    case = load("billet125/taper_1").with_(
+        {"mould.taper": [{"to": "125 mm", "taper": "2 %/m"}, {"taper": "0.5 %/m"}]}
+    )
+    head, rows = mould_table(case, every=0.1)
+    assert head == ["distance [mm]", "width [mm]", "diagonal [mm]"]
+    assert [round(row[0]) for row in rows] == [0, 100, 125, 200, 300, 400, 500, 600]
+    width = 125.0 / 1.0025
+    assert rows[2][1] == pytest.approx(width)
+    assert rows[-1][1] == pytest.approx(width / (1.0 + 0.005 * 0.475))
+    cold = case.with_({"mould.condition": "cold", "mould.wall_temperature": "160 degC"})
+    head, rows = mould_table(cold)
+    assert head[-2:] == ["cold width [mm]", "cold diagonal [mm]"]
+    assert rows[0][1] == pytest.approx(rows[0][3] * (1.0 + 17e-6 * 135.0))
+
+
+def test_a_plain_run_imports_nothing_of_it(case):
+    import subprocess
+
+    script = (
+        "import sys, castfem\ncastfem.run(castfem.load('small')).close()\n"
+        "print([n for n in sys.modules if n.startswith('castfem.design')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=case, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"

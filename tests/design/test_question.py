@@ -1,0 +1,107 @@
+"""[optimise]: what it asks for, and one line for each mistake in it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_case import SMALL, small
+
+from castfem.api import load
+from castfem.case import read_case
+from castfem.design.question import Question
+from castfem.errors import InputError
+
+TABLE = """
+[optimise]
+minimise = "surface_temperature_mid_face"
+constraints = ["shell_mid_face >= 1 mm"]
+
+[[optimise.variable]]
+key = "casting.speed"
+range = ["2 m/min", "5 m/min"]
+"""
+
+
+def test_round_trip(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL + TABLE)
+    case = load(path)
+    other = tmp_path / "again.toml"
+    other.write_text(case.resolved_toml())
+    assert load(other) == case
+    assert case.physics_hash() == small().physics_hash()
+    (axis,) = Question(case).axes
+    assert (axis.low, axis.high, axis.unit) == (2.0, 5.0, "m/min")
+    assert axis.value(0.5) == 3.5
+    (bound,) = case.optimise.bounds
+    assert (bound.value, bound.sign, bound.relative) == (1e-3, 1.0, False)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line"),
+    [
+        ('"surface_temperature_mid_face"', '"shel_mid_face"',
+         'optimise.minimise: ("shel_mid_face") is no result of a run; did you mean shell_mid'),
+        ('minimise = "surface_temperature_mid_face"', "",
+         "optimise: nothing is to become best; give minimise ="),
+        (">= 1 mm", ">= 1 MPa",
+         'optimise.constraints.0: ("1 MPa") does not measure shell_mid_face; it has a unit'),
+        (">= 1 mm", "> 1 mm", "optimise.constraints.0: is no constraint; write it as"),
+        (">= 1 mm", ">= 99 % of idealised", "the case has no [mould], it is idealised"),
+        ('"shell_mid_face >= 1 mm"', '"heat >= 1 MJ/m"', '("heat") is no result of a run'),
+        ('["2 m/min", "5 m/min"]', '["5 m/min", "5 m/min"]',
+         "optimise.variable.0.range: is empty: the first value must lie below the second"),
+        ('["2 m/min", "5 m/min"]', '["2 m/min", "5 K"]',
+         "optimise.variable.0.range: its ends measure different things (m/s and K)"),
+        ('["2 m/min", "5 m/min"]', '["2 m/min"]', 'two values are needed, such as ["0 %/m"'),
+        ('["2 m/min", "5 m/min"]', '["2 furlongs", "5 m/min"]', "optimise.variable.0.range: "),
+        ("[[optimise.variable]]", "[[optimise.variables]]", "did you mean variable?"),
+    ],
+)  # fmt: skip
+def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, line: str):
+    path = tmp_path / "case.toml"
+    path.write_text(SMALL + TABLE.replace(old, new))
+    problems = read_case(path).problems
+    assert problems
+    assert all(problem.startswith(f"{path}: ") for problem in problems)
+    assert any(line in problem for problem in problems), problems
+
+
+@pytest.mark.parametrize(
+    ("key", "ends", "line"),
+    [
+        ("casting.sped", ["2 m/min", "5 m/min"], "casting.sped"),
+        ("casting.speed", ["2 mm", "5 mm"], "casting.speed: "),
+        ("mould.taper", ["0 %/m", "1 %/m"], "mould"),
+        ("casting.speed", ["-1 m/min", "5 m/min"], "casting.speed: "),
+    ],
+)
+def test_keys_that_cannot_be_varied(key: str, ends: list[str], line: str):
+    asked: dict[str, Any] = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
+    with pytest.raises(InputError) as error:
+        Question(small({"optimise": asked}), "file.toml")
+    assert all(p.startswith("file.toml: optimise.variable.0: ") for p in error.value.problems)
+    assert any(line in problem for problem in error.value.problems)
+
+
+def test_two_variables_of_one_key():
+    twice = [{"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}] * 2
+    with pytest.raises(InputError, match="is given twice; leave one out"):
+        small({"optimise": {"minimise": "heat_removed", "variable": twice}})
+
+
+def test_a_case_that_asks_for_nothing():
+    with pytest.raises(InputError, match=r"optimise: the table is missing; add \[optimise\]"):
+        Question(small(), "file.toml")
+
+
+def test_numbers_without_unit():
+    mould = {"length": "600 mm", "friction": {"law": "coulomb", "coefficient": 0.2}}
+    case = load("billet125/taper_1").with_({"mould": mould})
+    variable = {"key": "mould.friction.coefficient", "range": [0, 0.5]}
+    asked = case.with_({"optimise": {"minimise": "heat_removed", "variable": [variable]}})
+    question = Question(asked)
+    wanted = question.at(question.start(None))
+    assert question.changes(wanted) == {"mould.friction.coefficient": 0.2}

@@ -1,0 +1,252 @@
+"""The search: what it finds of results that are known, and what cannot stop or mislead it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from small_case import small
+
+from castfem.design import Evaluation, Optimum, Study, Wanted
+from castfem.design.told import told
+from castfem.errors import InputError
+
+SPEED = {"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}
+SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
+STRESS, HEAT = "von_mises_max", "heat_removed"
+Given = Callable[[Wanted], Mapping[str, float] | Evaluation]
+
+
+def study(*variables: dict[str, Any], **table: Any) -> Study:
+    asked = {"minimise": STRESS, "variable": list(variables or (SPEED,)), **table}
+    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+
+
+def solve(one: Study, given: Given) -> Optimum:
+    def obtain(wanted: Sequence[Wanted]) -> None:
+        for run in wanted:
+            one.tell(run, given(run))
+
+    return one.solve(obtain=obtain)
+
+
+def bowl(wanted: Wanted) -> dict[str, float]:
+    speed = wanted.values[0]
+    return {STRESS: 10.0 + 2.0 * (speed - 3.3) ** 2, HEAT: 1e6 * (speed - 2.2)}
+
+
+def covered(optimum: Optimum, *truth: float) -> bool:
+    ends = [(v.low, v.high) for v in optimum.values]
+    return all(low <= x <= high for (low, high), x in zip(ends, truth, strict=True))
+
+
+def test_least_value():
+    found = solve(study(), bowl)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(3.3, abs=0.01)
+    assert covered(found, 3.3)
+    assert not found.constraints
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+def test_largest_value():
+    table = {"minimise": [], "maximise": STRESS}
+    found = solve(study(**table), lambda w: {STRESS: -bowl(w)[STRESS]})
+    assert found.values[0].value == pytest.approx(3.3, abs=0.01)
+    assert found.objective is not None
+    assert found.objective.value == pytest.approx(-10.0, abs=1e-3)
+    assert all(step.objective < 0.0 for step in found.away)
+
+
+def test_constraint_binds():
+    found = solve(study(constraints=["heat_removed >= 2 MJ/m"]), bowl)
+    assert found.values[0].value == pytest.approx(4.2, abs=0.002)
+    assert covered(found, 4.2)
+    (kept,) = found.constraints
+    assert kept.met
+    assert kept.binding
+    slack = solve(study(constraints=["heat_removed >= 0.5 MJ/m"]), bowl)
+    assert not slack.constraints[0].binding
+    assert covered(slack, 3.3)
+
+
+def test_two_variables_that_trade_off():
+    """A quadratic with a cross term under a linear bound: its optimum by hand is 3.9046, 29.54."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        a, b = wanted.values[0] - 3.0, wanted.values[1] - 30.0
+        stress = 10.0 + 2.0 * a**2 + 0.01 * b**2 + 0.05 * a * b
+        return {STRESS: stress, HEAT: 1e6 * (a + 0.01 * b + 1.1)}
+
+    found = solve(study(SPEED, SUPERHEAT, constraints=["heat_removed >= 2 MJ/m"]), given)
+    assert found.objective is not None
+    assert found.objective.value == pytest.approx(11.6179, abs=2e-3)
+    assert covered(found, 3.9046, 29.536)
+    assert found.constraints[0].binding
+
+
+def test_numerical_error_widens_the_interval():
+    """A finer level that takes off 0.1 MJ/m moves the bound by 0.1 m/min, either way."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        off = 0.1e6 if wanted.fidelity == "default" else 0.0
+        return {**bowl(wanted), HEAT: bowl(wanted)[HEAT] - off}
+
+    asked = {"constraints": ["heat_removed >= 2 MJ/m"], "fidelity": "coarse"}
+    found = solve(study(**asked), given)
+    assert found.checked == "default"
+    assert found.constraints[0].known.numerical == pytest.approx(0.1e6)
+    assert covered(found, 4.1)
+    assert covered(found, 4.3)
+    assert found.values[0].high < 4.33
+
+
+@pytest.mark.parametrize("size", [0.01, 0.3])
+def test_noise(size: float):
+    """Scatter is measured, widens the interval, and stops the search."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        scatter = np.random.default_rng(round(1e4 * wanted.values[0])).normal()
+        return {**bowl(wanted), STRESS: bowl(wanted)[STRESS] + size * scatter}
+
+    found = solve(study(), given)
+    assert found.objective is not None
+    assert found.objective.noise == pytest.approx(size, rel=0.7)
+    assert covered(found, 3.3)
+    assert found.step > solve(study(), bowl).step or size < 0.1
+    assert found.runs["search"] < 40
+
+
+def test_nothing_but_noise():
+    def given(wanted: Wanted) -> dict[str, float]:
+        return {STRESS: np.random.default_rng(round(1e4 * wanted.values[0])).normal()}
+
+    found = solve(study(), given)
+    (value,) = found.values
+    assert value.high - value.low > 0.3
+    assert found.runs["search"] < 40
+    assert any("flat" in str(line) for line in told(found) if isinstance(line, str))
+
+
+def test_runs_that_fail_inside():
+    """They come to 1 - (speed - 3) / 2 of their way: the best is where they begin to fail."""
+
+    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        speed = wanted.values[0]
+        if speed > 3.0:
+            return Evaluation({}, 1.0 - (speed - 3.0) / 2.0, "breakout")
+        return bowl(wanted)
+
+    found = solve(study(), given)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(3.0, abs=0.05)
+    assert found.values[0].value <= 3.0
+    assert found.values[0].at_end == "runs fail"
+    assert found.values[0].high < 3.2
+    assert found.runs["failed"] > 0
+
+
+def test_a_start_among_failures():
+    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        speed = wanted.values[0]
+        if speed < 4.0:
+            return Evaluation({}, speed / 4.5, "breakout")
+        return {STRESS: 10.0 + (speed - 4.5) ** 2}
+
+    found = solve(study({**SPEED, "start": "2.5 m/min"}), given)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(4.5, abs=0.05)
+
+
+def test_all_runs_fail():
+    found = solve(study(), lambda w: Evaluation({}, 0.1 * w.values[0], "breakout"))
+    assert found.status == "failed"
+    assert found.values[0].value == pytest.approx(5.0, abs=0.1)
+    assert "no run has come to its end" in str(next(iter(told(found))))
+
+
+def test_constraints_that_cannot_be_met():
+    """Heat is largest at 4.2 m/min, 5 MJ/m where 9 are asked for."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        speed = wanted.values[0]
+        return {**bowl(wanted), HEAT: 1e6 * (5.0 - (speed - 4.2) ** 2)}
+
+    asked = ["heat_removed >= 9 MJ/m", "von_mises_max <= 1 GPa"]
+    found = solve(study(constraints=asked), given)
+    assert found.status == "impossible"
+    assert found.values[0].value == pytest.approx(4.2, abs=0.05)
+    assert found.worst is not None
+    assert found.worst.text == asked[0]
+    assert found.worst.left == pytest.approx(-4e6, rel=1e-3)
+    first = next(iter(told(found)))
+    assert "cannot be met; nearest, heat_removed >= 9 MJ/m is missed by 4 MJ/m" in str(first)
+
+
+def test_two_equal_optima():
+    """One is found; that runs elsewhere are as good is told where such were seen."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        speed = wanted.values[0]
+        scatter = np.random.default_rng(round(1e4 * speed)).normal()
+        return {STRESS: 10.0 + ((speed - 3.2) ** 2 - 0.04) ** 2 + 1e-3 * scatter}
+
+    found = solve(study({**SPEED, "start": "3.2 m/min"}), given)
+    assert min(abs(found.values[0].value - x) for x in (3.0, 3.4)) < 0.1
+    assert found.elsewhere or (
+        covered(
+            found,
+            3.0,
+        )
+        and covered(found, 3.4)
+    )
+
+
+def test_objective_with_a_kink():
+    found = solve(study(), lambda w: {STRESS: 10.0 + abs(w.values[0] - 3.3)})
+    assert found.values[0].value == pytest.approx(3.3, abs=0.02)
+    assert covered(found, 3.3)
+
+
+def test_best_at_the_end_of_a_range():
+    found = solve(study(), lambda w: {STRESS: 10.0 + w.values[0]})
+    assert found.values[0].value == 2.0
+    assert found.values[0].at_end == "lowest"
+
+
+def test_asks_tells_and_comes_to_the_same():
+    """Asked run by run, in any order, by objects that know nothing of one another."""
+    at_once = solve(study(constraints=["heat_removed >= 2 MJ/m"]), bowl)
+    told_so_far: dict[Wanted, Mapping[str, float]] = {}
+    for _ in range(100):
+        one = study(constraints=["heat_removed >= 2 MJ/m"])
+        for run, values in told_so_far.items():
+            one.tell(run, values)
+        wanted = one.ask()
+        if not wanted:
+            break
+        with pytest.raises(InputError, match="has not come to its end"):
+            one.result()
+        told_so_far.update({run: bowl(run) for run in reversed(wanted)})
+    assert one.result() == at_once
+
+
+def test_runs_that_are_used_up():
+    found = solve(study(most_runs=8), bowl)
+    assert found.spent
+    assert any("most_runs" in str(line) for line in told(found))
+
+
+def test_a_result_that_is_not_there():
+    with pytest.raises(
+        InputError, match=r'objective \("von_mises_max"\) is no result of this case'
+    ):
+        solve(study(), lambda w: {HEAT: 1.0})
+    with pytest.raises(InputError, match="an Evaluation or a Result is needed, not 3"):
+        study().tell(study().ask()[0], 3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="without a folder runs nothing"):
+        one = study()
+        one.run(one.ask())
