@@ -270,6 +270,38 @@ def init(name: Annotated[str, typer.Argument(help="Name of the new case file.")]
 
 
 @app.command()
+def calibrate(
+    case: CaseName,
+    to: Annotated[
+        Path,
+        typer.Option("--to", metavar="DATA.csv", help="What was measured (docs/calibrate.md)."),
+    ],
+    free: Annotated[
+        list[str],
+        typer.Option(
+            metavar="KEY=LOW..HIGH",
+            help='A key to fit, e.g. casting.speed="2..4 m/min"; repeatable.',
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Folder; by default results/<family>/<name>_calibration."
+        ),
+    ] = None,
+    set_: Overrides = None,
+    jobs: Annotated[
+        int | None, typer.Option("-j", help="How many runs at once; by default one a core.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Fit keys of a case to measured temperatures, shells or heat, within bounds."""
+    from castfem.cli.calibrating import calibrate_case
+
+    calibrate_case(case, to, free, output, tuple(set_ or ()), jobs, quiet=quiet)
+
+
+@app.command()
 def show(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
     at: At = None,

@@ -1,14 +1,19 @@
 """CSV files whose header names each column and its unit: `temperature [degC], value [MPa]`.
 
 Blank lines and those that begin with # are passed over, columns are parted by commas or, if the
-header is, by semicolons; a cell in quotes may hold either.
+header is, by semicolons; a cell in quotes may hold either. Between semicolons a number may have a
+decimal comma, "3,6" or "3,6 m/min", and is handed on with a point.
 """
 
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import dataclass
 from pathlib import Path
+
+DECIMAL_COMMAS = "numbers with decimal commas need semicolons between the columns"
+_DECIMAL_COMMA = re.compile(r"([+-]?\d*),(\d+(?:[eE][+-]?\d+)?)(?=\s|$)")
 
 
 class UnreadableError(ValueError):
@@ -93,8 +98,15 @@ def read_csv(path: Path) -> CsvFile:
     reader = csv.reader(texts, delimiter=separator, skipinitialspace=True)
     rows, begun = [], 0
     for cells in reader:  # one in quotes may go over several lines
-        rows.append(Row(kept[begun][0], tuple(cell.strip() for cell in cells)))
+        stripped = (cell.strip() for cell in cells)
+        rows.append(Row(kept[begun][0], tuple(_pointed(t, separator) for t in stripped)))
         begun = reader.line_num
     head, *body = rows
     headings = tuple(Heading.of(cell) for cell in head.cells)
     return CsvFile(headings, head.line, first, tuple(body), separator)
+
+
+def _pointed(cell: str, separator: str) -> str:
+    """A cell whose number has a point for its decimal comma."""
+    found = _DECIMAL_COMMA.match(cell) if separator == ";" else None
+    return cell if found is None else f"{found[1]}.{found[2]}{cell[found.end() :]}"

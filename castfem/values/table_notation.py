@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from castfem.values import units
-from castfem.values.csv_files import UnreadableError, read_csv
+from castfem.values.csv_files import DECIMAL_COMMAS, UnreadableError, read_csv
 from castfem.values.quantities import Kind, Notation
 from castfem.values.tables import ARGUMENTS, Table
 
@@ -233,7 +233,8 @@ def _columns_of_file(path: Path, over: str) -> dict[str, Any]:
         try:
             x, y = (float(cell) for cell in row.cells)
         except ValueError:
-            raise ValueError(f"line {row.line} of '{path}' must hold two numbers") from None
+            mend = f"; {DECIMAL_COMMAS}" if len(row.cells) > 2 else ""
+            raise ValueError(f"line {row.line} of '{path}' must hold two numbers{mend}") from None
         columns[over].append(x)
         columns["value"].append(y)
     return columns

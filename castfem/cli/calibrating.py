@@ -1,0 +1,151 @@
+"""`castfem calibrate`: fit keys of a case to what was measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.case import load_case, shipped_cases
+from castfem.cli import many_runs, parallel
+from castfem.design.calibrate import read_free
+from castfem.design.calibration import Calibration, calibrate, followed, scaled, write
+from castfem.design.evaluator import Evaluator
+from castfem.design.measured import read_measured
+from castfem.errors import InputError
+from castfem.output.summary import from_si
+from castfem.plots.calibration import Compared, draw_calibration
+from castfem.plots.style import save
+from castfem.report.show import error_shown, shown, unit_shown
+from castfem.sweep.view import View
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+FIGURE_NAME = "calibration.png"
+_ALIKE = 0.95  # correlation of keys that the data hardly tell apart
+
+
+def calibrate_case(
+    name: str,
+    data: Path,
+    free: Sequence[str],
+    folder: Path | None,
+    overrides: Sequence[str] = (),
+    processes: int | None = None,
+    *,
+    quiet: bool = False,
+) -> None:
+    """Fit, print and write.
+
+    Args:
+        name: Case file or name of a shipped case.
+        data: CSV file of what was measured.
+        free: Keys with their bounds, as `--free` has them.
+        folder: Where the runs and the result go; None for the default.
+        overrides: Assignments of --set.
+        processes: How many runs at once; None for one a core, 0 in this process.
+        quiet: Print nothing but errors.
+
+    Raises:
+        InputError: Something the user wrote cannot be used.
+        RunFailure: A run of the fit failed, or a file cannot be written.
+    """
+    path = shipped_cases.find(name)
+    case, keys = load_case(path, overrides), [read_free(one) for one in free]
+    if not keys:
+        raise InputError("calibrate: name what is to be fitted, --free KEY=LOW..HIGH")
+    for key in keys:  # both bounds must be a sound case, and told before anything runs
+        for value in (key.low, key.high):
+            case.with_({key.key: key.text(value)})
+    measured = read_measured(data)
+    alone = shipped_cases.default_folder(name, path)
+    target = folder or alone.with_name(f"{alone.name}_calibration")
+    at_once = many_runs.cores() if processes is None else processes
+    view = View(0, 0, quiet=True)
+    with Evaluator(followed(case, measured), target, processes=at_once) as evaluator:
+        found = calibrate(case, measured, keys, evaluator, view)
+    write(target, found)
+    save(draw_calibration(_panels(found)), target / FIGURE_NAME)
+    if quiet:
+        return
+    out = parallel.console()
+    out.print(_keys(found), "", highlight=False)
+    for line in _words(found, target):
+        print(line)
+
+
+def _keys(found: Calibration) -> Table:
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    for header in ("key", "before", "fitted, 95 %", "bounds", "unit"):
+        table.add_column(header, justify="left" if header in ("key", "unit") else "right")
+    for f in found.fit.keys:
+        half = error_shown(f.interval) if math.isfinite(f.interval) else "?"
+        fitted = f"{f.value:.5g} \N{PLUS-MINUS SIGN} {half}"
+        bounds = f"{f.free.low:g} to {f.free.high:g}"
+        table.add_row(f.free.key, f"{f.start:.5g}", fitted, bounds, unit_shown(f.free.unit))
+    return table
+
+
+def _words(found: Calibration, target: Path) -> list[str]:
+    """What else is to be known of a fit, a line each."""
+    fit, lines = found.fit, []
+    for name in dict.fromkeys(m.name for m in found.measured):
+        mine = [i for i, m in enumerate(found.measured) if m.name == name]
+        unit = found.after[mine[0]].shown_unit
+        off = [
+            scaled(
+                math.sqrt(np.mean([(run[i].value - found.measured[i].value) ** 2 for i in mine])),
+                unit,
+            )
+            for run in (found.before, found.after)
+        ]
+        shown_unit = "K" if unit == "degC" else unit_shown(unit)
+        lines.append(
+            f"{name}: off by {shown(off[0], 'K')} before, {shown(off[1], 'K')} {shown_unit} fitted "
+            f"(root of the mean square of {len(mine)})"
+        )
+    for f in fit.keys:
+        if f.held:
+            lines.append(f"{f.free.key}: held by its bound; its interval says little")
+        elif not math.isfinite(f.interval):
+            lines.append(f"{f.free.key}: the data do not tell how sure it is")
+    for i, one in enumerate(fit.keys):
+        for j, other in enumerate(fit.keys[:i]):
+            if abs(fit.correlation[i, j]) > _ALIKE:
+                lines.append(
+                    f"{other.free.key} and {one.free.key}: hardly told apart by these data "
+                    f"(correlation {fit.correlation[i, j]:.2f}); fit one of them"
+                )
+    known = all(math.isfinite(m.error) for m in found.measured)
+    if known and math.isfinite(fit.spread):
+        lines.append(f"scatter over the stated errors: {fit.spread:.2f} (1: they agree)")
+    if not fit.converged:
+        lines.append("the fit has not come to rest: wider bounds, or fewer keys")
+    lines.append(f"{found.runs} runs; case, data and figure in {target}")
+    return lines
+
+
+def _panels(found: Calibration) -> list[Compared]:
+    panels = []
+    for name in dict.fromkeys(m.name for m in found.measured):
+        mine = [i for i, m in enumerate(found.measured) if m.name == name]
+        some = found.after[mine[0]]
+        unit = some.shown_unit
+        panels.append(
+            Compared(
+                some.label, unit,
+                np.array([found.measured[i].position for i in mine]),
+                np.array([from_si(found.measured[i].value, unit) for i in mine]),
+                np.array([scaled(found.measured[i].error, unit) for i in mine]),
+                np.array([found.before[i].shown for i in mine]),
+                np.array([found.after[i].shown for i in mine]),
+            )
+        )  # fmt: skip
+    return panels

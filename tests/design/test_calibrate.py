@@ -1,0 +1,163 @@
+"""Keys fitted to measured values: the statistics by closed form, a case by its own twin."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from scipy import stats
+from small_case import small
+
+import castfem
+from castfem.cli.calibrating import calibrate_case
+from castfem.design.calibrate import Fit, Free, fit, read_free
+from castfem.design.measured import read_measured
+from castfem.errors import InputError
+from castfem.values.types import Array
+
+X = np.linspace(0.0, 3.0, 9)
+NOISE = np.array([0.3, -0.2, 0.1, -0.4, 0.25, -0.05, 0.15, -0.3, 0.2])
+KEYS = (Free("slope", 0.0, 10.0, "m"), Free("offset", -5.0, 5.0))
+
+
+def line(errors_known: bool = False, bounds: float = 10.0) -> Fit:
+    """Fits a straight line to noisy points of 4 x - 1."""
+
+    def residuals(values: Sequence[Mapping[str, str]]) -> list[Array]:
+        found = []
+        for one in values:
+            slope, offset = float(one["slope"].split()[0]), float(one["offset"])
+            found.append(slope * X + offset - (4.0 * X - 1.0 + NOISE))
+        return found
+
+    keys = (Free("slope", 0.0, bounds, "m"), KEYS[1])
+    return fit(residuals, keys, [1.0, 3.0], errors_known=errors_known)
+
+
+def test_a_straight_line_has_the_intervals_of_the_textbook() -> None:
+    found, known = line(), stats.linregress(X, 4.0 * X - 1.0 + NOISE)
+    slope, offset = found.keys
+    t = stats.t.ppf(0.975, len(X) - 2)
+    assert slope.value == pytest.approx(known.slope, rel=1e-6)
+    assert offset.value == pytest.approx(known.intercept, rel=1e-6)
+    assert slope.interval == pytest.approx(t * known.stderr, rel=1e-4)
+    assert offset.interval == pytest.approx(t * known.intercept_stderr, rel=1e-4)
+    expected = -X.mean() / np.sqrt((X**2).mean())
+    assert found.correlation[0, 1] == pytest.approx(expected, rel=1e-4)
+    assert found.converged and not slope.held
+
+
+def test_stated_errors_are_taken_at_their_word() -> None:
+    """Errors of 1 that scatter by 0.27: the interval is that of the errors."""
+    found = line(errors_known=True)
+    inverse = np.linalg.inv(np.array([[X @ X, X.sum()], [X.sum(), len(X)]]))
+    assert found.keys[0].interval == pytest.approx(1.95996 * np.sqrt(inverse[0, 0]), rel=1e-4)
+    assert found.spread < 0.4
+
+
+def test_a_bound_holds() -> None:
+    slope, _ = line(bounds=2.5).keys
+    assert slope.value == pytest.approx(2.5, abs=0.01) and slope.held
+
+
+def test_keys_that_the_data_do_not_tell_apart() -> None:
+    def residuals(values: Sequence[Mapping[str, str]]) -> list[Array]:
+        sums = [float(v["slope"].split()[0]) + float(v["offset"]) for v in values]
+        return [np.array([s - 3.0, s - 3.1, s - 2.9]) for s in sums]
+
+    found = fit(residuals, KEYS, [1.0, 1.0], errors_known=False)
+    assert all(np.isnan(key.interval) for key in found.keys)
+
+
+def test_fewer_data_than_keys_are_refused() -> None:
+    with pytest.raises(InputError, match="1 measured values cannot tell 2 keys"):
+        fit(lambda values: [np.zeros(1) for _ in values], KEYS, [1.0, 1.0], errors_known=False)
+
+
+@pytest.fixture(scope="module")
+def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A case file, and what its twin with another coefficient of 2100 W/m2K gives."""
+    folder = tmp_path_factory.mktemp("twin")
+    case = small()
+    (folder / "case.toml").write_text(case.resolved_toml())
+    key = "cooling.mould.surface.0.coefficient"
+    result = castfem.run(case.with_({key: "2100 W/(m^2 K)"}))
+    rows = ["position [mm]; surface_temperature_mid_face [degC]"]
+    for position, noise in ((12.0, 0.2), (24.0, -0.3), (36.0, 0.1), (48.0, 0.15), (54.0, -0.1)):
+        kelvin = result.at(1e-3 * position)["surface_temperature_mid_face"]
+        rows.append(f"{position}; {kelvin - 273.15 + noise:.6f}")
+    (folder / "data.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+def test_a_case_finds_the_coefficient_of_its_twin(
+    twin: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = "cooling.mould.surface.0.coefficient"
+    words = (str(twin / "case.toml"), twin / "data.csv", [f"{key}=800..4000 W/(m^2 K)"])
+    calibrate_case(*words, twin / "fit", processes=0)
+    text = capsys.readouterr().out
+    stored = json.loads((twin / "fit" / "calibration.json").read_text())
+    (found,) = stored["keys"]
+    assert found["start"] == pytest.approx(1600.0)
+    assert abs(found["value"] - 2100.0) < found["half_interval_95"] < 30.0
+    assert stored["converged"] and "fitted" in text
+    # The case that is written has the value, and is followed as far as the one that was given.
+    case = castfem.load(twin / "fit" / "calibrated.toml")
+    (law,) = case.cooling[0].surface
+    assert law.coefficient == pytest.approx(found["value"])  # type: ignore[attr-defined]
+    assert case.casting.length == pytest.approx(0.06)
+    image = matplotlib.image.imread(twin / "fit" / "calibration.png")
+    assert image[..., :3].std() > 0.02
+    # A second call finds all runs there.
+    calibrate_case(*words, twin / "fit", processes=0)
+    assert "0 runs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("casting.speed", "write KEY=LOW..HIGH UNIT"),
+        ("casting.speed=3 m/min", "write KEY=LOW..HIGH UNIT"),
+        ("casting.speed=4..2 m/min", "lower bound must be below"),
+        ("casting.speed=2 m/s..4 m/min", "both bounds in one unit"),
+        ("casting.speed=a..b", "bounds are numbers"),
+    ],
+)
+def test_bounds_that_are_none(text: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read_free(text)
+
+
+HEAD = "position [mm], shell_mid_face [mm], shell_mid_face error [mm]"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "a header and rows are needed"),
+        ("position [mm], shel_mid_face [mm]\n5, 1", "no such result .*did you mean shell_mid"),
+        (f"{HEAD}\n5, 1", r"line 2: 2 cells, not 3"),
+        (f"{HEAD}\n5, 1, 0", r"line 2: shell_mid_face error must be above 0"),
+        (f"{HEAD}\n5, 1, 0.1\n6, 2, ", r"at 6 mm has no error and others have"),
+        (f"{HEAD}\n, 1, 0.1", "the position is missing"),
+        ("position [mm], shell_mid_face [mm], heat_removed [MJ/m]\n5, 1, 2", "need their errors"),
+        ("position [mm], shell_mid_face [mm]\n5, x", r"line 2: shell_mid_face \[mm\] \(x\)"),
+    ],
+)
+def test_data_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_measured(path, ["shell_mid_face", "heat_removed"])
+
+
+def test_data_beyond_the_case(twin: Path, tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("position [mm], shell_mid_face [mm]\n500, 9\n")
+    with pytest.raises(InputError, match=r"500 mm was measured .* --set casting\.length=.500 mm"):
+        calibrate_case(str(twin / "case.toml"), path, ["casting.speed=2..4 m/min"], tmp_path / "f")
