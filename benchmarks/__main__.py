@@ -44,6 +44,8 @@ BENCHMARKS = {
     "shell3d": "benchmarks.shell3d",
     "moving_strip": "benchmarks.moving_strip",
     "slabs": "benchmarks.slabs",
+    "slab_error": "benchmarks.slab_error",
+    "slab_sprays": "benchmarks.slab_sprays",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -71,6 +73,8 @@ PAGES = {
     "shell3d": "slab.md",
     "moving_strip": "slab.md",
     "slabs": "slab.md",
+    "slab_error": "slab.md",
+    "slab_sprays": "slab.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

@@ -271,11 +271,13 @@ def build_roll_support(
 
 def _breaks_out(first: float, last: float, bulge: Bulge, most: float) -> str:
     """What is said of a shell that cannot span a pitch."""
+    length = last - first
+    by = f"{1e3 * most:.3g} mm" if most < length else "more than its pitch"
     return (
         f"bulging: between the rolls at {first:.4g} and {last:.4g} m a shell of "
-        f"{1e3 * bulge.thickness:.3g} mm would bulge by {1e3 * most:.3g} mm (at most "
-        f"{1e3 * MOST_BULGE * (last - first):.3g}): it is too thin or too hot for a pitch of "
-        f"{1e3 * (last - first):.4g} mm; look at cooling and speed, and for rolls that are lost"
+        f"{1e3 * bulge.thickness:.3g} mm would bulge by {by} (at most "
+        f"{1e3 * MOST_BULGE * length:.3g} mm): it is too thin or too hot for a pitch of "
+        f"{1e3 * length:.4g} mm; look at cooling and speed, and for rolls that are lost"
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import slabs
+from benchmarks import slab_error, slab_sprays, slabs
 from benchmarks.report import Output
 from castfem.case import load_case
 from castfem.machine.rolls import Rolls
@@ -108,3 +108,67 @@ def test_the_thesis_stands_in_brackets(tmp_path: Path) -> None:
     assert slabs._beside({"a": 34.26, "a_thesis": 41.1}, "a") == "34.3 (41.1)"
     assert slabs._beside({"a": 34.26, "a_thesis": None}, "a") == "34.3"
     assert Output(tmp_path).rows("slab_defects") == []
+
+
+def test_what_is_best_known_is_finer_in_cells_and_in_windows(tmp_path: Path) -> None:
+    """What depends on both by itself is that of fine cells with short windows; lines by rms."""
+    rows = []
+    for one in slab_error.SETTINGS[:6]:
+        value = 10.0 + 2.0 * one.size + 0.1 * one.window
+        line = " ".join(f"{0.001 * (value + shift):.7g}" for shift in (0.0, 3.0))
+        row: dict[str, Any] = dict.fromkeys(slab_error.COMPARED, value)
+        row |= dict.fromkeys(slab_error.ALONG, line)
+        given = {"name": one.name, "size": one.size, "window": one.window, "what": one.what}
+        rows.append(
+            given | {"cells": 1, "windows": 1, "newton": 1, "seconds": 1.0, "failure": ""} | row
+        )
+    output = Output(tmp_path, "slab.md")
+    output.csv("slab_error", rows)
+    told = {row["name"]: row for row in slab_error._told(output)}
+    assert told[slab_error.DEFAULT.name]["effort"] == pytest.approx(2.0 * 2.5 + 0.1 * 25.0)
+    assert told[slab_error.FINE_CELLS.name]["effort"] == pytest.approx(0.1 * 25.0)
+    assert told[slab_error.DEFAULT.name]["surface"] == pytest.approx(7.5e-3)
+    assert told[slab_error.DEFAULT.name]["bulge"] == pytest.approx(7.5)  # um of mm
+    slab_error.show(output)
+    assert "| **5** | **50** |" in output.page.read_text(encoding="utf-8")
+
+
+def test_heat_goes_to_what_the_face_meets() -> None:
+    """Under one flux each has its share of the way; twice the flux on one face counts twice."""
+    case = load_case(CASES / "sprays.toml")
+    at = np.arange(0.8, 18.0, 0.002)
+    flux = {f"heat_flux_mid_face_{face}": np.full(len(at), 1e6) for face in slab_sprays.SIDES}
+    history = pd.DataFrame({"position": at, "time": at / 0.02} | flux)
+    machine = rolls()
+    (bender, *_, last) = slab_sprays._heat(case, machine, history)
+    met = {face: slab_sprays.faces_met(case, machine, 18.0)[face] for face in slab_sprays.SIDES}
+    low, high = machine.pairs[48].position, machine.pairs[56].position
+    for kind in ("contact", "spray"):
+        way = sum(
+            np.clip(s.end, low, high) - np.clip(s.start, low, high)
+            for face in met.values() for s in face if s.kind == kind
+        )  # fmt: skip
+        assert last[kind] == pytest.approx(100.0 * way / (2.0 * (high - low)), rel=1e-6)
+    assert sum(v for v in bender.values() if isinstance(v, float)) == pytest.approx(100.0)
+
+
+def test_falls_of_the_surface_under_sprays_and_rolls() -> None:
+    """A surface up to 40 K colder in each spray, 20 K at each roll; the extrados 50 K warmer."""
+    case, machine = load_case(CASES / "sprays.toml"), rolls()
+    at = np.arange(0.8, 18.0, 0.001)
+    line = np.full(len(at), 900.0)
+    for stretch in slab_sprays.faces_met(case, machine, 18.0)["intrados"]:
+        fall = {"spray": 40.0, "contact": 20.0}.get(stretch.kind, 0.0)
+        within = np.clip((at - stretch.start) / (stretch.end - stretch.start), 0.0, 1.0)
+        line -= fall * np.sin(np.pi * within)
+    columns = {
+        "mid_face_intrados": line, "mid_face_extrados": line + 50.0,
+        "corner_intrados": np.linspace(1000.0, 800.0, len(at)),
+    }  # fmt: skip
+    table = {f"surface_temperature_{name}": values for name, values in columns.items()}
+    found = slab_sprays._surface(case, machine, pd.DataFrame({"position": at} | table))
+    for key in ("straightener_spray_most", "top_spray_most"):
+        assert found[key] == pytest.approx(40.0, abs=1.0)
+    assert found["straightener_contact_most"] == pytest.approx(20.0, abs=1.0)
+    assert found["extrados_warmer"] == pytest.approx(50.0)
+    assert found["corner_least"] < found["corner_most"] < 1000.0

@@ -349,11 +349,11 @@ def test_rolls_that_come_closer_press_a_solid_strand() -> None:
 
 
 def test_a_pitch_that_no_shell_can_span_ends_the_run() -> None:
-    rolls = deepcopy(SLAB["machine"]["rolls"]) | {"position": ["0.9 m", "2.4 m", "2.6 m"]}  # type: ignore[index]
+    places = {"position": ["0.9 m", "2.4 m", "2.6 m"]}
+    rolls = deepcopy(SLAB["machine"]["rolls"]) | places  # type: ignore[index]
+    said = r"between the rolls at 0\.9 and 2\.4 m a shell of \d.* \(at most 75 mm\)"
     for model in ("creep", "elastic"):
-        with pytest.raises(
-            RunFailure, match=r"between the rolls at 0\.9 and 2\.4 m a shell of \d.* \(at most 75\)"
-        ):
+        with pytest.raises(RunFailure, match=said):
             run_in_memory(slab(machine={"rolls": rolls}, mechanics__bulging=model))
 
 

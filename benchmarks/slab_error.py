@@ -1,0 +1,347 @@
+"""Error against run time of the slab: cells, coupling windows, bulging, tolerances.
+
+Runs cases/slab1200/slab.toml with each setting, into results/benchmarks/slab_error (a run that is
+finished there is not repeated).  They are compared with what finer cells and shorter windows make
+of the shipped setting, added up.  Writes tables and a figure of docs/slab.md.
+"""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import process_time
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from benchmarks.report import ROOT, Output, front, table
+from castfem.case import Case, load_case
+from castfem.errors import RunFailure
+from castfem.output.history import read_history
+from castfem.output.summary import Summary
+from castfem.simulation.simulation import build, build_mesh
+from castfem.time_loop import loop
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+CASES = ROOT / "cases" / "slab1200"
+FOLDER = ROOT / "results" / "benchmarks" / "slab_error"
+CLOCK = "processor_time.txt"
+QUIET = ("output.fields=[]", "output.figures=false")
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One way to run the slab.
+
+    Attributes:
+        size: Cells at the wide faces, mm; all others in proportion.
+        window: Length of strand between two exchanges of temperature and mechanics, mm.
+        what: What else differs from the case, in words; with `keys`.
+    """
+
+    size: float
+    window: float
+    what: str = ""
+    keys: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return f"{self.size:g}_{self.window:g}" + "".join(
+            c if c.isalnum() else "_" for c in self.what
+        )
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """Keys of the case."""
+        scale = self.size / 5.0
+        return (
+            f"mesh.surface_size={self.size:g} mm", f"mesh.corner_size={10 * scale:g} mm",
+            f"mesh.face_size={75 * scale:g} mm", f"mesh.core_size={24 * scale:g} mm",
+            f"coupling.interval={self.window:g} mm", *self.keys,
+        )  # fmt: skip
+
+
+DEFAULT = Setting(5.0, 50.0)
+FINE_CELLS, FINE_WINDOWS = Setting(2.5, 50.0), Setting(5.0, 25.0)
+SETTINGS = (
+    Setting(7.5, 100.0),
+    Setting(7.5, 50.0),
+    Setting(5.0, 100.0),
+    DEFAULT,
+    FINE_WINDOWS,
+    FINE_CELLS,
+)
+LENGTH = 18.44  # m, of the shipped case
+_FINE = ("coupling.interval=5 mm", "casting.length=1.8 m")
+_THICK = (
+    'casting.start={ at = "mould_exit", profile = { depth = [0, 20, 50, 80, 110], '
+    'depth_unit = "mm", value = [930, 1100, 1320, 1488, 1522], unit = "degC" } }'
+)
+STEPS = {"as it leaves the mould": _FINE, "the shell that it has at #50": (*_FINE, _THICK)}
+ROLLS = {"bender": (8, 15), "straightener": (49, 57)}
+FACES = ("mid_face_intrados", "corner_intrados", "corner_extrados")
+
+COMPARED = {
+    "bending_I1": ("I1, bending", "MPa", ".2f"),
+    "straightening_I1": ("I1, straightening", "MPa", ".2f"),
+    "bending_I2": ("I2, bending", "1e-5 1/s", ".2f"),
+    "straightening_I2": ("I2, straightening", "1e-5 1/s", ".2f"),
+    "bending_stress": ("stress, extrados corner, bending", "MPa", ".2f"),
+    "straightening_stress": ("stress, intrados corner, straightening", "MPa", ".2f"),
+    "surface": ("surface, mid-face intrados, rms from roll to roll", "K", ".2f"),
+    "corner": ("surface, corner intrados, rms", "K", ".2f"),
+    "shell": ("shell, mid-face, rms", "mm", ".2f"),
+    "bulge": ("bulge of the pitches, rms", "um", ".2f"),
+    "bulge_7": ("bulge below #7", "um", ".1f"),
+    "axis_bender": ("neutral axis, mean in the bender", "mm", ".2f"),
+    "axis_straightener": ("neutral axis, mean in the straightener", "mm", ".2f"),
+    "moment": ("moment at #15", "kN m", ".2f"),
+    "effort": ("axial force at #15", "kN", ".2f"),
+    "work": ("work of bending", "kJ/m", ".3f"),
+    "thickness": ("thickness at mid-face, at the end", "mm", ".3f"),
+    "width": ("width, at the end", "mm", ".2f"),
+    "slice": ("thickness of the slice", "%", ".4f"),
+    "roll_force": ("force on #48", "kN/m", ".1f"),
+    "heat": ("heat removed", "MJ/m", ".2f"),
+    "peak": ("largest von Mises stress", "MPa", ".2f"),
+}
+"""What is compared: what it is, its unit, format of its value; a line where `ALONG` has it."""
+ALONG = {"surface": "surface_temperature_mid_face_intrados",
+         "corner": "surface_temperature_corner_intrados", "shell": "shell_mid_face_intrados",
+         "bulge": "bulge_pitch"}  # fmt: skip
+SHORT = {"bending_I1": "I1 bending, MPa", "straightening_I1": "I1 straightening, MPa",
+         "bending_I2": "I2 bending", "straightening_I2": "I2 straightening",
+         "straightening_stress": "stress straightening, MPa", "surface": "surface, K",
+         "shell": "shell, mm", "bulge": "bulge, um", "axis_straightener": "neutral axis, mm",
+         "moment": "moment, kN m", "effort": "axial force, kN",
+         "slice": "slice, %"}  # fmt: skip
+
+
+def main(output: Output, quick: bool) -> None:
+    """All settings, each in its turn; what is known is written after each."""
+    rows: list[dict[str, Any]] = []
+    length = ("casting.length=1.1 m",) if quick else ()
+    folder = output.folder if quick else FOLDER
+    for one in (Setting(10.0, 100.0), Setting(10.0, 50.0)) if quick else SETTINGS:
+        rows.append(_row(one, folder / one.name, length))
+        print(f"  {one.name}: {rows[-1]['seconds']:.0f} s {rows[-1]['failure']}", flush=True)
+        output.csv("slab_error", rows)
+    if not quick:
+        output.csv("slab_speed", _speed(folder))
+    show(output)
+    if told := _told(output):
+        output.figure("slab_error", draw(told))
+
+
+def _speed(folder: Path) -> list[dict[str, Any]]:
+    """What windows of 5 mm cost, the thesis' steps, with a thin shell and with a thick one."""
+    rows = []
+    for what, keys in STEPS.items():
+        case = load_case(CASES / "slab.toml", (*QUIET, *keys))
+        build(case, MPI.COMM_SELF).destroy()  # what is compiled once
+        start = process_time()
+        summary = loop.run(case, folder / f"steps_{len(rows)}", comm=MPI.COMM_SELF)
+        seconds, windows = process_time() - start, summary.steps["coupling windows"]
+        newton = summary.steps["Newton iterations, mechanics"] / windows
+        row = {"what": what, "windows": windows, "newton": newton, "ms": 1e3 * seconds / windows}
+        way = case.casting.length - 0.8
+        row["whole"] = seconds / 60.0 * (LENGTH - 0.8) / way
+        rows.append(row | {"memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0})
+        print(f"  {row}", flush=True)
+    return rows
+
+
+def _row(one: Setting, folder: Path, length: Sequence[str]) -> dict[str, Any]:
+    """Run one setting, unless it is finished, and read what is compared."""
+    case = load_case(CASES / "slab.toml", (*QUIET, *one.changes, *length))
+    summary, failure = Summary.load(folder), ""
+    if summary is None or summary.status != "finished":
+        start = process_time()
+        try:
+            summary = loop.run(case, folder, comm=MPI.COMM_SELF, resume=folder.exists())
+        except RunFailure as error:
+            failure = str(error)
+            summary = Summary.load(folder)
+        (folder / CLOCK).write_text(f"{process_time() - start:.6g}\n", encoding="utf-8")
+    assert summary is not None
+    history = read_history(folder / "history.csv")
+    clock = float((folder / CLOCK).read_text(encoding="utf-8"))
+    given = {"name": one.name, "size": one.size, "window": one.window, "what": one.what}
+    work = {
+        "cells": len(build_mesh(case).cells), "windows": summary.steps.get("coupling windows"),
+        "newton": summary.steps.get("Newton iterations, mechanics"),
+        "seconds": clock, "failure": failure,
+    }  # fmt: skip
+    return given | work | _found(summary, history, case)
+
+
+def _found(summary: Summary, history: pd.DataFrame, case: Case) -> dict[str, Any]:
+    """What is compared, lines as words of numbers from roll to roll."""
+    assert case.machine is not None
+    rolls = case.machine.pairs()
+    assert rolls is not None
+    places = np.array([pair.position for pair in rolls.pairs])
+    at = history["position"].to_numpy()
+    quantities = {name: q.value for name, q in summary.quantities.items()}
+    found: dict[str, Any] = {}
+    for phase in ("bending", "straightening"):
+        found[f"{phase}_I1"] = quantities.get(f"{phase}_I1_max", np.nan) / 1e6
+        found[f"{phase}_I2"] = quantities.get(f"{phase}_I2_max", np.nan) * 1e5
+    for phase, where, face in (("bending", "bender", "corner_extrados"),
+                               ("straightening", "straightener", "corner_intrados")):  # fmt: skip
+        low, high = (places[i - 1] for i in ROLLS[where])
+        rows = (at > low + 1e-6) & (at < high + 1e-6)
+        stress = history[f"axial_stress_{face}"].to_numpy()[rows]
+        found[f"{phase}_stress"] = float(stress.max(initial=-np.inf))
+        axis, lengths = history["neutral_axis"].to_numpy()[rows], np.diff(at, prepend=0.0)[rows]
+        known = np.isfinite(axis)
+        mean = np.average(axis[known], weights=lengths[known]) if known.any() else np.nan
+        found[f"axis_{where}"] = float(mean)
+    reached = places[places < at[-1]]
+    for name, column in ALONG.items():
+        line = history[column].to_numpy()
+        # A bulge is that of the pitch below, of which the next row tells.
+        rows = np.searchsorted(at, reached + 1e-6)
+        values = line[rows] if name == "bulge" else np.interp(reached, at, line)
+        found[name] = " ".join(f"{v:.7g}" for v in values)
+    found["bulge_7"] = 1e3 * float(found["bulge"].split()[6]) if len(reached) > 6 else np.nan
+    for name, column in {"moment": "bending_moment", "effort": "axial_force"}.items():
+        found[name] = float(np.interp(places[14], at, history[column].to_numpy()))
+    found["roll_force"] = float(np.interp(places[47] - 1e-4, at, history["roll_force"].to_numpy()))
+    return found | {
+        "work": quantities["bending_work"] / 1e3,
+        "thickness": 1e3 * quantities["size_mid_face_intrados"],
+        "width": 1e3 * quantities["size_narrow_face"],
+        "slice": 100.0 * quantities["slice_thickness_centre"],
+        "heat": quantities["heat_removed"] / 1e6,
+        "peak": quantities["way_von_mises_max"] / 1e6,
+    }
+
+
+def _values(row: Mapping[str, Any], name: str) -> np.ndarray:
+    """What a run has for a quantity: one number, or those of a line, in the unit shown."""
+    scale = 1e3 if name == "bulge" else 1.0
+    return scale * np.array(str(row[name]).split(), float)
+
+
+def _exact(rows: Mapping[str, Mapping[str, Any]], name: str) -> np.ndarray:
+    """The best that is known: the shipped setting, changed as by finer cells and by windows."""
+    shipped, cells, windows = (
+        _values(rows[one.name], name) for one in (DEFAULT, FINE_CELLS, FINE_WINDOWS)
+    )
+    return np.asarray(cells + windows - shipped)
+
+
+def _off(ours: np.ndarray, theirs: np.ndarray) -> float:
+    """What one has more than the other; of lines the rms of it."""
+    difference = ours - theirs
+    return float(difference[0] if len(difference) == 1 else np.sqrt(np.mean(difference**2)))
+
+
+def _told(output: Output) -> list[dict[str, Any]]:
+    """The runs with their errors."""
+    rows = {row["name"]: row for row in output.rows("slab_error") if not row["failure"]}
+    if not {one.name for one in (DEFAULT, FINE_CELLS, FINE_WINDOWS)} <= set(rows):
+        return []
+    known = [name for name in COMPARED if all(row.get(name) is not None for row in rows.values())]
+    exact = {name: _exact(rows, name) for name in known}
+    return [row | {n: _off(_values(row, n), exact[n]) for n in known} for row in rows.values()]
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    head = {
+        "what": "600 cells, windows of 5 mm", "windows": "windows", "newton": "Newton iterations a "
+        "window", "ms": "a window, ms", "whole": "to #62, min", "memory": "memory, MB",
+    }  # fmt: skip
+    forms = {"newton": ".2f", "ms": ".0f", "whole": ".1f", "memory": ".0f"}
+    if rows := output.rows("slab_speed"):
+        output.insert("slab speed", table(rows, head, forms))
+    told = _told(output)
+    if not told:
+        return
+    lines = []
+    for row in sorted(told, key=lambda r: r["seconds"]):
+        mark = "**" if row["name"] == DEFAULT.name else ""
+        line = {name: f"{mark}{row[name]:g}{mark}" for name in ("size", "window")}
+        lines.append(row | line)
+    head = {"size": "cells, mm", "window": "windows, mm", "what": "otherwise", "cells": "cells",
+            "windows": "windows", "newton": "Newton iterations", "seconds": "time, s"}  # fmt: skip
+    forms = {name: "+" + COMPARED[name][2] for name in SHORT if name not in ALONG}
+    forms |= {name: COMPARED[name][2] for name in ALONG} | {"seconds": ".0f"}
+    if not any(row["what"] for row in told):
+        head.pop("what")
+    output.insert("slab trade", table(lines, head | SHORT, forms))
+    rows = {row["name"]: row for row in output.rows("slab_error")}
+    shipped, cells, windows = (rows[one.name] for one in (DEFAULT, FINE_CELLS, FINE_WINDOWS))
+    lines = []
+    for name, (what, unit, form) in COMPARED.items():
+        if name not in told[0]:
+            continue
+        base, sign = _values(shipped, name), "" if name in ALONG else "+"
+        lines.append(
+            {
+                "what": f"{what}, {unit}",
+                "value": "" if name in ALONG else format(base[0], form),
+                "cells": format(_off(_values(cells, name), base), sign + form),
+                "windows": format(_off(_values(windows, name), base), sign + form),
+            }
+        )
+    head = {
+        "what": "slab1200/slab", "value": "as shipped",
+        "cells": f"more with cells of {FINE_CELLS.size:g} mm",
+        "windows": f"more with windows of {FINE_WINDOWS.window:g} mm",
+    }  # fmt: skip
+    output.insert("slab error", table(lines, head, {}))
+
+
+COLOURS = {7.5: "#d55e00", 5.0: "#0072b2", 2.5: "#009e73"}
+MARKERS = {100.0: "v", 50.0: "o", 25.0: "^"}
+DRAWN = {
+    "bending_I1": "I1, bending [MPa]",
+    "bending_I2": "I2, bending [1e-5 1/s]",
+    "bulge": "bulge [um]",
+    "surface": "surface, mid-face [K]",
+}
+
+
+def draw(told: Sequence[Mapping[str, Any]]) -> Figure:
+    """Error against processor time; the default ringed, runs that none beats joined."""
+    from castfem.plots.style import look, new_figure
+
+    rows = [row | {name: abs(row[name]) for name in DRAWN} for row in told]
+    with look():
+        figure = new_figure(8.6, 6.0)
+        for axis, (key, label) in zip(figure.subplots(2, 2).flat, DRAWN.items(), strict=True):
+            axis.plot(*front(rows, key), "-", color="#777777", linewidth=1.0)
+            for row in rows:
+                marker = MARKERS.get(row["window"], "s")
+                colour = COLOURS.get(row["size"], "black")
+                axis.plot(row["seconds"], row[key], marker, color=colour, markersize=7)
+                if row["name"] == DEFAULT.name:
+                    axis.plot(
+                        row["seconds"], row[key], "o", markersize=15, fillstyle="none",
+                        color="black",
+                    )  # fmt: skip
+            axis.set(xscale="log", xlabel="processor time [s]", ylabel=f"error: {label}")
+            axis.set_ylim(bottom=0.0)
+            axis.xaxis.set_major_formatter("{x:g}")
+            axis.xaxis.set_minor_formatter(lambda x, _: f"{x:g}" if f"{x:e}"[0] in "25" else "")
+        first = figure.axes[0]
+        legend = [
+            *(first.plot([], [], "s", color=c, label=f"{s:g} mm")[0] for s, c in COLOURS.items()),
+            *(
+                first.plot([], [], m, color="#777777", label=f"windows of {w:g} mm")[0]
+                for w, m in MARKERS.items()
+            ),
+        ]
+        figure.legend(handles=legend, loc="outside lower center", ncols=5, fontsize=8)
+    return figure

@@ -1,0 +1,190 @@
+"""Temperature of the slab from roll to roll: error, heat.
+
+Runs cases/slab1200/sprays.toml as shipped, with coarser cells, and with stricter steps down to 6 m,
+into results/benchmarks/slab_sprays (a run that is finished there is not repeated).  Writes tables
+of docs/slab.md.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from time import process_time
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from benchmarks.report import ROOT, Output, table
+from castfem.case import Case, load_case
+from castfem.output.history import read_history
+from castfem.output.summary import Summary
+from castfem.plots.secondary import faces_met
+from castfem.time_loop import loop
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from castfem.machine.rolls import Rolls
+
+CASE = ROOT / "cases" / "slab1200" / "sprays.toml"
+FOLDER = ROOT / "results" / "benchmarks" / "slab_sprays"
+CLOCK = "processor_time.txt"
+QUIET = ("output.fields=[]", "output.figures=false")
+TO = 6.0  # m, of the run with stricter steps
+RUNS: dict[str, tuple[str, ...]] = {
+    "3 mm": ("mesh.surface_size=3 mm", "mesh.corner_size=3 mm"),
+    "3 mm, 0.2 K, to 6 m": (
+        "mesh.surface_size=3 mm", "mesh.corner_size=3 mm", "thermal.time.adaptive.tolerance=0.2 K",
+        f"casting.length={TO:g} m",
+    ),
+    "2 mm": ("mesh.surface_size=2 mm", "mesh.corner_size=2 mm"),
+    "1 mm, as shipped": (),
+}  # fmt: skip
+SHIPPED = "1 mm, as shipped"
+AGAINST = {"3 mm": SHIPPED, "2 mm": SHIPPED, "3 mm, 0.2 K, to 6 m": "3 mm"}
+LINES = {"mid_face": "surface_temperature_mid_face", "corner": "surface_temperature_corner"}
+SETTLED = 0.02  # m below the mould, from where on surfaces are compared
+SIDES = ("intrados", "extrados")
+STRETCHES = {"mould to #15": (None, 15), "mould to #57": (None, 57), "#49 to #57": (49, 57)}
+
+
+def main(output: Output, quick: bool) -> None:
+    """All runs; errors, heat by what takes it, what the surface of the straightener does."""
+    runs: dict[str, tuple[Summary, pd.DataFrame, float]] = {}
+    if quick:
+        case = load_case(CASE, (*QUIET, *RUNS["3 mm"], "casting.length=1.2 m"))
+        _run(case, output.folder / "sprays")
+        return
+    for name, keys in RUNS.items():
+        case = load_case(CASE, (*QUIET, *keys))
+        folder = FOLDER / "".join(c if c.isalnum() else "_" for c in name)
+        runs[name] = _run(case, folder)
+        print(f"  {name}: {runs[name][2]:.0f} s", flush=True)
+    output.csv("slab_sprays", [_row(name, runs) for name in RUNS])
+    shipped = load_case(CASE)
+    assert shipped.machine is not None
+    rolls = shipped.machine.pairs()
+    assert rolls is not None
+    history = runs[SHIPPED][1]
+    output.csv("slab_sprays_heat", _heat(shipped, rolls, history))
+    output.csv("slab_sprays_surface", [{"case": "sprays"} | _surface(shipped, rolls, history)])
+    show(output)
+
+
+def _run(case: Case, folder: Path) -> tuple[Summary, pd.DataFrame, float]:
+    """Summary, history and processor time of a case, run unless it is finished."""
+    summary = Summary.load(folder)
+    if summary is None or summary.status != "finished":
+        start = process_time()
+        summary = loop.run(case, folder, comm=MPI.COMM_SELF, resume=folder.exists())
+        (folder / CLOCK).write_text(f"{process_time() - start:.6g}\n", encoding="utf-8")
+    seconds = float((folder / CLOCK).read_text(encoding="utf-8"))
+    return summary, read_history(folder / "history.csv"), seconds
+
+
+def _row(name: str, runs: dict[str, tuple[Summary, pd.DataFrame, float]]) -> dict[str, Any]:
+    """What a run came to, and what its surface differs by from the next finer."""
+    summary, history, seconds = runs[name]
+    heat = summary.balances["heat"]
+    row: dict[str, Any] = {
+        "name": name,
+        "steps": int(summary.steps["accepted"]),
+        "rejected": int(summary.steps["rejected"]),
+        "seconds": seconds,
+        "closes": summary.quantities["metallurgical_length"].value
+        if "metallurgical_length" in summary.quantities
+        else None,
+        "heat": summary.quantities["heat_removed"].value / 1e6,
+        "balance": next(abs(q.value) for q in heat.values() if "over the run" in q.label),
+    }
+    against = AGAINST.get(name)
+    for line, column in LINES.items():
+        row[f"{line}_rms"] = row[f"{line}_largest"] = None
+        if against is not None:
+            other = runs[against][1]
+            end = min(history["position"].iloc[-1], other["position"].iloc[-1])
+            off = _differences(history, other, f"{column}_intrados", end)
+            row[f"{line}_rms"] = float(np.sqrt(np.mean(off**2)))
+            row[f"{line}_largest"] = float(np.abs(off).max())
+    return row | {"against": against or ""}
+
+
+def _differences(one: pd.DataFrame, other: pd.DataFrame, column: str, end: float) -> np.ndarray:
+    """Of a surface temperature every 5 mm from below the mould on, K."""
+    at = np.arange(0.8 + SETTLED, end, 0.005)
+    read = [
+        np.interp(at, run["position"].to_numpy(), run[column].to_numpy()) for run in (one, other)
+    ]
+    return np.asarray(read[0] - read[1])
+
+
+def _heat(case: Case, rolls: Rolls, history: pd.DataFrame) -> list[dict[str, Any]]:
+    """Shares of the heat out of both mid-faces by what meets them, %."""
+    at, time = history["position"].to_numpy(), history["time"].to_numpy()
+    faces = faces_met(case, rolls, float(at[-1]))
+    found = []
+    for name, (first, last) in STRETCHES.items():
+        low = 0.8 if first is None else rolls.pairs[first - 1].position
+        high = rolls.pairs[last - 1].position
+        sums: dict[str, float] = {}
+        for face in SIDES:
+            flux = history[f"heat_flux_mid_face_{face}"].to_numpy()
+            taken = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(time) * (flux[1:] + flux[:-1]))])
+            for stretch in faces[face]:
+                ends = np.clip([stretch.start, stretch.end], low, high)
+                heat = float(np.diff(np.interp(ends, at, taken))[0])
+                sums[stretch.kind] = sums.get(stretch.kind, 0.0) + heat
+        whole = sum(sums.values())
+        found.append({"where": name} | {kind: 100.0 * heat / whole for kind, heat in sums.items()})
+    return found
+
+
+def _surface(case: Case, rolls: Rolls, history: pd.DataFrame) -> dict[str, float]:
+    """What the surface does in the straightener, and under the sprays above the bender."""
+    at = history["position"].to_numpy()
+    straightener = tuple(rolls.pairs[i - 1].position for i in (49, 57))
+    above = 0.8, rolls.pairs[7].position
+    middle = {face: history[f"surface_temperature_mid_face_{face}"].to_numpy() for face in SIDES}
+    met = faces_met(case, rolls, float(at[-1]))["intrados"]
+    found: dict[str, float] = {}
+    for where, (low, high) in {"straightener": straightener, "top": above}.items():
+        for kind in ("spray", "contact"):
+            falls = []
+            for stretch in met:
+                if stretch.kind != kind or stretch.start < low or stretch.end > high:
+                    continue
+                rows = (at >= stretch.start - 1e-6) & (at <= stretch.end + 1e-6)
+                if rows.any():
+                    begun = float(np.interp(stretch.start, at, middle["intrados"]))
+                    falls.append(begun - float(middle["intrados"][rows].min()))
+            found[f"{where}_{kind}_least"] = min(falls, default=np.nan)
+            found[f"{where}_{kind}_most"] = max(falls, default=np.nan)
+    points = np.arange(*straightener, 0.005)
+    read = {face: np.interp(points, at, line) for face, line in middle.items()}
+    found["extrados_warmer"] = float((read["extrados"] - read["intrados"]).mean())
+    corner = np.interp(points, at, history["surface_temperature_corner_intrados"].to_numpy())
+    return found | {"corner_least": float(corner.min()), "corner_most": float(corner.max())}
+
+
+def show(output: Output) -> None:
+    """The tables, from the data."""
+    head = {
+        "name": "cells at the surface", "steps": "steps", "rejected": "rejected",
+        "closes": "solid throughout, m", "heat": "heat removed to the end, MJ/m",
+        "against": "against", "mid_face_rms": "mid-face, rms, K", "mid_face_largest": "largest, K",
+        "corner_rms": "corner, rms, K", "corner_largest": "largest, K ", "seconds": "time, s",
+    }  # fmt: skip
+    forms = {"closes": ".2f", "heat": ".1f", "seconds": ".0f"}
+    forms |= {f"{line}_{what}": ".1f" for line in LINES for what in ("rms", "largest")}
+    if rows := output.rows("slab_sprays"):
+        output.insert("slab sprays", table(rows, head, forms))
+    kinds = {
+        "contact": "rolls",
+        "spray": "sprays",
+        "run_off": "run-off water",
+        "shade": "radiation",
+    }
+    head = {"where": "heat out of the mid-faces, %", **kinds}
+    if rows := output.rows("slab_sprays_heat"):
+        output.insert("slab sprays heat", table(rows, head, dict.fromkeys(kinds, ".0f")))
