@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     import pandas
+    from matplotlib.axes import Axes
 
     from castfem.case import Case
     from castfem.output.fields import Fields
@@ -266,6 +267,44 @@ class Result(Closing):
             at = float(file.times[index]), float(file.positions[index])
             return Snapshot(*at, file.points, file.cells, values)
 
+    def plot(self, *names: str, axes: Axes | None = None) -> Axes:
+        """Columns of the history over the position, as matplotlib axes.
+
+        Args:
+            *names: Of columns with one unit, such as "shell_mid_face".
+            axes: Where to draw; new ones if None.
+
+        Raises:
+            InputError: There is no such column, or units differ.
+        """
+        from castfem.plots.interactive import plot_columns
+
+        return plot_columns(self.history, names, axes)
+
+    def section(
+        self, name: str = "temperature", *, at: float | str | None = None, axes: Axes | None = None
+    ) -> Axes:
+        """A scalar field over the section, as matplotlib axes.
+
+        Args:
+            name: Of a field that was written.
+            at: "300 mm", or a number in m: the written place nearest to it; None for the end.
+            axes: Where to draw; new ones if None.
+
+        Raises:
+            InputError: There is no such field, or the run has not been there.
+        """
+        from castfem.plots.interactive import plot_field
+        from castfem.results.places import read_positions
+
+        place = read_positions([at])[0] if isinstance(at, str) else at
+        with self._fields() as file:
+            if not len(file.times):
+                raise InputError(f"{self.folder}: the run has written no fields")
+            last = len(file.times) - 1
+            index = last if place is None else _nearest(file.positions, place, "position", "m")
+            return plot_field(file, name, index, axes)
+
     def close(self) -> None:
         """Remove the folder if it is a temporary one."""
         if self._remove is not None:
@@ -273,6 +312,18 @@ class Result(Closing):
 
     def __repr__(self) -> str:
         return f"Result({str(self.folder)!r}: {self._summary.title}, {self._summary.status})"
+
+    def _repr_html_(self) -> str:
+        """The results as a notebook shows them."""
+        from html import escape
+
+        rows = "".join(
+            f"<tr><th>{escape(q.label)}</th><td>{q.shown:.5g}</td><td>{escape(q.shown_unit)}</td></tr>"
+            for q in self._summary.quantities.values()
+            if np.isfinite(q.value)
+        )
+        title = escape(f"{self._summary.title}: {self._summary.status}")
+        return f"<table><caption>{title}</caption>{rows}</table>"
 
     def _fields(self) -> Fields:
         from castfem.output.fields import Fields

@@ -208,6 +208,12 @@ class Case(TableModel):
 
         return tomli_w.dumps(self.document())
 
+    def _repr_html_(self) -> str:
+        """The case as a notebook shows it: its file, with all that was left to the defaults."""
+        from html import escape
+
+        return f"<b>{escape(self.title)}</b><pre>{escape(self.resolved_toml())}</pre>"
+
     def physics(self) -> dict[str, Any]:
         """Return all that the computed fields depend on, as tables.
 

@@ -8,9 +8,11 @@ import sys
 
 import numpy as np
 import pytest
+from matplotlib import pyplot
 from small_case import write_small
 
 import castfem
+from castfem.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -181,3 +183,41 @@ def test_a_flux_that_takes_more_heat_than_there_is(case):
     assert (
         "more heat is taken than there is" in told and "at x = " in told and 'law = "flux"' in told
     )
+
+
+def test_a_notebook_shows_case_and_result(case, result):
+    shown = result._repr_html_()
+    assert shown.startswith("<table>") and "shell, mid-face" in shown
+    odd = case.with_(title="a < b")
+    assert "a &lt; b" in odd._repr_html_() and "[casting]" in odd._repr_html_()
+
+
+def test_columns_are_plotted_over_the_strand(result):
+    axes = result.plot("shell_mid_face", "shell_corner")
+    drawn = axes.get_lines()[0]
+    assert drawn.get_ydata() == pytest.approx(result.history["shell_mid_face"])
+    assert drawn.get_xdata() == pytest.approx(result.history["position"])
+    assert axes.get_ylabel() == "[mm]" and len(axes.get_lines()) == 2
+    assert result.plot("surface_temperature_corner", axes=axes) is axes
+    pyplot.close("all")
+
+
+def test_a_field_is_plotted_over_the_section(result):
+    place = float(result.positions[-1])
+    axes = result.section(at=place)
+    low, high = axes.collections[0].get_clim()
+    kelvin = result.fields(position=place)["temperature"]
+    assert high == pytest.approx(kelvin.max() - 273.15, abs=2.0)
+    assert low == pytest.approx(kelvin.min() - 273.15, abs=2.0)
+    assert axes.get_title() == f"{1e3 * place:.5g} mm below the meniscus"
+    assert result.section(at=f"{1e3 * place} mm").get_title() == axes.get_title()
+    pyplot.close("all")
+
+
+def test_what_cannot_be_plotted_is_told(result):
+    with pytest.raises(InputError, match="no column shel"):
+        result.plot("shel")
+    with pytest.raises(InputError, match="different units"):
+        result.plot("shell_mid_face", "surface_temperature_corner")
+    with pytest.raises(InputError, match="fields were written"):
+        result.section(at="5 m")
