@@ -339,6 +339,34 @@ def test_a_solid_core_neither_bulges_nor_is_pulled() -> None:
     assert pull > 5e3 and np.abs(last.force[:2]).max() < 2e-3 * pull
 
 
+@pytest.mark.parametrize("mush", ["full", "proportional"])
+def test_what_pulls_at_a_face_fades_as_the_core_dies(mush: str) -> None:
+    """A thin slab freezes through between its rolls, and shrinks away from them."""
+    places = [0.9, 1.1, 1.3, 1.5, 1.7]
+    kept = run_in_memory(
+        slab(
+            section__height="44 mm",
+            casting__length="1.6 m",
+            mesh={"surface_size": "4 mm", "face_size": "40 mm", "core_size": "6 mm"},
+            machine__rolls__position=[f"{place} m" for place in places],
+            machine__rolls__diameter=["120 mm"] * 5,
+            machine__rolls__aperture=["44 mm"] * 5,
+            mechanics__ferrostatic=mush,
+        )
+    )
+    states = [rolls_of(s) for s in kept.samples if s.position > places[0] + 1e-6]
+    beds = [state.beds["wide_face_intrados"] for state in states]
+    shares = [bed.within for bed in beds]
+    assert shares == sorted(shares, reverse=True) and shares[-1] == 1e-3
+    assert len({round(c, 3) for c in shares}) > (2 if mush == "proportional" else 1)
+    for state, bed in zip(states, beds, strict=True):
+        gap = state.moved[0] - bed.rest
+        # Half of the face, by the share that is left, and what its edges press besides.
+        assert state.force[0] > 0.2 * bed.within * bed.stiffness * min(gap, 0.0) * 1.5
+        assert bed.pressure <= bed.within * 1.7 * 7400.0 * 9.81
+    assert states[-1].moved[0] < beds[-1].rest - 5e-6
+
+
 def test_rolls_that_come_closer_press_a_solid_strand() -> None:
     kept = solid("100 mm", "99 mm", "98 mm")
     last = rolls_of(kept.samples[-1])
