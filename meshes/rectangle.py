@@ -8,6 +8,7 @@ import numpy as np
 
 from castfem.meshes.assemble import MULTIPLICITY, Probe, assemble
 from castfem.meshes.blocks import join
+from castfem.meshes.bulge import Table, bulged
 from castfem.meshes.grading import SizeLaw, size_law
 from castfem.meshes.outline import Outline, Piece, chain, quarter
 from castfem.meshes.rounded import Grading, rounded_quarter
@@ -31,6 +32,7 @@ def rectangle(
     symmetry: str = "quarter",
     cell: str = "quadrilateral",
     order: int = 1,
+    bulge: Table | None = None,
     **sizes: float,
 ) -> SectionMesh:
     """Mesh a billet, bloom or slab.
@@ -46,6 +48,7 @@ def rectangle(
         symmetry: "quarter" (x, y >= 0), "half" (x >= 0) or "whole".
         cell: "quadrilateral" or "triangle".
         order: 1 or 2.
+        bulge: Offsets of the outline over the way round a quarter, see `bulged`.
         **sizes: Those of `Sizes`, m; surface_size and core_size must be given.
 
     Raises:
@@ -80,7 +83,8 @@ def rectangle(
         "narrow_face": Probe((a, 0.0), (0.0, 0.0), "x"),
         "corner": Probe((a - on_arc, b - on_arc), (a - thin, b - thin), "xy"),
     }
-    return assemble(points, cells, cell, order, outline, probes, symmetry)
+    mesh = assemble(points, cells, cell, order, outline, probes, symmetry)
+    return mesh if bulge is None else bulged(mesh, a, b, r, bulge)
 
 
 def quad_grading(sizes: Sizes) -> Grading:

@@ -92,10 +92,20 @@ def check_mould(table: Mould | None, section: Section) -> Iterator[Problem]:
             )
         )
     found += [] if table.friction is None else table.friction.problems()
+    if getattr(section, "bulge", None) is not None and table.displacement is None:
+        found.append(
+            Problem(
+                ("section", "bulge"),
+                "the cavity must have the strand's outline, too: mould.displacement = "
+                '{ file = "wall.csv" } (castfem section writes both)',
+            )
+        )
     if table.tube is not None:
         found += check_tube(table.tube, section)
     yield from found
-    sizes = [getattr(section, name, None) for name in type(section).model_fields]
+    # What may be left out is None where it is; what is faulty, too.
+    fields = type(section).model_fields.items()
+    sizes = [getattr(section, name, None) for name, key in fields if key.default is not None]
     needed = [table.length, table.taper, table.condition, table.copper, *sizes]
     if not found and None not in needed:
         yield from _fits(table, section)

@@ -179,6 +179,11 @@ class Case(TableModel):
     def mesh_parameters(self) -> dict[str, Any]:
         """Return the keys of [section] and [mesh] that are given, in SI: the mesh's parameters."""
         section = self.section.model_dump(exclude_none=True)
+        bulge = getattr(self.section, "bulge", None)
+        if isinstance(bulge, TableOfValues):
+            section["bulge"] = (list(bulge.arguments), list(bulge.values))
+        elif bulge is not None:
+            section["bulge"] = ([0.0], [bulge])
         return section | self.mesh.model_dump(exclude_none=True)
 
     def document(self) -> dict[str, Any]:

@@ -297,7 +297,7 @@ class Mould(TableModel):
     displacement: Annotated[WallDisplacement, WallShape()] | None = Field(
         None,
         description="how far the wall at work stands from the cavity of sizes and taper, all round "
-        "and along; `castfem mould --hot` and `castfem square` write it. Instead of the expansion "
+        "and along; `castfem mould --hot` and `castfem section` write it. Instead of the expansion "
         "of [mould.copper]",
     )
     tube: MouldTube | None = Field(

@@ -7,7 +7,7 @@ A shape of section is one class here: its sizes, its boundary groups, the cavity
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -15,12 +15,17 @@ from castfem import mould as wall
 from castfem.case.base import TableModel, written
 from castfem.case.problems import Problem
 from castfem.case.variants import Variants
-from castfem.values.quantities import Distance, Length
+from castfem.values.quantities import Distance, Kind, Length
+from castfem.values.table_notation import Curve
+from castfem.values.tables import Table
 from castfem.values.units import format
 
 Size = Callable[[str], float]
 """Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""
 Symmetry = Literal["quarter", "half", "whole"]
+Bulge = Annotated[
+    float | Table, Curve(Kind("m", "mm", label="offset", sample="0.2 mm"), over="way")
+]
 _SYMMETRY = "part that is modelled; half is the side x >= 0"
 
 
@@ -109,6 +114,11 @@ class Rectangle(Section):
         written("0 mm"), description="radius of the corners; 0 mm for sharp ones"
     )
     symmetry: Symmetry = Field("quarter", description=_SYMMETRY)
+    bulge: Bulge | None = Field(
+        None,
+        description="how far the outline at the meniscus stands out from the rectangle, over the "
+        "way round a quarter from the middle of the narrow face; `castfem section` writes it",
+    )
 
     def problems(self) -> Iterator[Problem]:
         """See `Section.problems`."""

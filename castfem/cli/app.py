@@ -420,6 +420,25 @@ def mould(
 
 
 @app.command()
+def section(
+    case: CaseName,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_section.png.")
+    ] = None,
+    at: Annotated[
+        str | None, typer.Option("--at", help="Where; by default the end of the mould.")
+    ] = None,
+    set_: Overrides = None,
+) -> None:
+    """Find the outline at the meniscus whose strand has the case's section further down."""
+    from castfem.case import load_case
+    from castfem.cli.section import find
+
+    path = shipped_cases.find(case)
+    find(load_case(path, set_ or ()), output or Path(f"{path.stem}_section.png"), case, at)
+
+
+@app.command()
 def machine(
     case: CaseName,
     output: Annotated[

@@ -25,6 +25,7 @@ ARGUMENTS = {
     "position": Kind("m", "mm", least=0.0),
     "speed": Kind("m/s", "m/min", least=0.0),
     "depth": Kind("m", "mm", least=0.0),
+    "way": Kind("m", "mm", least=0.0),
 }
 """What a table may depend on, in which unit."""
 
