@@ -132,7 +132,7 @@ def test_gap_of_an_interval_settles(name: str) -> None:
 
 def test_more_passes_come_to_one_answer() -> None:
     """Heat over long windows: the tighter the tolerance of the gap, the closer to one answer."""
-    long = ("coupling.interval=0.5 s", "coupling.window_error=1000 K", 'casting.length="240 mm"')
+    long = ("coupling.interval=0.5 s", "coupling.window_error=1000 K", 'casting.length="120 mm"')
     heat = {
         kelvin: run_in_memory(billet("taper_0", *long, f"coupling.settled={kelvin} K")).value(
             "heat_removed"
@@ -250,7 +250,7 @@ class Killer:
     def start(self, *a): self.n = 0
     def update(self, *a):
         self.n += 1
-        if self.n == 12: os.kill(os.getpid(), signal.SIGKILL)
+        if self.n == 7: os.kill(os.getpid(), signal.SIGKILL)
     def stop(self): pass
 loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2], progress=Killer())
 """
@@ -264,7 +264,7 @@ ROUNDING = ("energy_error", "axial_force", "force_error")  # nothing but
 )  # fmt: skip
 def test_killed_and_resumed(name: str, touch: tuple[str, ...], tmp_path: Path) -> None:
     """Contact, friction and Nitsche's own state come back: the end is that of the unbroken run."""
-    changes = (*touch, "output.checkpoint_every=5", 'casting.length="240 mm"')
+    changes = (*touch, "output.checkpoint_every=3", 'casting.length="150 mm"')
     words = [str(CASES / f"{name}.toml"), str(tmp_path / "killed"), *COARSE, *ELASTIC, *changes]
     done = subprocess.run([sys.executable, "-c", KILLED, *words], check=False)
     assert done.returncode == -9

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -91,30 +92,39 @@ def test_casting_speed(speed: str, length: str) -> None:
     assert (kept.value("shell_corner") > 5e-3) == (speed == "0.36 m/min")
 
 
+SIX_SECONDS = 'casting.length="360 mm"'
+
+
+@lru_cache
+def in_tenths(name: str, make: Callable[..., Case]) -> Kept:
+    """Six seconds in windows of 0.1 s, those that are shipped, once for all tests."""
+    return run_in_memory(make(name, SIX_SECONDS, "coupling.interval=0.1 s"))
+
+
 @pytest.mark.parametrize(
     ("name", "make", "intervals"),
     [("taper_1", shipped, ("2 s",)), ("taper_0", billet, ("2 s",)),
-     ("taper_0", shipped, ("2 s", "4 s"))],
+     ("taper_0", shipped, ("2 s", "100 s"))],
 )  # fmt: skip
 def test_windows_twenty_times_longer(
     name: str, make: Callable[..., Case], intervals: tuple[str, ...]
 ) -> None:
-    """Two and four seconds instead of a tenth: heat within 1 %, stress within 10 % of shorter ones.
+    """Two seconds and more than the run lasts: heat within 1 %, stress within 10 % of tenths.
 
     Where the gap decides on the heat, at 0 %/m, windows of 2 s would be 4.3 and 14 % off.
     """
-    length = 'casting.length="360 mm"'
-    fine = run_in_memory(make(name, length, "coupling.interval=0.25 s"))
+    fine = in_tenths(name, make)
     for interval in intervals:
-        long = sound(run_in_memory(make(name, length, f"coupling.interval={interval}")))
+        long = sound(run_in_memory(make(name, SIX_SECONDS, f"coupling.interval={interval}")))
         assert long.value("heat_removed") == pytest.approx(fine.value("heat_removed"), rel=0.01)
+        assert len(long.states) > 4  # cut where the surface freezes, however long they may be
         peak = fine.value("von_mises_max")
         assert long.value("von_mises_max") == pytest.approx(peak, rel=0.1)
 
 
 def test_windows_are_cut_where_the_gap_opens_and_only_there() -> None:
     """At 0 %/m the gap opens as the surface freezes, after 1.5 s, and then ever more slowly."""
-    changes = ('casting.length="360 mm"', "coupling.interval=1 s")
+    changes = (SIX_SECONDS, "coupling.interval=1 s")
     kept = sound(run_in_memory(shipped("taper_0", *changes)))
     ends = np.array([s.time for s in kept.states])
     window = np.diff(ends)
@@ -122,12 +132,10 @@ def test_windows_are_cut_where_the_gap_opens_and_only_there() -> None:
     assert window[opening].max() < 0.4 and window[ends[:-1] > 3.0].max() > 0.6
     free = run_in_memory(shipped("taper_0", *changes, "coupling.window_error=1000 K"))
     assert np.allclose(np.diff([s.time for s in free.states]), 1.0)
-    endless = run_in_memory(shipped("taper_0", changes[0], "coupling.interval=100 s"))
-    assert len(endless.states) > 8  # longer than the run
     gap = [k.value("gap_max") for k in (kept, free)]
-    shipped_gap = run_in_memory(shipped("taper_0", changes[0], "coupling.interval=0.1 s"))
-    assert gap[0] == pytest.approx(shipped_gap.value("gap_max"), rel=0.1)
-    assert gap[1] > 1.2 * shipped_gap.value("gap_max")
+    of_tenths = in_tenths("taper_0", shipped).value("gap_max")
+    assert gap[0] == pytest.approx(of_tenths, rel=0.1)
+    assert gap[1] > 1.2 * of_tenths
 
 
 def test_friction_up_to_the_pressure() -> None:
@@ -162,7 +170,7 @@ def test_strong_cooling_settles() -> None:
 
     A gap that opens in one window keeps the face hot in the next, which closes it.
     """
-    strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="150 mm"')
+    strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="120 mm"')
     face, not_converged = {}, {}
     for name, changes in (("plain", ("coupling.passes=1",)), ("repeated", ())):
         kept = sound(run_in_memory(billet("taper_1", *strong, *changes)))
@@ -176,7 +184,7 @@ def test_strong_cooling_settles() -> None:
 
 def test_windows_that_do_not_converge_are_cut_back() -> None:
     """Two iterations are not enough for whole windows: shorter ones take their place."""
-    strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="75 mm"')
+    strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="45 mm"')
     kept = sound(run_in_memory(billet("taper_1", *strong, "coupling.passes=2")))
     assert kept.summary is not None
     assert kept.summary.steps["coupling windows"] > kept.samples[-1].time / 0.25 + 2
@@ -235,7 +243,7 @@ def test_a_strand_that_touches_nowhere() -> None:
 def test_contact_lost_and_regained() -> None:
     """Waves of 0.1 mm in the wall, less than three windows long: contact comes and goes."""
     waves = [(20.0 * i, 0.1 * (i % 2)) for i in range(13)]
-    kept = sound(run_in_memory(billet("taper_1", SHORT, wall(*waves))))
+    kept = sound(run_in_memory(billet("taper_1", 'casting.length="160 mm"', wall(*waves))))
     change = np.diff(contact(kept, "share"))
     assert (change > 0.1).sum() >= 3 and (change < -0.1).sum() >= 3
     assert kept.summary is not None and kept.summary.steps["coupling windows cut back"] < 5
