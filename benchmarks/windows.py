@@ -33,7 +33,7 @@ COMPARED = {
 
 
 def run(mould: str, window: float, allowed: float | None) -> dict[str, Any]:
-    """One scene to its end, or as far as it comes; a row with values for errors."""
+    """One case to its end, or as far as it comes; a row with values for errors."""
     size, cells = MOULDS[mould]
     keys = [*QUIET, *cells, "casting.length=360 mm", f"coupling.interval={window} s"]
     keys += [] if allowed is None else [f"coupling.window_error={allowed} K"]

@@ -136,7 +136,7 @@ def _content(runs: Sequence[Run]) -> dict[str, Any]:
 def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
     """The parts of the page that are there, for its table of contents."""
     there = {
-        "numbers": ("Chief numbers", True),
+        "numbers": ("Headline numbers", True),
         "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
         "case": ("Cases", bool(found["differences"])),
         "section": ("Section", any(run["section"] for run in found["runs"])),
@@ -187,7 +187,7 @@ def _part(run: Run, count: int) -> dict[str, Any]:
 
 
 def _rows(table: Sequence[Line], count: int) -> list[Row]:
-    """The table of chief numbers."""
+    """The table of headline numbers."""
     found = []
     for line in table:
         texts = cells(line)

@@ -115,7 +115,7 @@ def test_jacobian_where_liquid_presses(large: bool, method: str) -> None:
     )  # fmt: skip
     exact, found, _ = jacobians(setup, size)
     wall = setup.problem.contact
-    assert (wall.liquid.pool == head).all()  # the scene is one of liquid
+    assert (wall.liquid.pool == head).all()  # the setup is one of liquid
     assert np.abs(exact - found).max() < 1e-6 * np.abs(found).max()
 
 
