@@ -12,6 +12,7 @@ from castfem.case.cooling import (
     HeatLaw,
     PrescribedTemperature,
     ScaledLaw,
+    Spray,
     Zone,
 )
 from castfem.case.model import Case
@@ -91,6 +92,8 @@ def _laws(case: Case) -> Iterator[Problem]:
             path = ("cooling", i, "surface", j)
             if isinstance(law, Contact):
                 yield from _contact(case, law, path)
+            if isinstance(law, Spray):
+                yield from _spray(law, path)
             if isinstance(law, ScaledLaw):
                 key = "flux" if isinstance(law, Contact) else "value"
                 yield from _scaled(law, key, path)
@@ -144,6 +147,20 @@ def _thin_gap(law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
             f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the "
             "heat, and rounding decide on it; gases and slags have 0.02 to 2 W/(m K)",
         )
+
+
+def _spray(law: Spray, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield a spray without water, or with that of the zone and per area at once."""
+    given = [key for key in ("water", "flow") if key in law.model_fields_set]
+    if not given:
+        yield Problem(
+            path, 'water or flow is missing; water = "5 L/(m^2 s)", or that of the zone, flow = '
+            '"240 L/min"'
+        )  # fmt: skip
+    if len(given) > 1:
+        yield Problem(path, "water and flow exclude each other; give one of the two")
+    if "area" in law.model_fields_set and "flow" not in law.model_fields_set:
+        yield Problem((*path, "area"), "is the sprayed area of a flow, which is missing")
 
 
 def _scaled(law: ScaledLaw, key: str, path: tuple[str | int, ...]) -> Iterator[Problem]:

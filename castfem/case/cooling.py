@@ -62,6 +62,16 @@ ContactFlux = Annotated[
         Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature"), MOULD_FLUXES
     ),
 ]
+ZoneFlow = Annotated[
+    float | Table,
+    CurveOverEither(
+        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
+        "speed",
+        ("time",),
+    ),
+]
+SprayedArea = Annotated[float, Kind("m^2", "m^2", above=0.0)]
+WATER_DENSITY = 1e3  # kg/m3
 HeatFlow = Annotated[float, Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW")]
 VolumeFlow = Annotated[float, Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min")]
 TemperatureOfTime = Annotated[float | Table, Curve(Kind("K", "degC"), over="time")]
@@ -95,7 +105,7 @@ class Surroundings:
         machine: When the slice is where.
         wall: Temperature of the mould's wall as the slice passes it, K, over time in s; None if
             the case gives none.
-        extent: Where the law holds; None for one that does not ask (`HeatLaw.measured_total`).
+        extent: Where the law holds; None for one that does not ask (`HeatLaw.asks_extent`).
     """
 
     steel: Steel
@@ -138,8 +148,8 @@ class HeatLaw(Variants):
         """
 
     @property
-    def measured_total(self) -> bool:
-        """Whether its heat is scaled to a total that was measured."""
+    def asks_extent(self) -> bool:
+        """Whether it must know how much of the strand it holds on (`Surroundings.extent`)."""
         return False
 
     def milestones(self, around: Surroundings) -> tuple[float, ...]:
@@ -173,8 +183,8 @@ class ScaledLaw(HeatLaw):
     )
 
     @property
-    def measured_total(self) -> bool:
-        """See `HeatLaw.measured_total`."""
+    def asks_extent(self) -> bool:
+        """See `HeatLaw.asks_extent`."""
         return self.total is not None
 
     @property
@@ -359,12 +369,28 @@ class PrescribedTemperature(HeatLaw):
 
 
 class Spray(HeatLaw):
-    """Water spray: convection with the coefficient of a published correlation."""
+    """Water spray: convection with the coefficient of a published correlation.
+
+    Its water is given per area, or as that of the whole zone.
+    """
 
     called: ClassVar[str] = "a spray"
 
     law: Literal["spray"]
-    water: WaterFlow = Field(description="water flow per surface area")
+    water: WaterFlow | None = Field(
+        None, description="water flow per surface area", examples=["5 L/(m^2 s)"]
+    )
+    flow: ZoneFlow | None = Field(
+        None,
+        description="instead of water, that of the zone on all faces of this law, of the whole "
+        "strand; in a table over the casting speed it follows it, over time is since the meniscus",
+        examples=["240 L/min"],
+    )
+    area: SprayedArea | None = Field(
+        None,
+        description="sprayed area of these faces, with flow; by default all of them in the zone",
+        examples=["1.2 m^2"],
+    )
     water_temperature: WaterTemperature = Field(
         description="temperature of the water", examples=["25 degC"]
     )
@@ -377,15 +403,44 @@ class Spray(HeatLaw):
         examples=[4],
     )
 
-    def build(self, around: Surroundings) -> flux_laws.Convection:
+    @property
+    def asks_extent(self) -> bool:
+        """See `HeatLaw.asks_extent`."""
+        return self.flow is not None
+
+    def build(self, around: Surroundings) -> flux_laws.Convection | flux_laws.Sprayed:
         """See `HeatLaw.build`."""
-        coefficient = partial(
-            CORRELATIONS[self.correlation].coefficient,
-            self.water,
-            self.water_temperature,
-            self.machine_factor,
+        water, correlation = self._water(around), CORRELATIONS[self.correlation]
+        if not callable(water):
+            coefficient = partial(
+                correlation.coefficient, water, self.water_temperature, self.machine_factor
+            )
+            return flux_laws.Convection(coefficient=coefficient, ambient=self.water_temperature)
+        assert isinstance(self.flow, Table)
+        most = max(self.flow.values) * self._per_flow(around)
+        return flux_laws.Sprayed(
+            correlation, water, most, self.water_temperature, self.machine_factor
         )
-        return flux_laws.Convection(coefficient=coefficient, ambient=self.water_temperature)
+
+    def _water(self, around: Surroundings) -> float | Callable[[float], float]:
+        """Return the water per area, kg/(m2 s): one number, or over time in s."""
+        if self.flow is None:
+            assert self.water is not None, "the case has been checked"
+            return self.water
+        per_flow, given = self._per_flow(around), self.flow
+        if not isinstance(given, Table):
+            return per_flow * given
+        if given.over == "speed":
+            speed = around.machine.speed
+            return lambda time: per_flow * given(speed(time))
+        return lambda time: per_flow * given(time)
+
+    def _per_flow(self, around: Surroundings) -> float:
+        """Water per area for a flow of the zone, kg/m3 over m2."""
+        extent = around.extent
+        assert extent is not None, "the law asks for it"
+        whole = extent.perimeter * (extent.end - extent.start)
+        return WATER_DENSITY / (whole if self.area is None else self.area)
 
 
 class Zone(TableModel):

@@ -29,6 +29,7 @@ _EXCLUSIVE: tuple[tuple[Keys, str, str], ...] = (
     (("thermal", "time"), "step", "adaptive"),
     (("machine",), "rolls", "segment"),
     (("cooling", _EACH, "surface", _EACH), "coefficient", "flux"),
+    (("cooling", _EACH, "surface", _EACH), "water", "flow"),
 )
 # A table whose shape or law changes is another table; [mechanics] has more to it than its law.
 _KINDS = ("shape", "law")

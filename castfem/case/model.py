@@ -44,6 +44,7 @@ _NOT_PHYSICS: Any = {
     "verification": True,
     "optimise": True,
     "casting": {"length"},
+    "mould": {"oscillation"},
     "thermal": {"solver"},
     "mechanics": {"solver"},
 }

@@ -48,6 +48,7 @@ Stress = Annotated[float, Kind("Pa", "MPa", above=0.0, label="stress", sample="1
 FrictionCoefficient = Annotated[
     float, Kind("1", least=0.0, label="friction coefficient", sample="0.3")
 ]
+Frequency = Annotated[float, Kind("1/s", "1/min", above=0.0, label="frequency", sample="150 1/min")]
 Exponent = Annotated[float, Kind("1", above=0.0, most=1.0, label="exponent", sample="0.5")]
 EXAMPLES = {
     "contact": '{ method = "nitsche", factor = 100 }',
@@ -260,6 +261,24 @@ class Copper(TableModel):
     )
 
 
+class Oscillation(TableModel):
+    """How the mould oscillates, a sine; nothing but its numbers is computed from it."""
+
+    stroke: Length = Field(description="from the highest to the lowest point", examples=["6 mm"])
+    frequency: Frequency = Field(description="strokes per time", examples=["150 1/min"])
+
+    def negative_strip(self, speed: float) -> float:
+        """Time in each stroke in which the mould goes down faster than the strand, s.
+
+        Args:
+            speed: Of casting, m/s.
+        """
+        fastest = math.pi * self.frequency * self.stroke
+        if not speed < fastest:
+            return 0.0
+        return math.acos(speed / fastest) / (math.pi * self.frequency)
+
+
 class Mould(TableModel):
     """The rigid mould round the strand; left out: an idealised mould that follows the strand."""
 
@@ -303,6 +322,7 @@ class Mould(TableModel):
     tube: MouldTube | None = Field(
         None, description="the copper tube, for `castfem mould --hot`; a run has no use for it"
     )
+    oscillation: Oscillation | None = Field(None, description="its oscillation")
     contact: Annotated[
         ContactSettings, OneWord("method", ("penalty", "nitsche"), EXAMPLES["contact"])
     ] = Field(

@@ -166,6 +166,8 @@ def _sprays(case: Case) -> Iterator[Problem]:
         sprays = [(j, law) for j, law in enumerate(zone.surface) if isinstance(law, Spray)]
         for j, law in sprays:
             low, high = CORRELATIONS[law.correlation].water
+            if law.water is None:
+                continue  # that of the whole zone
             if low <= law.water <= high or law.water == 0.0:
                 continue
             reach = f"{low:g} to {high:g}" if low else f"at most {high:g}"

@@ -27,7 +27,7 @@ from castfem.case.mechanics import (
     Mechanics,
     WindowMark,
 )
-from castfem.case.mould import ContactSettings, Copper, Friction, Mould
+from castfem.case.mould import ContactSettings, Copper, Friction, Mould, Oscillation
 from castfem.case.mould_tube import MouldTube
 from castfem.case.optimise import Optimise, Variable
 from castfem.case.probe import Probe
@@ -124,6 +124,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[mould]", Mould),
     ("[mould.copper]", Copper),
     ("[mould.tube]", MouldTube),
+    ("[mould.oscillation]", Oscillation),
     ("[mould.contact]", ContactSettings),
     ("[mould.friction]", Friction),
     ("[machine]", Machine),

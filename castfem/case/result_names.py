@@ -72,6 +72,8 @@ WHOLE = {
     "mould_mean_pressure_max": "MPa",
     "mould_pressure_max": "MPa",
     "mould_penetration_max": "um",
+    "negative_strip_time": "s",
+    "oscillation_pitch": "mm",
     "liquid_end": "m",
     "metallurgical_length": "m",
     "mould_mean_flux": "kW/m^2",

@@ -11,6 +11,7 @@ from castfem.results.mechanical_quantities import place
 from castfem.results.registry import quantity
 
 if TYPE_CHECKING:
+    from castfem.case.mould import Oscillation
     from castfem.contact.state import ContactSummary
     from castfem.results.sample import Sample
 
@@ -246,3 +247,42 @@ def mould_pressure_max(sample: Sample) -> float:
 def mould_penetration_max(sample: Sample) -> float:
     """On the way through the mould."""
     return sample.in_mould.penetration
+
+
+@quantity(
+    "negative_strip_time",
+    unit="s",
+    label="negative strip time of each stroke",
+    column=False,
+    needs=("oscillation",),
+)
+def negative_strip_time(sample: Sample) -> float:
+    """Time of each stroke in which the mould goes down faster than the strand; 0 if it never does.
+
+    Of a sine: arccos(v/(pi f s))/(pi f), with the mean casting speed v on the way to here.
+    """
+    return _oscillation(sample).negative_strip(_mean_speed(sample))
+
+
+@quantity(
+    "oscillation_pitch",
+    unit="mm",
+    label="pitch of the oscillation marks",
+    column=False,
+    needs=("oscillation",),
+)
+def oscillation_pitch(sample: Sample) -> float:
+    """How far the strand comes in a stroke of the mould."""
+    return _mean_speed(sample) / _oscillation(sample).frequency
+
+
+def _oscillation(sample: Sample) -> Oscillation:
+    mould = sample.simulation.case.mould
+    assert mould is not None and mould.oscillation is not None
+    return mould.oscillation
+
+
+def _mean_speed(sample: Sample) -> float:
+    """On the way to here, m/s; at the meniscus that there."""
+    machine = sample.simulation.machine
+    return machine.mean_speed(sample.time) if sample.time > 0.0 else machine.speed(0.0)

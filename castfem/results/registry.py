@@ -42,6 +42,9 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
         simulation.mechanics is not None and simulation.mechanics.problem.slice.law.data is not None
     ),
     "mould": lambda simulation: simulation.case.mould is not None,
+    "oscillation": lambda simulation: (
+        simulation.case.mould is not None and simulation.case.mould.oscillation is not None
+    ),
     "friction": lambda simulation: (
         simulation.mechanics is not None
         and any(one.has_friction for one in simulation.mechanics.problem.slice.interactions)

@@ -155,7 +155,7 @@ class Zones:
 
     def _seen(self, index: int, law: HeatLaw, tags: list[int]) -> Surroundings:
         """What a law on the groups of `tags` in a zone may ask for (collective)."""
-        if not law.measured_total:
+        if not law.asks_extent:
             return self._around
         zone, length = self._case.cooling[index], self._case.casting.length
         section = self._surface.section

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from castfem.thermal.mould_flux import Curve
+from castfem.thermal.sprays import Correlation
 from castfem.values.types import Array
 
 STEFAN_BOLTZMANN = 5.670374419e-8  # W/m2K4, CODATA 2018
@@ -228,6 +229,44 @@ class Radiation:
             rise = self.factor(temperature + _DT) - self.factor(temperature - _DT)
             slope = slope + rise / (2 * _DT) * excess
         return gamma * excess, slope
+
+    def ambient_range(self, time: float) -> tuple[float, float]:
+        """See `SurfaceLaw.ambient_range`."""
+        return self.ambient, self.ambient
+
+
+@dataclass(frozen=True)
+class Sprayed:
+    """Convection to a spray whose water changes in time.
+
+    Attributes:
+        correlation: Gives the coefficient.
+        water: kg/(m2 s), over the time since the meniscus, s.
+        most: The largest, kg/(m2 s).
+        ambient: Temperature of the water, K.
+        machine_factor: Divides the coefficient.
+    """
+
+    correlation: Correlation
+    water: Callable[[float], float]
+    most: float
+    ambient: float
+    machine_factor: float = 1.0
+
+    def _at(self, water: float) -> Convection:
+        """Convection to so much water."""
+        return Convection(
+            lambda t: self.correlation.coefficient(water, self.ambient, self.machine_factor, t),
+            self.ambient,
+        )
+
+    def flux(self, temperature: Array, time: float) -> tuple[Array, Array]:
+        """See `SurfaceLaw.flux`."""
+        return self._at(self.water(time)).flux(temperature, time)
+
+    def least_rise(self, temperatures: Array, time: float) -> float:
+        """See `least_rise`, at the most water."""
+        return float(self._at(self.most).flux(temperatures, time)[1].min())
 
     def ambient_range(self, time: float) -> tuple[float, float]:
         """See `SurfaceLaw.ambient_range`."""

@@ -38,6 +38,7 @@ from castfem.time_loop import loop
 from castfem.time_loop.loop import TimeLoop
 
 ROOT = Path(__file__).parents[2]
+OSCILLATION = ("mould.oscillation.stroke=6 mm", "mould.oscillation.frequency=150 1/min")
 OTHERS = {"bending", "quality", "extraction", "bulging"}  # what a billet in its mould has not
 FRICTION = ("mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "casting.length=150 mm")
 THIN = (
@@ -68,7 +69,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, 
     thin = write_small(tmp_path_factory.mktemp("thin"))
     curved = drawn(quality={"critical_strain": 0.01}, casting__length="0.7 m")
     rolled = slab(mechanics__bulging="elastic", casting__length="0.95 m")
-    cases = (billet("taper_1", *FRICTION), load_case(thin, THIN), curved, rolled)
+    cases = (billet("taper_1", *FRICTION, *OSCILLATION), load_case(thin, THIN), curved, rolled)
     simulations = [build(case, MPI.COMM_SELF) for case in cases]
     yield tuple(TimeLoop(simulation).run() for simulation in simulations)
     for simulation in simulations:

@@ -1,0 +1,92 @@
+"""Water of a whole zone, following the casting speed; oscillation of the mould."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from small_case import small
+
+import castfem
+from castfem.case.mould import Oscillation
+from castfem.errors import InputError
+from castfem.thermal import flux_laws
+from castfem.thermal.sprays import CORRELATIONS
+
+SURFACE = "cooling.0.surface"
+SPEED, LENGTH = 0.06, 0.06
+SPRAY = {"law": "spray", "correlation": "nozaki", "water_temperature": "25 degC"}
+
+
+def heat(law: dict[str, Any], **changes: Any) -> np.ndarray:
+    case = small({SURFACE: [SPRAY | law], **{k.replace("__", "."): v for k, v in changes.items()}})
+    return castfem.run(case).history["heat_removed"].to_numpy()
+
+
+def test_water_of_the_zone_is_water_per_area() -> None:
+    """300 L/min on 0.5 m2 are 10 L/m2s, in m3/h as well."""
+    known = heat({"water": "10 L/(m^2 s)"})
+    for flow in ("300 L/min", "18 m^3/hour"):
+        assert heat({"flow": flow, "area": "0.5 m^2"}) == pytest.approx(known, rel=1e-12)
+
+
+def test_without_an_area_it_is_that_of_the_faces() -> None:
+    """The perimeter of the coarse section, four arcs of chords, times the zone's length."""
+    constant = small({SURFACE: [{"law": "flux", "value": "1 MW/m^2"}]})
+    removed = float(castfem.run(constant).history["heat_removed"].iloc[-1])
+    per_second = removed / (LENGTH / SPEED)
+    perimeter = per_second / 1e6
+    litres = 10.0 * perimeter * LENGTH * 60.0
+    found = heat({"flow": f"{litres!r} L/min"})
+    assert found == pytest.approx(heat({"water": "10 L/(m^2 s)"}), rel=1e-9)
+
+
+def test_it_follows_the_casting_speed() -> None:
+    table = {"speed": [2, 4], "speed_unit": "m/min", "value": [100, 300], "unit": "L/min"}
+    at = heat({"flow": table, "area": "0.5 m^2"})
+    assert at == pytest.approx(heat({"flow": "260 L/min", "area": "0.5 m^2"}), rel=1e-9)
+
+
+def test_over_time_it_is_what_holds_at_the_time() -> None:
+    table = {"time": [0, 1], "time_unit": "s", "value": [0, 400], "unit": "L/min"}
+    ramp, mean = (
+        heat({"flow": table, "area": "1 m^2"}),
+        heat({"flow": "200 L/min", "area": "1 m^2"}),
+    )
+    half = len(ramp) // 2
+    assert ramp[half] < 0.7 * mean[half] and 0.85 * mean[-1] < ramp[-1] < mean[-1]
+
+
+def test_the_slope_of_water_that_changes() -> None:
+    law = flux_laws.Sprayed(CORRELATIONS["sasaki"], lambda t: 5.0 * t, 10.0, 298.15)
+    warm, d = np.array([700.0, 1100.0, 1400.0]), 0.1
+    slope = (law.flux(warm + d, 1.5)[0] - law.flux(warm - d, 1.5)[0]) / (2 * d)
+    assert law.flux(warm, 1.5)[1] == pytest.approx(slope, rel=1e-6)
+    grid = np.arange(400.0, 1600.0)
+    assert law.least_rise(grid, 0.0) == law.flux(grid, 2.0)[1].min()
+
+
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        ({}, "water or flow is missing"),
+        ({"water": "5 L/(m^2 s)", "flow": "100 L/min"}, "water and flow exclude each other"),
+        ({"water": "5 L/(m^2 s)", "area": "1 m^2"}, "the sprayed area of a flow, which is missing"),
+        ({"flow": "5 L/(m^2 s)"}, "water flow is needed"),
+    ],
+)
+def test_water_that_is_not_said(law: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        small({SURFACE: [SPRAY | law]})
+
+
+def test_negative_strip_of_a_sine() -> None:
+    """Where the mould's speed is that of the strand, found by sampling the sine."""
+    mould = Oscillation.model_validate({"stroke": "6 mm", "frequency": "150 1/min"})
+    speed, period = 1.2 / 60.0, 60.0 / 150.0
+    times = (np.arange(200000) + 0.5) / 200000 * period
+    down = math.pi * mould.frequency * mould.stroke * np.cos(2 * math.pi * times / period)
+    assert mould.negative_strip(speed) == pytest.approx((down > speed).mean() * period, rel=1e-4)
+    assert mould.negative_strip(0.05) == 0.0
