@@ -32,6 +32,7 @@ SLOW = {
     "billet_cost": "repeated billets; its runs are tested in test_billet_benchmarks.py",
     "section": "repeated billets; tests/mould_fit/test_section.py has coarse ones",
     "hot_mould": "billets and tubes; tests/mould_fit and tests/hot_mould run coarse ones",
+    "faster": "ten billets, each in another way",
     "bulging": "slabs down their caster; tests/time_loop/test_bulging_slab.py has short ones",
     "strip_order": "half a minute; tests/bulging has its orders",
     "lost_roll": "a minute; tests/bulging/test_ode_strip.py and test_uneven.py have its parts",
