@@ -49,6 +49,7 @@ BENCHMARKS = {
     "slabs": "benchmarks.slabs",
     "slab_error": "benchmarks.slab_error",
     "slab_sprays": "benchmarks.slab_sprays",
+    "stated_error": "benchmarks.stated_error",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -81,6 +82,7 @@ PAGES = {
     "slabs": "slab.md",
     "slab_error": "slab.md",
     "slab_sprays": "slab.md",
+    "stated_error": "accuracy.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

@@ -1,8 +1,8 @@
 """From the values of a number at several sizes to its error at one of them.
 
 Where three sizes show an order of convergence the rest is extrapolated [Richardson1911] and taken
-with the factor of safety of [Roache1994]; where they do not, the spread of the values is what is
-known of the error.
+with the factor of safety of [Roache1994]; where they do not, the differences are what is known of
+the error. docs/accuracy.md has how often that holds.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from scipy.optimize import brentq
 
 SAFETY = 1.25  # [Roache1994], for an order that three sizes have shown
 LEAST_ORDER, MOST_ORDER = 0.5, 2.0  # less is no convergence; more the schemes do not have
-LUCK = 3.0  # an order above it is an accident of the values
-SPREAD = 1.5  # of the values, where no order shows
+MOST_TRIED = 8.0  # of an order; above it two values agree by accident
+HALF = 0.5  # of the difference to a coarser size, where no order shows
 LEAST = 0.25  # of the spread, where an order shows: three values may agree by luck
-FEW = 3.0  # [Roache1994], of the difference between two sizes, when there are no more
+FEW = 3.0  # [Roache1994], of the difference to a finer size, where no order shows
 _SAME = 1e-12  # relative; values that differ by less are rounded differently
 
 
@@ -54,7 +54,8 @@ def estimate(values: Mapping[float, float]) -> Estimate:
 
     has a solution that is no slower than 0.5. The error is then the difference to the extrapolated
     value, with the factor of safety; it is at least a quarter of the spread, since the order may
-    be luck. What is known of two sizes is the difference alone.
+    be luck. Where no order shows it is three times the difference to the finer sizes, or half of
+    that to a coarser one if this is more. Of two sizes it is three times their difference.
     """
     known = sorted((size, v) for size, v in values.items() if math.isfinite(v))[:3]
     here = values.get(1.0, math.nan)
@@ -67,11 +68,20 @@ def estimate(values: Mapping[float, float]) -> Estimate:
         return Estimate(FEW * spread)
     order = observed_order(known)
     if order is None:
-        return Estimate(SPREAD * spread)
+        return Estimate(_without_order(known, here))
     believed = min(order, MOST_ORDER)
     (x0, v0), (x1, v1), _ = known
     limit = v0 - (v1 - v0) * x0**believed / (x1**believed - x0**believed)
     return Estimate(max(SAFETY * abs(here - limit), LEAST * spread), order)
+
+
+def _without_order(known: Sequence[tuple[float, float]], here: float) -> float:
+    """The error where no order shows: by what finer and coarser sizes do to the number."""
+    finer = max((abs(v - here) for size, v in known if size < 1.0), default=0.0)
+    coarser = max((abs(v - here) for size, v in known if size > 1.0), default=0.0)
+    if known[0][0] >= 1.0:  # nothing finer: the next coarser one has to stand for it
+        return FEW * abs(known[1][1] - here)
+    return max(FEW * finer, HALF * coarser)
 
 
 def observed_order(known: Sequence[tuple[float, float]]) -> float | None:
@@ -84,6 +94,6 @@ def observed_order(known: Sequence[tuple[float, float]]) -> float | None:
     def excess(order: float) -> float:
         return (x2**order - x1**order) / (x1**order - x0**order) - wanted
 
-    if excess(LEAST_ORDER) > 0.0 or excess(LUCK) < 0.0:
+    if excess(LEAST_ORDER) > 0.0 or excess(MOST_TRIED) < 0.0:
         return None
-    return float(brentq(excess, LEAST_ORDER, LUCK))
+    return float(brentq(excess, LEAST_ORDER, MOST_TRIED))

@@ -40,8 +40,9 @@ def write_script(
     each = f" --ranks {ranks}" if ranks > 1 else " -j 1"
     lines = [
         "#!/bin/bash",
-        f"# {rows} runs in {parts} tasks of one array. Set what your cluster asks for, then:",
-        f"#   jobs=$(sbatch --parsable {shlex.quote(path.name)})",
+        f"# {rows} runs in {parts} tasks of one array. Set what your cluster asks for, then, from",
+        "# the folder in which castfem wrote this:",
+        f"#   sbatch {shlex.quote(str(path))}",
         "# A task that was killed goes on when it is submitted again. When all have ended:",
         f"#   {command} --collect",
         "#SBATCH --job-name=castfem",

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from castfem.accuracy.estimate import FEW, SAFETY, estimate
+from castfem.accuracy.estimate import FEW, LEAST, SAFETY, estimate
 
 R = 2.0**0.5
 
@@ -22,21 +22,27 @@ def test_pure_power_is_found(order: float, sizes: tuple[float, ...]) -> None:
 
 
 def test_a_higher_order_than_the_schemes_have_is_not_believed() -> None:
-    """Of an order of 2.5 that of 2 is taken; one of 6 is an accident, and the spread is stated."""
+    """That of 2 is taken; and the spread speaks where two values agree by accident."""
     some = {x: x**2.5 for x in (R, 1.0, 1.0 / R)}
     assert estimate(some).error > SAFETY * (some[1.0] - some[1.0 / R]) / (1.0 - 0.5**1.25)
-    many = {x: x**6 for x in (R, 1.0, 1.0 / R)}
-    assert estimate(many).order is None
-    assert estimate(many).error >= many[R] - many[1.0 / R]
+    lucky = estimate({R: 9.0, 1.0: 5.0, 1.0 / R: 4.6})
+    assert lucky.order is not None and lucky.order > 2.0
+    assert lucky.error == pytest.approx(LEAST * 4.4)
 
 
-def test_without_an_order_the_spread_is_stated() -> None:
+def test_without_an_order_the_differences_are_stated() -> None:
     found = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 4.7})
     assert found.order is None
-    assert found.error >= 1.0
+    assert found.error == pytest.approx(max(FEW * 0.3, 0.5))
+    coarse = estimate({R: 1.0, 1.0: 5.0, 1.0 / R: 4.7})
+    assert coarse.error == pytest.approx(2.0)
     slow = estimate({R: 4.0, 1.0: 5.0, 1.0 / R: 6.0})  # goes on as fast as before
     assert slow.order is None
-    assert slow.error >= 2.0
+    assert slow.error == pytest.approx(FEW)
+    longest = estimate({1.0: 5.0, 0.5: 4.0, 0.25: 4.5})  # the case has the largest
+    assert longest.error == pytest.approx(FEW)
+    finest = estimate({1.0: 5.0, 2.0: 4.0, 4.0: 4.5})  # the finer run has failed
+    assert finest.error == pytest.approx(FEW)
 
 
 def test_few_sizes() -> None:

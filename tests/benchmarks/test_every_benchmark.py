@@ -41,6 +41,7 @@ SLOW = {
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
+    "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
     "verification": "tests/verification runs what it runs",
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""

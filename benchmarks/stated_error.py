@@ -1,0 +1,182 @@
+"""Whether the error that `castfem error` states is the error: against runs that are much finer.
+
+Writes tables of docs/accuracy.md. Runs that are finished in results/stated_error are not run again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from benchmarks.report import PAGE, ROOT, Output, table
+from castfem.accuracy.ladder import Level, levels
+from castfem.accuracy.memo import prepare
+from castfem.accuracy.printed import main_names, quantity_of
+from castfem.accuracy.sizes import AXES, axes_of, changes
+from castfem.accuracy.table import ErrorTable
+from castfem.case import Case, load_case
+from castfem.output.summary import Summary
+from castfem.report.headline import plain_label
+from castfem.sweep.local import run_locally
+from castfem.sweep.work import Job, Outcome
+
+COARSE = ("mesh.surface_size=1.6 mm", "mesh.corner_size=1.6 mm", "mesh.face_size=12 mm",
+          "mesh.core_size=16 mm", "coupling.interval=0.2 s")  # fmt: skip
+"""Cells and windows twice as large as shipped: where meshes are far from converging."""
+FOLDER = ROOT / "results" / "stated_error"
+FINER = 0.4  # of the cells, the steps and the windows
+QUIET = ("output.fields=[]", "output.figures=false")
+DIGITS = {"degC": 0.1, "K": 0.1, "mm": 0.01}
+"""The last one printed, by unit; of others the fourth that counts."""
+MOST = 10.0  # how many times the error that is found may be stated
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A case whose stated errors are tried.
+
+    Attributes:
+        path: Of the case. changes: What is changed of it.
+        known: Its mould, where `billet_error` has run the finer one; "" to run one here.
+    """
+
+    path: Path
+    changes: tuple[str, ...] = ()
+    known: str = ""
+
+
+BILLET, SLAB = ROOT / "cases" / "billet125", ROOT / "cases" / "slab1200"
+SCENES: Mapping[str, Scene] = {
+    "billet, thermal": Scene(BILLET / "thermal.toml"),
+    "billet, +1 %/m": Scene(BILLET / "taper_1.toml", (), "taper_1"),
+    "billet, 0 %/m": Scene(BILLET / "taper_0.toml", (), "taper_0"),
+    "billet, +1 %/m, coarse": Scene(BILLET / "taper_1.toml", COARSE),
+    "billet, 0 %/m, coarse": Scene(BILLET / "taper_0.toml", COARSE),
+    "slab, thermal, coarse, to 4.2 m": Scene(
+        SLAB / "thermal.toml",
+        (
+            "casting.length=4.2 m",
+            "mesh.surface_size=4 mm",
+            "mesh.corner_size=4 mm",
+            "mesh.face_size=60 mm",
+            "mesh.core_size=24 mm",
+        ),
+    ),
+}
+SHORT = Scene(
+    BILLET / "thermal.toml",
+    ("casting.length=40 mm", "mesh.surface_size=3 mm", "mesh.corner_size=3 mm",
+     "mesh.face_size=15 mm", "mesh.core_size=20 mm"),
+)  # fmt: skip
+"""What `--quick` tries."""
+
+
+def finer(case: Case) -> Level:
+    """All sizes of a case at once, much finer than on its ladder."""
+    small = dict.fromkeys(axes_of(case), FINER)
+    return Level("finer", "finer", FINER, case.with_(changes(case, small)))
+
+
+def measure(name: str, scene: Scene, folder: Path) -> list[dict[str, Any]]:
+    """Ladder and finer run of a scene; a row a headline number."""
+    case = load_case(scene.path, (*scene.changes, *QUIET))
+    rungs = levels(case)
+    everything = rungs if scene.known else (*rungs, finer(case))
+    ladder = prepare(everything, folder)
+
+    def noted(job: Job, outcome: Outcome) -> None:
+        ladder.record.note(job, outcome)
+        print(f"  {name}, {job.name}: {outcome.seconds:.1f} s {outcome.message}", flush=True)
+
+    if ladder.jobs:
+        run_locally(ladder.jobs, 1, folder / "noise.log", _nothing, noted, _nothing)
+    found = prepare(rungs, folder).table()
+    truth = _known(scene.known) if scene.known else _values(folder / "finer")
+    return [_row(name, found, truth, number) for number in main_names(found) if number in truth]
+
+
+def _nothing(*_: object) -> None:
+    """Stand in for what is told of runs that begin."""
+
+
+def _values(folder: Path) -> dict[str, float]:
+    summary = Summary.load(folder)
+    return {} if summary is None else {n: q.shown for n, q in summary.quantities.items()}
+
+
+def _known(mould: str) -> dict[str, float]:
+    """The numbers of the finer run of `billet_error`: cells of 0.35 mm, windows of 0.05 s."""
+    rows = Output(PAGE.parent).rows("billet_error")
+    row = next(r for r in rows if (r["mould"], r["run"]) == (mould, "finer"))
+    return {name: value for name, value in row.items() if isinstance(value, float)}
+
+
+def _row(scene: str, found: ErrorTable, truth: Mapping[str, float], name: str) -> dict[str, Any]:
+    """What is stated of a number, and what it is."""
+    entry = found.quantities[name]
+    parts: dict[str, Any] = {}
+    for axis in AXES:
+        part = entry.parts.get(axis)
+        parts |= {axis: part.error if part else None, f"{axis}_order": part.order if part else None}
+    label = plain_label(quantity_of(entry))
+    return {
+        "scene": scene, "name": name, "what": label, "unit": entry.unit, "value": entry.value,
+        "stated": entry.error(), "found": abs(truth[name] - entry.value), **parts,
+    }  # fmt: skip
+
+
+def main(output: Output, quick: bool) -> None:
+    """Every scene; what is known is written after each."""
+    rows: list[dict[str, Any]] = []
+    scenes = {"billet, short": SHORT} if quick else SCENES
+    for name, scene in scenes.items():
+        folder = (output.folder if quick else FOLDER.parent) / "stated_error" / _safe(name)
+        rows += measure(name, scene, folder)
+        output.csv("stated_error", rows)
+    show(output)
+
+
+def _safe(name: str) -> str:
+    return "".join(c if c.isalnum() else "_" for c in name).strip("_")
+
+
+def show(output: Output) -> None:
+    """How often the stated error holds, by scene; and the numbers of which it does not."""
+    rows = [r for r in output.rows("stated_error") if r["stated"] and r["found"]]
+    lines = [_line(s, [r for r in rows if r["scene"] == s]) for s in _scenes(rows)]
+    lines.append(_line("together", rows))
+    head = {
+        "scene": "case", "numbers": "numbers", "holds": "within what is stated",
+        "large": "stated more than 10 times too large", "seen": "of these, in the digits printed",
+        "ratio": "stated over found, median",
+    }  # fmt: skip
+    output.insert("stated error", table(lines, head, {"ratio": ".1f"}))
+    wrong = [
+        {"what": f"{r['scene']}: {r['what']} [{r['unit']}]",
+         **{key: f"{r[key]:.4g}" for key in ("value", "stated", "found")}}
+        for r in rows if r["stated"] < r["found"]
+    ]  # fmt: skip
+    head = {"what": "number", "value": "castfem", "stated": "stated", "found": "found"}
+    output.insert("stated error missed", table(wrong, head, {}))
+
+
+def _scenes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    return list(dict.fromkeys(r["scene"] for r in rows))
+
+
+def _line(scene: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    ratios = [r["stated"] / r["found"] for r in rows]
+    large = [r for r, ratio in zip(rows, ratios, strict=True) if ratio > MOST]
+    return {
+        "scene": scene, "numbers": len(rows), "holds": sum(x >= 1.0 for x in ratios),
+        "large": len(large), "seen": sum(r["stated"] > _printed(r) for r in large),
+        "ratio": median(ratios),
+    }  # fmt: skip
+
+
+def _printed(row: Mapping[str, Any]) -> float:
+    """Half of the last digit that `castfem show` prints of a number."""
+    return 0.5 * DIGITS.get(row["unit"], 1e-3 * abs(row["value"]))
