@@ -48,6 +48,7 @@ class Scene:
     known: str = ""
 
 
+BLANK = ROOT / "benchmarks" / "beam_blank.toml"
 BILLET, SLAB = ROOT / "cases" / "billet125", ROOT / "cases" / "slab1200"
 SCENES: Mapping[str, Scene] = {
     "billet, thermal": Scene(BILLET / "thermal.toml"),
@@ -55,6 +56,7 @@ SCENES: Mapping[str, Scene] = {
     "billet, 0 %/m": Scene(BILLET / "taper_0.toml", (), "taper_0"),
     "billet, +1 %/m, coarse": Scene(BILLET / "taper_1.toml", COARSE),
     "billet, 0 %/m, coarse": Scene(BILLET / "taper_0.toml", COARSE),
+    "beam blank, coarse, to 40 mm": Scene(BLANK),
     "slab, thermal, coarse, to 4.2 m": Scene(
         SLAB / "thermal.toml",
         (
