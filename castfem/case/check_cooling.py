@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 from castfem.case.cooling import (
@@ -99,8 +100,19 @@ def _laws(case: Case) -> Iterator[Problem]:
                 yield from _scaled(law, key, path)
                 yield from _range_of_formula(case, zone, getattr(law, key), (*path, key))
             if known:
-                yield from unknown_groups(law.on, known, (*path, "on"))
+                for problem in unknown_groups(law.on, known, (*path, "on")):
+                    yield replace(problem, text=problem.text + _of_the_whole(case.section, law.on))
                 yield from _clash(law, laws[:j], case.section.cooled_groups(), known, path)
+
+
+def _of_the_whole(section: Any, on: tuple[str, ...] | None) -> str:
+    """Say that faces which symmetry makes one are told apart on the whole section."""
+    if getattr(section, "symmetry", "whole") == "whole":
+        return ""
+    known, here = section.model_copy(update={"symmetry": "whole"}).outer_groups(), section.symmetry
+    if not all(any(group.startswith(name) for group in known) for name in on or ()):
+        return ""
+    return f'; the faces of a {here} are alike: section.symmetry = "whole" has {choices(known)}'
 
 
 def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:

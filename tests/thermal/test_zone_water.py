@@ -90,3 +90,11 @@ def test_negative_strip_of_a_sine() -> None:
     down = math.pi * mould.frequency * mould.stroke * np.cos(2 * math.pi * times / period)
     assert mould.negative_strip(speed) == pytest.approx((down > speed).mean() * period, rel=1e-4)
     assert mould.negative_strip(0.05) == 0.0
+
+
+def test_faces_that_differ_ask_for_the_whole_section() -> None:
+    law = SPRAY | {"water": "5 L/(m^2 s)", "on": ["wide_face_extrados"]}
+    with pytest.raises(InputError, match=r'a quarter are alike: section\.symmetry = "whole" has'):
+        small({SURFACE: [law]})
+    whole = small({SURFACE: [law], "section.symmetry": "whole"})
+    assert whole.cooling[0].surface[0].on == ("wide_face_extrados",)
