@@ -20,6 +20,8 @@ class Value:
         value: At the best run.
         low: Lowest value that cannot be told from the best. high: Likewise.
         open_low: Whether it may lie lower still. open_high: Likewise.
+        checked: Where the optimum is with the constraints as the level of the check has them; None
+            where that failed.
         range: In which it was looked for.
         at_end: What it lies at: the "lowest" or "highest" of its range, or where "runs fail"; ""
             for none.
@@ -32,6 +34,7 @@ class Value:
     high: float
     open_low: bool
     open_high: bool
+    checked: float | None
     range: tuple[float, float]
     at_end: str = ""
 
@@ -70,6 +73,7 @@ class Kept:
     Attributes:
         text: As written. known: The result. bound: In SI.
         left: How far it is on the right side, SI.
+        checked: The same by the level of the check; NaN where that failed.
         error: Of that: noise and numerical error.
         met: Whether it holds. binding: Whether it keeps the objective from being better.
     """
@@ -78,6 +82,7 @@ class Kept:
     known: Known
     bound: float
     left: float
+    checked: float
     error: float
     met: bool
     binding: bool
@@ -168,6 +173,7 @@ class Optimum:
                     **_known(kept.known),
                     "bound": kept.known.shown(kept.bound),
                     "left": kept.known.shown_difference(kept.left),
+                    "left_checked": kept.known.shown_difference(kept.checked),
                     "error": kept.known.shown_difference(kept.error),
                     "met": kept.met,
                     "binding": kept.binding,

@@ -203,10 +203,10 @@ class Study:
             return verdict(Findings(question, outputs, search, best, None, "", None, self._told))
         best, model, step = self._surroundings(search, best)
         checked, check = self._checked(outputs, best)
-        error = np.abs(check - outputs.vector(best))
+        error = check - outputs.vector(best)
         for _ in range(2):
             assert search.noise is not None
-            found = vicinity.intervals(model, search.noise.sigma, np.nan_to_num(error))
+            found = vicinity.intervals(model, search.noise.sigma, np.abs(np.nan_to_num(error)))
             if step >= _WIDEST or not any(i.open_low or i.open_high for i in found):
                 break
             step = min(2.0 * step, _WIDEST)

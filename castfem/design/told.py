@@ -70,11 +70,13 @@ def _table(*heads: str) -> Table:
 
 
 def _variables(optimum: Optimum) -> Table:
-    found = _table("variable", "best", "cannot be told from", "looked for in")
+    by = [f"by {optimum.checked}"] if optimum.checked and optimum.constraints else []
+    found = _table("variable", "best", *by, "cannot be told from", "looked for in")
     for value in optimum.values:
         label = f"{value.key} [{value.unit}]" if value.unit else value.key
         low, high = value.range
-        found.add_row(label, f"{value.value:g}", interval(value), f"{low:g} to {high:g}")
+        cells = [f"{value.checked:g}"] if by and value.checked is not None else by and [""]
+        found.add_row(label, f"{value.value:g}", *cells, interval(value), f"{low:g} to {high:g}")
     return found
 
 
@@ -91,14 +93,16 @@ def _number(known: Known, value: float) -> str:
 
 
 def _results(optimum: Optimum) -> Table:
-    found = _table("at the optimum", "value", "noise", "numerical error", "left", "")
+    by = f"left by {optimum.checked}" if optimum.checked else "left by the check"
+    found = _table("at the optimum", "value", "noise", "numerical error", "left", by, "")
     objective = optimum.objective
     assert objective is not None
-    found.add_row(_label(objective), _shown(objective), *_errors(objective), "", "objective")
+    found.add_row(_label(objective), _shown(objective), *_errors(objective), "", "", "objective")
     for kept in optimum.constraints:
         known = kept.known
         left = f"{_number(known, kept.left)} ± {_number(known, kept.error)}"
-        found.add_row(kept.text, _shown(known), *_errors(known), left, _word(kept))
+        checked = _number(known, kept.checked)
+        found.add_row(kept.text, _shown(known), *_errors(known), left, checked, _word(kept))
     return found
 
 

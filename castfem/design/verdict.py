@@ -26,7 +26,7 @@ class Findings:
         question: What was asked. outputs: What the runs mean. search: The search.
         best: The best run. model: Of what lies about it; None where no run has come through.
         checked: The level by which the best run was checked, "" where that failed.
-        error: Difference of cost and margins to it (1 + m,), SI.
+        error: Cost and margins by it less those of the search (1 + m,), SI; NaN where it failed.
         told: All runs.
     """
 
@@ -80,11 +80,15 @@ def verdict(found: Findings) -> Optimum:
 def _intervals(found: Findings) -> list[vicinity.Interval]:
     if found.model is None or found.error is None:
         return [vicinity.Interval(0.0, 1.0, False, False) for _ in found.question.axes]
-    return vicinity.intervals(found.model, found.noise, np.nan_to_num(found.error))
+    error = np.abs(np.nan_to_num(found.error))
+    return vicinity.intervals(found.model, found.noise, error)
 
 
 def _values(found: Findings, places: list[vicinity.Interval]) -> tuple[Value, ...]:
     shares, last = found.question.shares(found.best), _AT_END * found.search.radius
+    moved = None
+    if found.model is not None and found.error is not None and found.checked:
+        moved = vicinity.moved_best(found.model, found.error[1:])
     values = []
     for number, (axis, value, place, share) in enumerate(
         zip(found.question.axes, found.best.values, places, shares, strict=True)
@@ -97,10 +101,11 @@ def _values(found: Findings, places: list[vicinity.Interval]) -> tuple[Value, ..
         if not end and (share - below <= last or above - share <= last):
             end = "runs fail"
         low, high = min(low, value), max(high, value)
+        checked = None if moved is None else axis.value(float(moved[number]))
         values.append(
             Value(
                 axis.key, axis.unit, value, low, high, place.open_low, place.open_high,
-                (axis.low, axis.high), end,
+                checked, (axis.low, axis.high), end,
             )
         )  # fmt: skip
     return tuple(values)
@@ -144,12 +149,13 @@ def _constraints(found: Findings) -> list[Kept]:
     kept = []
     for i, margin in enumerate(outputs.margins(best)):
         known = _known(found, outputs.name(i), 1 + i)
-        numerical = 0.0 if found.error is None else float(found.error[1 + i])
+        moved = np.nan if found.error is None else float(found.error[1 + i])
+        numerical = abs(float(np.nan_to_num(moved)))
         allowed = known.noise + 1e-9 * abs(margin.bound)
         kept.append(
             Kept(
-                outputs.text(i), known, margin.bound, margin.left, known.noise + numerical,
-                margin.left >= -allowed, binds[i],
+                outputs.text(i), known, margin.bound, margin.left, margin.left + moved,
+                known.noise + numerical, margin.left >= -allowed, binds[i],
             )
         )  # fmt: skip
     return kept

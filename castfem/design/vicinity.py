@@ -111,6 +111,24 @@ def intervals(model: Quadratic, scatter: Array, error: Array) -> list[Interval]:
     ]  # fmt: skip
 
 
+def moved_best(model: Quadratic, shift: Array) -> Array:
+    """Return the best place near an optimum if all margins were moved by something.
+
+    Args:
+        model: Of the runs near it.
+        shift: What the margins are moved by (m,), SI.
+
+    Returns:
+        Shares of the ranges (n,).
+    """
+    places, _, _ = _places(model)
+    values = model(places)
+    allowed = _nearest_to_allowed(
+        values[:, 1:] + shift, np.maximum(np.abs(shift), model.misfit[1:])
+    )
+    return np.asarray(places[allowed][np.argmin(values[allowed, 0])])
+
+
 def binding(model: Quadratic, scatter: Array) -> list[bool]:
     """Return of each constraint whether the objective would be better without it.
 

@@ -72,3 +72,15 @@ def test_beyond_a_range_its_end_is_taken(tmp_path):
     })  # fmt: skip
     found = Question(case).start(Evaluation(folder=strand(tmp_path)))
     assert found == pytest.approx([0.0, 0.3])
+
+
+@pytest.mark.parametrize("name", ["single", "double", "parabolic", "corner"])
+def test_shipped_questions(name: str, tmp_path: Path):
+    """Each can be asked, and begins within its ranges, where the strand of the thesis is."""
+    question = Question(load(f"billet125/optimum_{name}"))
+    assert question.needs_ideal
+    found = question.start(Evaluation(folder=strand(tmp_path)))
+    assert np.all((found > 0.0) & (found < 1.0))
+    best = question.case.with_(question.changes(question.at(found)))
+    assert best.mould is not None
+    assert best.optimise == question.case.optimise

@@ -99,6 +99,8 @@ def test_numerical_error_widens_the_interval():
     found = solve(study(**asked), given)
     assert found.checked == "default"
     assert found.constraints[0].known.numerical == pytest.approx(0.1e6)
+    assert found.constraints[0].checked == pytest.approx(-0.1e6, abs=2e3)
+    assert found.values[0].checked == pytest.approx(4.3, abs=0.01)
     assert covered(found, 4.1)
     assert covered(found, 4.3)
     assert found.values[0].high < 4.33

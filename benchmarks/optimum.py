@@ -1,0 +1,155 @@
+"""The best tapers of the 125 mm billet by castfem optimise, beside a grid of runs.
+
+The grid is what one would do without an optimiser: the objective where the constraint holds, read
+off monotone cubics through the runs of one variable, or at the grid's own best run of two.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from benchmarks.report import Output, table
+from castfem.api import load
+from castfem.design import Evaluator, Optimum, Study
+
+CASES = ("single", "corner", "double", "parabolic")
+# Ends [%/m] and runs along each variable; of one variable where the six moulds of docs/billet.md
+# leave the best: between 0 and +1 %/m.
+_GRID = {"single": (0.2, 1.0, 9), "corner": (-1.0, 3.0, 9)}
+_QUICK = {"single": (0.2, 1.0, 5)}
+SHOWN = {
+    "mould": "mould",
+    "best": "best [%/m]",
+    "checked": "with the heat of the next level [%/m]",
+    "interval": "cannot be told from [%/m]",
+    "stress": "peak stress [MPa]",
+    "noise": "its noise",
+    "numerical": "its numerical error",
+    "left": "heat beyond the bound [% of ideal]",
+    "runs": "runs of the search",
+    "all": "runs in all",
+    "minutes": "minutes of runs",
+}
+GRID = {
+    "mould": "mould",
+    "grid": "best by the grid [%/m]",
+    "grid_stress": "peak stress [MPa]",
+    "grid_runs": "runs of the grid",
+    "search": "best by the search [%/m]",
+    "stress": "its peak stress [MPa]",
+    "runs": "its runs",
+    "within": "grid in the interval",
+}
+
+
+def folder(name: str) -> Path:
+    """Where the runs of a case are kept."""
+    root = os.environ.get("CASTFEM_RUNS", "results/optimum")
+    return Path(root) / name
+
+
+def search(name: str) -> tuple[Study, Optimum]:
+    """The search of a shipped case."""
+    case = load(f"billet125/optimum_{name}")
+    with Evaluator(case, folder(name), processes=2) as evaluator:
+        study = Study(case, evaluator=evaluator, origin=f"billet125/optimum_{name}")
+        return study, study.solve()
+
+
+def answer(name: str, found: Optimum) -> dict[str, Any]:
+    """A row of the table of answers."""
+    objective, (kept,) = found.objective, found.constraints
+    assert objective is not None
+    ideal = kept.bound / 0.99
+    checked = [v.checked for v in found.values]
+    ends = [f"{v.low:.2f} to {v.high:.2f}" for v in found.values]
+    return {
+        "mould": name,
+        "best": ", ".join(f"{v.value:.2f}" for v in found.values),
+        "checked": ", ".join("?" if c is None else f"{c:.2f}" for c in checked),
+        "interval": ", ".join(ends),
+        "stress": 1e-6 * objective.value,
+        "noise": 1e-6 * objective.noise,
+        "numerical": 1e-6 * objective.numerical,
+        "left": 100.0 * kept.left / ideal,
+        "runs": found.runs["search"],
+        "all": found.runs["all"],
+        "minutes": found.seconds / 60.0,
+    }
+
+
+def grid(
+    name: str, study: Study, found: Optimum, low: float, high: float, count: int
+) -> dict[str, Any]:
+    """A grid of runs between two tapers, %/m, and its best."""
+    axes = study.question.axes
+    ticks = np.linspace(low, high, count)
+    places = itertools.product(ticks, repeat=len(axes))
+    wanted = [
+        study.question.at(np.array([a.share(v) for a, v in zip(axes, place, strict=True)]))
+        for place in places
+    ]
+    with Evaluator(study.question.case, folder(name), processes=2) as evaluator:
+        other = Study(study.question.case, evaluator=evaluator)
+        runs = other.run(wanted)
+    (kept,) = found.constraints
+    stress = np.array([np.nan if r.failed else 1e-6 * r["von_mises_max"] for r in runs])
+    left = np.array([-np.inf if r.failed else r["heat_removed"] - kept.bound for r in runs])
+    if len(axes) == 1:
+        values = np.array([w.values[0] for w in wanted])
+        fine = np.linspace(values[0], values[-1], 20001)
+        good = PchipInterpolator(values, left)(fine) >= 0.0
+        curve = np.where(good, PchipInterpolator(values, stress)(fine), np.inf)
+        best, least = [float(fine[np.argmin(curve)])], float(np.min(curve))
+    else:
+        number = int(np.nanargmin(np.where(left >= 0.0, stress, np.inf)))
+        best, least = list(wanted[number].values), float(stress[number])
+    half = 0.5 * (high - low) / (count - 1)
+    reach = [half if len(axes) > 1 else 0.0 for _ in axes]
+    inside = [
+        v.low - r <= b <= v.high + r for v, b, r in zip(found.values, best, reach, strict=True)
+    ]
+    objective = found.objective
+    assert objective is not None
+    return {
+        "mould": name,
+        "grid": ", ".join(f"{b:.2f}" for b in best),
+        "grid_stress": least,
+        "grid_runs": len(runs),
+        "search": ", ".join(f"{v.value:.2f}" for v in found.values),
+        "stress": 1e-6 * objective.value,
+        "runs": found.runs["search"],
+        "within": "yes" if all(inside) else "no",
+    }
+
+
+def main(output: Output, quick: bool) -> None:
+    """Search and grid; quick: the single taper alone, on a grid of five."""
+    sizes = _QUICK if quick else _GRID
+    answers, grids = [], []
+    for name in ("single",) if quick else CASES:
+        study, found = search(name)
+        answers.append(answer(name, found))
+        print(f"  {answers[-1]}", flush=True)
+        output.csv("optimum", answers)
+        if name in sizes:
+            grids.append(grid(name, study, found, *sizes[name]))
+            print(f"  {grids[-1]}", flush=True)
+            output.csv("optimum_grid", grids)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """Tables from the data."""
+    forms = {
+        "stress": ".2f", "noise": ".1g", "numerical": ".2g", "left": ".2f", "minutes": ".1f",
+        "grid_stress": ".2f",
+    }  # fmt: skip
+    output.insert("optimum answers", table(output.rows("optimum"), SHOWN, forms))
+    output.insert("optimum grid", table(output.rows("optimum_grid"), GRID, forms))
