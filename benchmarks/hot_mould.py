@@ -6,7 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 from mpi4py import MPI
@@ -59,7 +59,7 @@ TURNS = {
     "mould_mean_pressure_max": ("largest mean pressure [MPa]", 1e-6),
     "von_mises_max": ("peak stress [MPa]", 1e-6),
 }
-CELLS = ((1, 0.016), (1, 0.008), (2, 0.006), (2, 0.004), (3, 0.003), (3, 0.0024))
+CELLS = ((1, 0.016), (2, 0.012), (2, 0.0075), (2, 0.005), (3, 0.004), (3, 0.0024))
 """Through the wall, and largest size along it, m."""
 PROBE = "benchmarks.hot_mould"
 PARTS = ("tubes", "turns", "scale")
@@ -189,9 +189,10 @@ def probe(across: int, size: float, method: str) -> dict[str, Any]:
                                                "mould.tube.cell_size=60 mm"))  # fmt: skip
     hot_mould_of(small, comm, "tube")
     comm.Barrier()
-    start = perf_counter()
+    start, used = perf_counter(), process_time()
     (turn,) = hot_mould_of(case, comm, "tube")
     seconds = comm.allreduce(perf_counter() - start, op=MPI.MAX)
+    processor = comm.allreduce(process_time() - used, op=MPI.SUM)
     solved = turn.wall.distorted.solved
     return {
         "unknowns": solved.unknowns,
@@ -200,6 +201,7 @@ def probe(across: int, size: float, method: str) -> dict[str, Any]:
         "heat_iterations": turn.wall.heated.solved.iterations,
         "iterations": solved.iterations,
         "seconds": seconds,
+        "processor_seconds": processor,
         "memory_GB": 1e-9 * comm.allreduce(peak_memory(), op=MPI.SUM),
         "width_mm": 2e3 * float(turn.wall.displacement.at(0.3)[0, 0]),
         "width_exit_mm": 2e3 * float(turn.wall.displacement.at(0.6)[0, 0]),
@@ -248,10 +250,11 @@ def show(output: Output) -> None:
         headings = {
             "unknowns": "unknowns", "ranks": "ranks", "method": "method",
             "heat_iterations": "iterations, heat", "iterations": "iterations, displacement",
-            "seconds": "time [s]", "memory_GB": "memory [GB]", "width_mm": "wider at 300 mm [mm]",
+            "processor_seconds": "processor time [s]", "memory_GB": "memory [GB]",
+            "width_mm": "wider at 300 mm [mm]",
             "width_exit_mm": "at the exit [mm]", "stress_MPa": "stress [MPa]",
         }  # fmt: skip
-        formats = {"seconds": ".1f", "memory_GB": ".2f", "width_mm": ".4f",
+        formats = {"processor_seconds": ".1f", "memory_GB": ".2f", "width_mm": ".4f",
                    "width_exit_mm": ".4f", "stress_MPa": ".1f"}  # fmt: skip
         output.insert("hot_mould_scale", table(found, headings, formats))
     print("hot_mould: tables")

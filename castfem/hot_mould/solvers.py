@@ -13,8 +13,9 @@ from castfem.fem.snes import SolverOptions
 from castfem.values.types import Array
 
 Method = Literal["auto", "direct", "multigrid"]
-SMALL = 60_000
-"""Unknowns below which a factorisation is as fast as multigrid and asks for no iterations."""
+SMALL = 250_000
+"""Unknowns up to which a system is factored: a thin wall is nearly a surface, whose factors grow
+little faster than its unknowns (docs/hot_mould.md); memory sets the limit, 10 kB an unknown."""
 DIRECT = {
     "ksp_type": "preonly",
     "pc_type": "cholesky",
