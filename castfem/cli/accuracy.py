@@ -83,7 +83,8 @@ def _alone(options: Options) -> Path:
 
 def _folder(options: Options) -> Path:
     alone = _alone(options)
-    return options.folder or alone.with_name(alone.name + ERROR_ENDING)
+    named = alone.resolve() if alone.name in ("", "..") else alone
+    return options.folder or named.with_name(named.name + ERROR_ENDING)
 
 
 def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:

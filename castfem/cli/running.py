@@ -163,7 +163,8 @@ def _run_case(case: AnyCase, target: Path, comm: MPI.Intracomm | None, options: 
 
 def _take_errors(target: Path) -> None:
     """Put errors that have been found of the case beside the results of its run."""
-    path = target.with_name(target.name + ERROR_ENDING) / ERROR_NAME
+    whole = target.resolve()  # "." has no name
+    path = whole.with_name(whole.name + ERROR_ENDING) / ERROR_NAME
     if not path.is_file():
         return
     from castfem.accuracy.table import ErrorTable, attach

@@ -70,8 +70,8 @@ def test_the_rate_is_that_of_the_strain(tmp_path: Path) -> None:
         sampler = MechanicalSampler(simulation.mechanics, simulation.probes, ("mid_face",))
         before, now = (state.mechanical for state in kept.states[-2:])
         assert before is not None and now is not None
-        change = sampler._strain(now) - sampler._strain(before)
-        found = sampler._strain_rate(now)
+        change = sampler.strain(now) - sampler.strain(before)
+        found = sampler.strain_rate(now)
         goal = change / (now.time - before.time)
         assert np.abs(found - goal).max() < 1e-6 * np.abs(goal).max()
     finally:

@@ -144,11 +144,14 @@ def test_a_roll_that_is_off_reaches_strip_slice_and_effort(sound: Kept, off: Kep
         assert rolls_of(within(kept, 1)).beds["wide_face_intrados"].offset == 0.0
 
 
-def test_the_creeping_strip_goes_over_a_lost_roll(lost: Kept) -> None:
-    creep = run_in_memory(slab(LOST, mechanics__bulging="creep", casting__length="1.35 m"))
+def test_the_creeping_strip_goes_over_a_lost_roll() -> None:
+    """Of a shell that spans it: at the other tests' speed it would bulge by more than 5 %."""
+    slowly = {"casting__speed": "0.9 m/min", "casting__length": "1.35 m"}
+    creep = run_in_memory(slab(LOST, mechanics__bulging="creep", **slowly))
+    elastic = run_in_memory(slab(LOST, **slowly))
     memory = rolls_of(creep.samples[-1]).memory
     assert memory["z"][0, -1] == pytest.approx(2 * PITCH)
-    assert np.all(memory["largest"] > rolls_of(within(lost, 3)).memory["largest"])
+    assert np.all(memory["largest"] > rolls_of(within(elastic, 3)).memory["largest"])
     assert np.all(memory["error"] < 0.1 * memory["largest"])
 
 
