@@ -64,7 +64,7 @@ fi
 printf '== summary so far\n'
 printf '%s\n' "${summary[@]}"
 if [[ $what == all ]]; then
-  step 'pytest, 1 rank' inside python -m pytest -n "$(nproc)" --dist worksteal "$@"
+  step 'pytest, 1 rank' inside python -m pytest -n "$(env -u OMP_NUM_THREADS nproc)" --dist worksteal "$@"
 fi
 if [[ ${#failed[@]} -gt 0 ]]; then
   printf '== FAILED:'
