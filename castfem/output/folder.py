@@ -49,6 +49,7 @@ from castfem.support.atomic_files import (
     write_json,
 )
 from castfem.support.closing import Closing
+from castfem.support.file_lock import taken
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -76,19 +77,6 @@ ARTEFACTS = (
     *(SUMMARY_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME),
     *(f"{FIGURES_NAME}/{name}.png" for name in ALL_FIGURES),
 )
-
-
-def _locked(lock: FileLock) -> bool:
-    """Whether the lock was taken; False where the file system has none, as on some network mounts.
-
-    There two runs cannot be kept apart; run.json alone has to do.
-    """
-    try:
-        lock.acquire()
-    except NotImplementedError:
-        # filelock's word for a file system that knows no flock() (ENOSYS); no code is missing here.
-        return False
-    return True
 
 
 def _probe_files(case: bytes) -> list[str]:
@@ -258,7 +246,7 @@ class OutputFolder(Closing):
             return False
         probe = FileLock(lock, timeout=0)
         try:
-            locked = _locked(probe)
+            locked = taken(probe)
         except Timeout:
             return True
         except OSError:  # no right to the file: nobody can be told of
@@ -273,7 +261,7 @@ class OutputFolder(Closing):
 
         lock = FileLock(self / _LOCK_NAME, timeout=0)
         try:
-            locked = _locked(lock)
+            locked = taken(lock)
         except Timeout as error:
             raise InputError(
                 f"{self.path}: another run is writing here; wait for it, or choose another folder"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Container, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from castfem.errors import InputError
 from castfem.output.folder import CASE_NAME, PROPERTIES_NAME
 from castfem.output.run_record import RUN_NAME, RunRecord
 from castfem.support.atomic_files import write_json
+from castfem.support.file_lock import taken
 from castfem.sweep.plan import Variant
 from castfem.sweep.work import Job, Outcome
 
@@ -118,8 +119,9 @@ class Record:
 
         self.folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as held:
-            with suppress(NotImplementedError):
-                held.enter_context(FileLock(self.folder / _LOCK_NAME))
+            lock = FileLock(self.folder / _LOCK_NAME)
+            if taken(lock):
+                held.callback(lock.release)
             self.reload()
             yield
             self.save()
