@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from castfem.accuracy.table import Entry, ErrorTable, Part
 from castfem.output.summary import Quantity, to_si
 from castfem.report.headline import headline, plain_label
-from castfem.report.show import error_shown, shown, unit_shown
+from castfem.report.numbers import error_shown, shown, unit_shown
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -19,7 +19,7 @@ from castfem.cli import many_runs, parallel
 from castfem.output.folder import ERROR_ENDING
 from castfem.output.run_record import RUN_NAME
 from castfem.report.headline import plain_label
-from castfem.report.show import duration
+from castfem.report.numbers import duration
 from castfem.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from castfem.errors import InputError
 from castfem.output.summary import from_si
 from castfem.plots.calibration import Compared, draw_calibration
 from castfem.plots.style import save
-from castfem.report.show import error_shown, shown, unit_shown
+from castfem.report.numbers import error_shown, shown, unit_shown
 from castfem.sweep.view import View
 
 if TYPE_CHECKING:

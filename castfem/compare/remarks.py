@@ -8,7 +8,8 @@ from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, Line
 from castfem.output.summary import unit_of_difference
 from castfem.report.headline import plain_label
-from castfem.report.show import UNCHANGED, shown, unit_shown
+from castfem.report.numbers import shown, unit_shown
+from castfem.report.show import UNCHANGED
 
 _SEPARATOR = "; "  # between the parts of a note
 _HERE = "castfem compare"  # a part that sends the reader of a single run to this very table

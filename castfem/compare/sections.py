@@ -24,7 +24,7 @@ from castfem.plots.section import (
     state_shares,
 )
 from castfem.plots.shape import Distortion, von_mises
-from castfem.report.show import small_gap
+from castfem.report.numbers import small_gap
 from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:

@@ -16,8 +16,8 @@ import numpy as np
 from castfem.compare.runs import Run
 from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
 from castfem.report.headline import headline, plain_label
+from castfem.report.numbers import is_gap, shown, small_gap, unit_shown, with_error
 from castfem.report.remarks import mould_exit
-from castfem.report.show import is_gap, shown, small_gap, unit_shown, with_error
 from castfem.support.atomic_files import write_text
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from castfem.design.optimum import Kept, Known, Optimum, Value
 from castfem.output.summary import unit_of_difference
-from castfem.report.show import shown
+from castfem.report.numbers import shown
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -22,8 +22,9 @@ from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
 from castfem.output.xdmf import HDF5_NAME
+from castfem.report.numbers import finely, shown, unit_shown
 from castfem.report.remarks import remarks
-from castfem.report.show import finely, how_it_ended, shown, unit_shown
+from castfem.report.show import how_it_ended
 from castfem.support.atomic_files import write_text
 
 REPORT_NAME = "report.html"

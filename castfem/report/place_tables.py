@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from castfem.errors import InputError
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Quantity, Summary
+from castfem.report.numbers import shown, unit_shown
 from castfem.report.places import Place, places_of, table_names
-from castfem.report.show import shown, unit_shown
 from castfem.results.places import quantities_at
 
 if TYPE_CHECKING:

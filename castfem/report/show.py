@@ -15,7 +15,8 @@ from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.output.xdmf import HDF5_NAME
-from castfem.plots.history import plain_unit
+from castfem.report.numbers import cells, duration, finely, rounded, shown, unit_shown, with_error
+from castfem.report.place_tables import print_along, print_places
 from castfem.report.remarks import remarks
 from castfem.results.labels import last_quantities
 from castfem.values.same_place import ROUNDING
@@ -27,12 +28,9 @@ if TYPE_CHECKING:
 _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 _BRIEF = 0.01  # of the wall time; a stage that takes less is not named
 _LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
-_FINEST = 1e-4  # an error below is printed with its power of ten
-_SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
 _ENDS = ("liquid_end", "metallurgical_length")
 UNCHANGED = "of the unchanged case"
 """What stands in place of a difference where the case is not that of the reference any more."""
-_DECIMALS = {"degC": 1, "K": 1, "mm": 2}
 
 
 def show(
@@ -65,8 +63,6 @@ def show(
     if summary is not None and summary.title:
         out.print(summary.title, style="bold", highlight=False)
     _print(out, _status(record, running))
-    from castfem.report.place_tables import print_along, print_places
-
     if at:
         print_places(out, path, at)
         return
@@ -86,59 +82,6 @@ def show(
         _print(out, f"what happened: {path / LOG_NAME}")
     if figures:
         _print_figures(out, path)
-
-
-def shown(value: float, unit: str) -> str:
-    """A value as tables print it, without its unit; "-" when it does not exist."""
-    if not math.isfinite(value):
-        return "-"
-    if unit in _DECIMALS and abs(value) < 1e5:
-        digits = _DECIMALS[unit]
-        return f"{_rounded(value, digits):.{digits}f}"
-    if value == int(value) and abs(value) < 1e6:
-        return f"{value:.0f}"
-    return f"{value:.4g}"
-
-
-def error_shown(error: float) -> str:
-    """An error with two digits that count, without its unit; "-" when it does not exist."""
-    if not math.isfinite(error):
-        return "-"
-    if error == 0.0 or not _FINEST <= abs(error) < 1e5:
-        return f"{error:.2g}"
-    return f"{error:.{max(0, 1 - math.floor(math.log10(abs(error))))}f}"
-
-
-def with_error(value: str, error: float | None) -> str:
-    """A printed value with its error behind it, where there is one."""
-    if error is None or not math.isfinite(error):
-        return value
-    return f"{value} \N{PLUS-MINUS SIGN} {error_shown(error)}"
-
-
-def is_gap(name: str) -> bool:
-    """Whether a quantity is a gap to the mould, by its name."""
-    return name.startswith(("gap_", "mould_gap_"))
-
-
-def small_gap(value: float, unit: str) -> str | None:
-    """A gap below 0.01 mm in micrometres, without their unit; None if it is larger or none."""
-    if unit == "mm" and _NO_GAP <= abs(value) < _SMALL_GAP:
-        return f"{1e3 * value:.1f}"
-    return None
-
-
-def _cells(name: str, quantity: Quantity) -> tuple[str, str]:
-    """Value and unit of a quantity as the table of a run prints them."""
-    value, unit, error = quantity.shown, quantity.shown_unit, quantity.shown_error
-    if is_gap(name) and (small := small_gap(value, unit)) is not None:
-        return with_error(small, None if error is None else 1e3 * error), unit_shown("um")
-    return with_error(shown(value, unit), error), unit_shown(unit)
-
-
-def _rounded(value: float, digits: int) -> float:
-    """A value rounded, and 0 without a sign where nothing is left of it."""
-    return round(value, digits) + 0.0
 
 
 def _print(out: Console, text: str, style: str = "") -> None:
@@ -164,15 +107,6 @@ def _status(record: RunRecord, running: bool) -> str:
         times = "once" if record.resumed == 1 else f"{record.resumed} times"
         facts += f", resumed {times}"
     return f"{how} {facts}" + (f": {record.reason}" if record.reason else "")
-
-
-def duration(seconds: float) -> str:
-    """Seconds as a person says it."""
-    if seconds < 120:
-        return f"{seconds:.1f} s"
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
 
 
 def _table(title: str, *columns: str) -> Table:
@@ -294,15 +228,6 @@ def _wrapped(out: Console, text: str, start: str) -> list[str]:
     return lines or [start]
 
 
-def finely(value: float, unit: str) -> str:
-    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
-    if (small := small_gap(value, unit)) is not None:
-        return f"{small} {unit_shown('um')}"
-    if unit == "mm" and abs(value) < 1.0:
-        return f"{value:.3f} mm"
-    return f"{shown(value, unit)} {unit}"
-
-
 def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
     """Label, ours, unit, theirs, difference, source; one row a reference or a lone quantity.
 
@@ -320,7 +245,7 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
             label = label.replace("mid-face", "both faces") if same else label
         mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
         if all(c.reference.at is not None for c in mine):
-            rows.append((label, *_cells(name, quantity), "", "", ""))
+            rows.append((label, *cells(name, quantity), "", "", ""))
         rows.extend(_comparison_row(c, label, sources, quantity) for c in mine)
     for comparison in summary.references:
         if comparison.missing:
@@ -352,12 +277,7 @@ def _print_liquid_left(out: Console, summary: Summary) -> None:
 
 def _same(name: str, one: Quantity, other: Quantity | None) -> bool:
     """Whether two quantities would be printed alike, as those of the faces of a square."""
-    return other is not None and _cells(name, one) == _cells(name, other)
-
-
-def unit_shown(unit: str) -> str:
-    """A unit as tables print it."""
-    return plain_unit(unit).replace("percent", "%")
+    return other is not None and cells(name, one) == cells(name, other)
 
 
 def _comparison_row(
@@ -389,7 +309,7 @@ def _difference(comparison: Comparison, theirs: str) -> str:
     sign, before = "+", ""
     if comparison.met is False:
         sign, before, value, relative = "", "missed by ", abs(value), abs(relative)
-    text = f"{value:{sign}.4g}" if "e" in theirs else f"{_rounded(value, digits):{sign}.{digits}f}"
+    text = f"{value:{sign}.4g}" if "e" in theirs else f"{rounded(value, digits):{sign}.{digits}f}"
     if unit_of_difference(unit) != unit:
         text += f" {unit_of_difference(unit)}"
     if math.isfinite(relative):

@@ -197,7 +197,7 @@ def _folded(columns: Sequence[tuple[str, list[str]]]) -> list[tuple[str, list[st
 
 def _main_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     """Header and cells of the headline results, the most wanted first."""
-    from castfem.report.show import shown
+    from castfem.report.numbers import shown
 
     all_of = [row.quantities for row in table if row.quantities]
     found = []

@@ -15,7 +15,8 @@ from synthetic_run import write_run
 
 from castfem.errors import InputError
 from castfem.output.folder import FIGURES, OutputFolder
-from castfem.report.show import show, shown
+from castfem.report.numbers import shown
+from castfem.report.show import show
 
 
 def printed(folder: Path, **options: bool) -> str:

@@ -1,0 +1,88 @@
+"""How numbers, errors, units and times are printed in tables."""
+
+from __future__ import annotations
+
+import math
+
+from castfem.output.summary import Quantity
+from castfem.plots.history import plain_unit
+
+_FINEST = 1e-4  # an error below is printed with its power of ten
+_SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
+_DECIMALS = {"degC": 1, "K": 1, "mm": 2}
+
+
+def shown(value: float, unit: str) -> str:
+    """A value as tables print it, without its unit; "-" when it does not exist."""
+    if not math.isfinite(value):
+        return "-"
+    if unit in _DECIMALS and abs(value) < 1e5:
+        digits = _DECIMALS[unit]
+        return f"{rounded(value, digits):.{digits}f}"
+    if value == int(value) and abs(value) < 1e6:
+        return f"{value:.0f}"
+    return f"{value:.4g}"
+
+
+def error_shown(error: float) -> str:
+    """An error with two digits that count, without its unit; "-" when it does not exist."""
+    if not math.isfinite(error):
+        return "-"
+    if error == 0.0 or not _FINEST <= abs(error) < 1e5:
+        return f"{error:.2g}"
+    return f"{error:.{max(0, 1 - math.floor(math.log10(abs(error))))}f}"
+
+
+def with_error(value: str, error: float | None) -> str:
+    """A printed value with its error behind it, where there is one."""
+    if error is None or not math.isfinite(error):
+        return value
+    return f"{value} \N{PLUS-MINUS SIGN} {error_shown(error)}"
+
+
+def is_gap(name: str) -> bool:
+    """Whether a quantity is a gap to the mould, by its name."""
+    return name.startswith(("gap_", "mould_gap_"))
+
+
+def small_gap(value: float, unit: str) -> str | None:
+    """A gap below 0.01 mm in micrometres, without their unit; None if it is larger or none."""
+    if unit == "mm" and _NO_GAP <= abs(value) < _SMALL_GAP:
+        return f"{1e3 * value:.1f}"
+    return None
+
+
+def cells(name: str, quantity: Quantity) -> tuple[str, str]:
+    """Value and unit of a quantity as the table of a run prints them."""
+    value, unit, error = quantity.shown, quantity.shown_unit, quantity.shown_error
+    if is_gap(name) and (small := small_gap(value, unit)) is not None:
+        return with_error(small, None if error is None else 1e3 * error), unit_shown("um")
+    return with_error(shown(value, unit), error), unit_shown(unit)
+
+
+def finely(value: float, unit: str) -> str:
+    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
+    if (small := small_gap(value, unit)) is not None:
+        return f"{small} {unit_shown('um')}"
+    if unit == "mm" and abs(value) < 1.0:
+        return f"{value:.3f} mm"
+    return f"{shown(value, unit)} {unit}"
+
+
+def unit_shown(unit: str) -> str:
+    """A unit as tables print it."""
+    return plain_unit(unit).replace("percent", "%")
+
+
+def duration(seconds: float) -> str:
+    """Seconds as a person says it."""
+    if seconds < 120:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def rounded(value: float, digits: int) -> float:
+    """A value rounded, and 0 without a sign where nothing is left of it."""
+    return round(value, digits) + 0.0
