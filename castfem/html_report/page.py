@@ -16,14 +16,11 @@ from castfem.compare.table import SHARE, Line, cells, lines
 from castfem.errors import InputError
 from castfem.html_report import charts as drawn
 from castfem.html_report.sections import Section, section
-from castfem.output.fields import Fields
 from castfem.output.folder import CASE_NAME, FIGURES_NAME
-from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
-from castfem.output.xdmf import HDF5_NAME
 from castfem.report.numbers import finely, shown, unit_shown
-from castfem.report.remarks import remarks
+from castfem.report.remarks import remarks_of
 from castfem.report.show import how_it_ended
 from castfem.support.atomic_files import write_text
 
@@ -219,12 +216,7 @@ def _notes(runs: Sequence[Run]) -> Iterator[str]:
 def _remarks(run: Run) -> Iterator[dict[str, str]]:
     """What to look at in a run."""
     try:
-        table = read_history(run.folder / HISTORY_NAME)
-        if (run.folder / HDF5_NAME).is_file():
-            with Fields(run.folder) as fields:
-                found = remarks(table, run.summary, fields)
-        else:
-            found = remarks(table, run.summary)
+        found = remarks_of(run.folder, run.summary)
     except InputError:
         return
     for one in found:

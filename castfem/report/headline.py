@@ -44,8 +44,8 @@ HEADLINE = (
 )
 FROM_HISTORY = ("shell_least", "contact_lost", "contact_regained")
 """What tables of many runs have besides (`castfem.report.derived`)."""
-# Ends of the pool, which stand first, where any of the runs has come to them.
-_ENDS = ("liquid_end", "metallurgical_length")
+ENDS = ("liquid_end", "metallurgical_length")
+"""Ends of the pool, which stand first, where any of the runs has come to them."""
 # Place, position, roll, time and phase of the largest value of a map.
 _PLACE = re.compile(
     r", (?:[^,]+, (?:corner|[^,]+ from the corner)|x = [^,]+, y = [^,]+)"
@@ -74,7 +74,7 @@ def headline(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
 
 
 def _to_show(name: str, quantity: Quantity) -> bool:
-    return name not in _ENDS or math.isfinite(quantity.value)
+    return name not in ENDS or math.isfinite(quantity.value)
 
 
 def _same_as_mid_face(run: Mapping[str, Quantity], name: str) -> bool:

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.output.field_files import HDF5_NAME
 from castfem.output.fields import Fields
+from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
 from castfem.plots.history import STAIR, curves, has_values, unit_of
 from castfem.plots.section import Steel
@@ -69,6 +72,19 @@ class Spell:
     def length(self) -> float:
         """From start to end [m]."""
         return self.end - self.start
+
+
+def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
+    """What is worth a look in the run in a folder, with its fields if it has written some.
+
+    Raises:
+        InputError: It has no history, or a file is damaged.
+    """
+    table = read_history(folder / HISTORY_NAME)
+    if not (folder / HDF5_NAME).is_file():
+        return remarks(table, summary)
+    with Fields(folder) as fields:
+        return remarks(table, summary, fields)
 
 
 def remarks(

@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError, InputError
-from castfem.output.fields import Fields
 from castfem.output.folder import LOG_NAME, MAPS_NAME, ROWS_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
-from castfem.output.xdmf import HDF5_NAME
+from castfem.report.headline import ENDS
 from castfem.report.numbers import cells, duration, finely, rounded, shown, unit_shown, with_error
 from castfem.report.place_tables import print_along, print_places
-from castfem.report.remarks import remarks
+from castfem.report.remarks import remarks_of
 from castfem.results.labels import last_quantities
 from castfem.values.same_place import ROUNDING
 
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
 _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 _BRIEF = 0.01  # of the wall time; a stage that takes less is not named
 _LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
-_ENDS = ("liquid_end", "metallurgical_length")
 UNCHANGED = "of the unchanged case"
 """What stands in place of a difference where the case is not that of the reference any more."""
 
@@ -164,12 +162,7 @@ def _print_summary(out: Console, summary: Summary) -> None:
 def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
     """What is worth a look."""
     try:
-        table = read_history(path / HISTORY_NAME)
-        if (path / HDF5_NAME).is_file():
-            with Fields(path) as fields:
-                found = remarks(table, summary, fields)
-        else:
-            found = remarks(table, summary)
+        found = remarks_of(path, summary)
     except InputError:  # no history; what is damaged is told of when the figures are drawn
         return
     if not found:
@@ -256,7 +249,7 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
 
 def _ends_first(quantities: Mapping[str, Quantity]) -> list[tuple[str, Quantity]]:
     """The results, ends of the pool first where the strand has come to them."""
-    first = [n for n in _ENDS if n in quantities and math.isfinite(quantities[n].value)]
+    first = [n for n in ENDS if n in quantities and math.isfinite(quantities[n].value)]
     return [(n, quantities[n]) for n in dict.fromkeys((*first, *quantities))]
 
 
