@@ -313,11 +313,17 @@ class MechanicalProblem:
         return reductions.total(self.section.comm, float(residual @ residual))
 
     def _known(self, local: Array) -> bool:
-        """Whether `residual_state` belongs to these unknowns, on all ranks."""
-        same = self.residual_state is not None and np.array_equal(local, self.residual_state.local)
-        if self.section.comm.size == 1:
-            return same
-        return reductions.smallest(self.section.comm, np.array([float(same)])) > 0.0
+        """Whether `residual_state` belongs to these unknowns (collective)."""
+        known = self.residual_state
+        return self._same(local, None if known is None else known.local)
+
+    def _same(self, local: Array, known: Array | None) -> bool:
+        """Whether local unknowns are those that are known, on all ranks (collective).
+
+        A rank whose own stay may have the planes, or its neighbours' nodes, move.
+        """
+        same = known is not None and np.array_equal(local, known)
+        return not reductions.any_of(self.section.comm, not same)
 
     def free_scalars(self, local: Array) -> Array:
         """Free scalars, on every rank, of the local unknowns."""
@@ -332,7 +338,7 @@ class MechanicalProblem:
         generalized_strains = self.planes.scaled.generalized_strains(scalars)
         fields.generalized_strains.value[:] = generalized_strains
         # Contacts that are let go of change nothing of what the law has said.
-        if self._integrated is None or not np.array_equal(local, self._integrated):
+        if not self._same(local, self._integrated):
             self._integrated = None
             self._integrate()
             self._integrated = local.copy()

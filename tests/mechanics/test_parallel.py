@@ -108,6 +108,25 @@ def test_cellwise_values_do_not_depend_on_the_ranks() -> None:
         assert np.abs(fields[0] - fields[1]).max() < 1e-9 * np.abs(fields[0]).max()
 
 
+@pytest.mark.mpi
+def test_planes_that_move_strain_all_ranks() -> None:
+    """Their unknowns are kept by one rank; of the others none may have moved."""
+    setup = SliceSetup(mapped(5, 4, box(0.1, 0.1)), comm=MPI.COMM_WORLD)
+    problem = setup.problem
+    cold = np.zeros(setup.section.owned)
+    problem.begin(setup.state, 1.0, cold)
+    x, out = problem.bordered.vector(), problem.bordered.vector()
+    still = np.zeros(problem.owned)
+    for strain in (0.0, 1e-4):
+        scalars = np.array([strain]) / problem.planes.scaled.scaling
+        x.setArray(problem.bordered.join(still, scalars))
+        problem.residual(x, out)
+        stiff = 200e9 * 0.7 / (1.3 * 0.4)
+        assert problem.response.stress[:, 2] == pytest.approx(stiff * strain)
+    x.destroy()
+    out.destroy()
+
+
 SCRIPT = """
 import json, sys
 sys.path.insert(0, sys.argv[1])
