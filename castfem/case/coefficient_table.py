@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from castfem.values.csv_files import UnreadableError, read_csv
 from castfem.values.quantities import HeatTransferCoefficient, Kind, Notation, WaterFlow
+from castfem.values.table_notation import schema_of_columns
 from castfem.values.units import nearest
 
 if TYPE_CHECKING:
@@ -63,21 +64,8 @@ class NozzleTable(Notation):
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        column = {"type": "array", "items": {"type": ["number", "string"]}}
-        columns = {
-            "type": "object",
-            "properties": {name: column for name in _KINDS}
-            | {unit: {"type": "string"} for unit in _UNITS.values()},
-            "required": list(_KINDS),
-            "additionalProperties": False,
-        }
-        file = {
-            "type": "object",
-            "properties": {"file": {"type": "string"}},
-            "required": ["file"],
-            "additionalProperties": False,
-        }
-        return {"anyOf": [file, columns], "description": "h(T, W), from a file"}
+        ways = schema_of_columns(_KINDS, tuple(_UNITS.values()))
+        return {"anyOf": ways, "description": "h(T, W), from a file"}
 
 
 def _from_file(path: Path) -> CoefficientTable:

@@ -22,6 +22,7 @@ from castfem.mould.displaced import WallDisplacement
 from castfem.support.atomic_files import replacing
 from castfem.values.csv_files import UnreadableError, read_csv
 from castfem.values.quantities import Kind, Notation
+from castfem.values.table_notation import schema_of_columns
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -71,20 +72,8 @@ class WallShape(Notation):
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        column = {"type": "array", "items": {"type": ["number", "string"]}}
-        columns = {
-            "type": "object",
-            "properties": {name: column for name in COLUMNS} | {"unit": {"type": "string"}},
-            "required": list(COLUMNS),
-            "additionalProperties": False,
-        }
-        file = {
-            "type": "object",
-            "properties": {"file": {"type": "string"}},
-            "required": ["file"],
-            "additionalProperties": False,
-        }
-        return {"anyOf": [file, columns], "description": "displaced wall, from a file"}
+        ways = schema_of_columns(COLUMNS, ("unit",))
+        return {"anyOf": ways, "description": "displaced wall, from a file"}
 
 
 def flat(wall: WallDisplacement) -> Array:

@@ -15,7 +15,7 @@ or a CSV file, `{ file = "spray.csv" }`, whose header names the columns and thei
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -124,14 +124,8 @@ class Curve(Notation):
             "required": [self.over, "value"],
             "additionalProperties": False,
         }
-        file = {
-            "type": "object",
-            "properties": {"file": {"type": "string"}},
-            "required": ["file"],
-            "additionalProperties": False,
-        }
         text = f"{single['description']}; or a table over {self.over}"
-        return {"anyOf": [single, columns, file], "description": text}
+        return {"anyOf": [single, columns, _schema_of_file()], "description": text}
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +158,33 @@ class CurveOr(Curve):
         known = Curve.__get_pydantic_json_schema__(self, schema, handler)
         known["anyOf"] = [{"const": self.word}, *known["anyOf"]]
         return known
+
+
+def schema_of_columns(names: Collection[str], others: Collection[str]) -> list[dict[str, Any]]:
+    """Return the JSON schemas of a table in a file, and of one in columns.
+
+    Args:
+        names: Of the columns.
+        others: Keys that may stand beside them, such as that of a unit.
+    """
+    column = {"type": "array", "items": {"type": ["number", "string"]}}
+    columns = {
+        "type": "object",
+        "properties": {name: column for name in names}
+        | {key: {"type": "string"} for key in others},
+        "required": list(names),
+        "additionalProperties": False,
+    }
+    return [_schema_of_file(), columns]
+
+
+def _schema_of_file() -> dict[str, Any]:
+    return {
+        "type": "object",
+        "properties": {"file": {"type": "string"}},
+        "required": ["file"],
+        "additionalProperties": False,
+    }
 
 
 def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | None]:
