@@ -96,7 +96,7 @@ def gathered(rows: Array) -> WallDisplacement:
         )
     order = np.lexsort((rows[:, 1], rows[:, 0]))
     moved = rows[order, 2:].reshape(len(positions), len(ways), 2)
-    if not np.array_equal(rows[order, 1].reshape(len(positions), -1)[0], ways):
+    if not (rows[order, 1].reshape(len(positions), -1) == ways).all():
         raise ValueError("a place stands twice at one position of the displaced wall")
     return WallDisplacement(positions, ways, moved)
 
@@ -115,13 +115,15 @@ def read_wall(path: Path) -> WallDisplacement:
         raise ValueError(f"'{path}' line {file.line}: a header and rows are needed: {_HEADER}")
     rows = []
     for row in file.rows:
-        try:
-            cells = [
-                _KIND.read(f"{float(cell)!r} {heading.unit}")
-                for cell, heading in zip(row.cells, file.headings, strict=True)
-            ]
-        except ValueError as error:
-            raise ValueError(f"'{path}' line {row.line}: {error}") from None
+        where = f"'{path}' line {row.line}"
+        if len(row.cells) != len(COLUMNS):
+            raise ValueError(f"{where}: {len(row.cells)} cells, not {len(COLUMNS)}: {_HEADER}")
+        cells = []
+        for cell, heading in zip(row.cells, file.headings, strict=True):
+            try:
+                cells.append(_KIND.read(f"{cell} {heading.unit}"))
+            except ValueError as error:
+                raise ValueError(f"{where}: {heading.name} ({cell}): {error}") from None
         rows.append(cells)
     try:
         return gathered(np.array(rows))

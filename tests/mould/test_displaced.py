@@ -142,7 +142,17 @@ def test_case_takes_it_and_is_the_same_when_read_again(write, tmp_path: Path) ->
 
 WRONG = {
     "head": ("way [mm], x [mm]\n0, 0\n", r"line 1: a header and rows are needed: position \[mm\]"),
-    "text": ("position [mm], way [mm], x [mm], y [mm]\n0, 0, a, 0\n", "line 2: .*'a'"),
+    "text": ("position [mm], way [mm], x [mm], y [mm]\n0, 0, a, 0\n", r"line 2: x \(a\): "),
+    "cells": ("position [mm], way [mm], x [mm], y [mm]\n0, 0, 0\n", "line 2: 3 cells, not 4"),
+    "no unit": (
+        "position [mm], way, x [mm], y [mm]\n0, 0, 0, 0\n",
+        r"line 2: way \(0\): a length needs its unit",
+    ),
+    "twice": (
+        "position [mm], way [mm], x [mm], y [mm]\n"
+        + "".join(f"{z}, {s}, 0, 0\n" for z in (0, 1) for s in (0, 9, 9 if z else 18)),
+        "a place stands twice at one position",
+    ),
     "lacks": (
         "position [mm], way [mm], x [mm], y [mm]\n0, 0, 0, 0\n0, 9, 0, 0\n1, 0, 0, 0\n",
         "3 rows do not make 2 positions of 2 places",
