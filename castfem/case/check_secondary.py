@@ -296,7 +296,7 @@ def _water(places: np.ndarray, circuit: Circuit, model: NozzleModel) -> np.ndarr
 def _ranges(case: Case, circuit: Circuit, model: NozzleModel, path: Path) -> Iterator[Problem]:
     """Yield water outside of what the coefficient of its nozzles is known for."""
     from castfem.machine.sprays import footprint
-    from castfem.thermal.spray_water import LITRES
+    from castfem.thermal.sprays import WATER_DENSITY
 
     table, rolls = case.secondary, case.machine.pairs() if case.machine is not None else None
     assert table is not None and rolls is not None
@@ -308,7 +308,7 @@ def _ranges(case: Case, circuit: Circuit, model: NozzleModel, path: Path) -> Ite
         if not gaps or not shared:
             continue
         its = table.model_of(other)
-        each = LITRES * other.largest_flow / other.nozzles()
+        each = WATER_DENSITY * other.largest_flow / other.nozzles()
         total += each / footprint(other.stand_off, its.angle_along) * _water(places, other, its)
     most, known = float(total.max()), model.most_water()
     if math.isfinite(known) and most > known:

@@ -13,10 +13,10 @@ from pydantic import ConfigDict, Field
 from castfem.case.base import TableModel, written
 from castfem.case.variants import Variants
 from castfem.errors import InputError
-from castfem.machine.along import OverTime
+from castfem.machine.along import over_time
 from castfem.thermal import flux_laws, mould_flux
 from castfem.thermal.mould_flux import MOULD_FLUXES
-from castfem.thermal.sprays import CORRELATIONS
+from castfem.thermal.sprays import CORRELATIONS, WATER_DENSITY
 from castfem.values.curves import CurveOrName, CurveOverEither
 from castfem.values.quantities import (
     Conductivity,
@@ -71,10 +71,8 @@ ZoneFlow = Annotated[
     ),
 ]
 SprayedArea = Annotated[float, Kind("m^2", "m^2", above=0.0)]
-WATER_DENSITY = 1e3  # kg/m3
 HeatFlow = Annotated[float, Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW")]
 VolumeFlow = Annotated[float, Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min")]
-TemperatureOfTime = Annotated[float | Table, Curve(Kind("K", "degC"), over="time")]
 
 MOULD = "mould"
 WallTemperature = Annotated[str | float | Table, CurveOr(Kind("K", "degC"), "time", MOULD)]
@@ -114,12 +112,10 @@ class Surroundings:
     extent: Extent | None = None
 
     def over_time(self, given: str | float | Table) -> mould_flux.Value:
-        """Return a number, a table over position or time, or a named flux, over time in s."""
+        """Return a number, a table of what the slice meets, or a named flux, over time in s."""
         if isinstance(given, str):
             return MOULD_FLUXES[given].formula
-        if isinstance(given, Table) and given.over == "position":
-            return OverTime(given, self.machine)
-        return given
+        return over_time(given, self.machine) if isinstance(given, Table) else given
 
 
 class HeatLaw(Variants):
@@ -162,9 +158,14 @@ def kinks_in_time(value: Any, around: Surroundings) -> tuple[float, ...]:
     """Return the instants at which a value of a law changes its slope in time, s."""
     if isinstance(value, str) and value in MOULD_FLUXES:
         return MOULD_FLUXES[value].kinks
-    if not isinstance(value, Table) or value.over not in ("time", "position"):
+    if not isinstance(value, Table) or value.over == "temperature":
         return ()
-    return value.kinks if value.over == "time" else OverTime(value, around.machine).kinks
+    return over_time(value, around.machine).kinks
+
+
+def times(factor: float, value: mould_flux.Value) -> mould_flux.Value:
+    """Return a number, or a function of time, times a factor."""
+    return mould_flux.Scaled(factor, value) if callable(value) else factor * value
 
 
 class ScaledLaw(HeatLaw):
@@ -208,8 +209,7 @@ class ScaledLaw(HeatLaw):
                 f"{self.tag}: the flux takes {1e-3 * heat:.4g} kW in all and cannot be scaled to a "
                 "measured total; a curve that is above 0 is needed"
             )
-        factor = total / heat
-        return mould_flux.Scaled(factor, value) if callable(value) else factor * value
+        return times(total / heat, value)
 
 
 def _over_temperature(given: object) -> Table | None:
@@ -422,18 +422,12 @@ class Spray(HeatLaw):
             correlation, water, most, self.water_temperature, self.machine_factor
         )
 
-    def _water(self, around: Surroundings) -> float | Callable[[float], float]:
+    def _water(self, around: Surroundings) -> mould_flux.Value:
         """Return the water per area, kg/(m2 s): one number, or over time in s."""
         if self.flow is None:
             assert self.water is not None, "the case has been checked"
             return self.water
-        per_flow, given = self._per_flow(around), self.flow
-        if not isinstance(given, Table):
-            return per_flow * given
-        if given.over == "speed":
-            speed = around.machine.speed
-            return lambda time: per_flow * given(speed(time))
-        return lambda time: per_flow * given(time)
+        return times(self._per_flow(around), around.over_time(self.flow))
 
     def _per_flow(self, around: Surroundings) -> float:
         """Water per area for a flow of the zone, kg/m3 over m2."""

@@ -13,9 +13,8 @@ from pydantic import Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.coefficient_table import NozzleTable
-from castfem.case.cooling import CoefficientOfTemperature, EmissivityOfTemperature
+from castfem.case.cooling import CoefficientOfTemperature, EmissivityOfTemperature, ZoneFlow
 from castfem.thermal.sprays import CORRELATIONS
-from castfem.values.curves import CurveOverEither
 from castfem.values.quantities import (
     HeatTransferCoefficient,
     Kind,
@@ -35,14 +34,6 @@ if TYPE_CHECKING:
 Angle = Annotated[float, Kind("rad", "deg", above=0.0, most=3.0)]
 Place = Annotated[float, Kind("m", "mm")]
 Share = Annotated[float, Kind("1", above=0.0, most=0.9, label="share", sample="0.2")]
-Flow = Annotated[
-    float | Table,
-    CurveOverEither(
-        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
-        "speed",
-        ("time",),
-    ),
-]
 Edge = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.5")]
 FACES = ("wide_face_intrados", "wide_face_extrados", "narrow_face_right", "narrow_face_left")
 """Faces of a whole strand."""
@@ -128,7 +119,7 @@ class Circuit(TableModel):
     stand_off: Length = Field(
         description="distance of the nozzles from the surface", examples=["210 mm"]
     )
-    flow: Flow = Field(
+    flow: ZoneFlow = Field(
         description="water of all its nozzles together, on the whole strand; over the casting "
         "speed or the time since the slice left the meniscus"
     )

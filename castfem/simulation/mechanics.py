@@ -17,6 +17,7 @@ from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.errors import InputError
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.section import Section
+from castfem.machine.along import over_time
 from castfem.mechanics.bent_planes import BentPlanes
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
@@ -129,10 +130,8 @@ def _interactions(case: Case, machine: Machine, section: Section) -> tuple[Surfa
 
 def _shared(value: float | Table, machine: Machine, parts: int) -> TimeHistory:
     """What each of the equal parts of the section bears over time of a load on the whole."""
-    profile = as_function(value)
-    if isinstance(value, Table) and value.over == "position":
-        return lambda time: profile(machine.position(time)) / parts
-    return lambda time: profile(time) / parts
+    whole = over_time(value, machine)
+    return lambda time: whole(time) / parts
 
 
 def _planes(

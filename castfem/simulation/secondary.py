@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.errors import InputError
+from castfem.machine.along import over_time
 from castfem.machine.sprays import Kind, Row, Stretch, footprint
 from castfem.thermal.boundary import Cooling, Surface
 from castfem.thermal.flux_laws import Convection, Radiation, SurfaceLaw
-from castfem.thermal.spray_water import LITRES, RollShare, Share, SprayWater, water_across
-from castfem.values.tables import Table
+from castfem.thermal.spray_water import RollShare, Share, SprayWater, water_across
+from castfem.thermal.sprays import WATER_DENSITY
 
 if TYPE_CHECKING:
     from castfem.case import Case
@@ -66,7 +66,7 @@ class SecondaryCooling:
     ) -> None:
         table, rolls = case.secondary, None if case.machine is None else case.machine.pairs()
         assert table is not None and rolls is not None
-        self._table, self._machine = table, machine
+        self._table = table
         self.positions: list[float]
         self.coolings: list[Cooling]
         self._radiation, self._run_off = self._radiates(steel), None
@@ -74,7 +74,7 @@ class SecondaryCooling:
             self._run_off = Convection(table.run_off, table.water_temperature)
         rows = rows_of(case) if rows is None else rows
         circuits = {circuit.name: circuit for circuit in table.circuit}
-        self._flows = {name: self._flow(circuit) for name, circuit in circuits.items()}
+        self._flows = {name: over_time(one.flow, machine) for name, one in circuits.items()}
         end = max(case.casting.length, table.contacts(rolls)[-1][1] + 1.0)
         faces = []
         for name in surface.section.outer_groups:
@@ -97,37 +97,10 @@ class SecondaryCooling:
         emissivity = steel.emissivity if table.emissivity is None else table.emissivity
         return Radiation(emissivity, table.ambient)
 
-    def _flow(self, circuit: Circuit) -> Callable[[float], float]:
-        """Water of a circuit over time, m3/s."""
-        flow, speed = circuit.flow, self._machine.speed
-        if not isinstance(flow, Table):
-            return lambda time: flow
-        if flow.over == "time":
-            return lambda time: flow(time)
-        return lambda time: flow(speed(time))
-
     @property
     def changes(self) -> list[float]:
         """Instants at which water changes its slope in time, s."""
-        found: list[float] = []
-        for circuit in self._table.circuit:
-            flow = circuit.flow
-            if isinstance(flow, Table) and flow.over == "time":
-                found += flow.kinks
-            elif isinstance(flow, Table):
-                found += self._speeds_met(flow.arguments)
-        return found
-
-    def _speeds_met(self, speeds: tuple[float, ...]) -> list[float]:
-        """Instants at which the casting speed comes to given ones, m/s, up to its last kink."""
-        times, found = (0.0, *self._machine.kinks), []
-        for before, after in itertools.pairwise(times):
-            begun, ended = self._machine.speed(before), self._machine.speed(after)
-            if begun == ended:
-                continue
-            shares = ((speed - begun) / (ended - begun) for speed in speeds)
-            found += [before + s * (after - before) for s in shares if 0.0 < s < 1.0]
-        return found
+        return [kink for flow in self._flows.values() for kink in flow.kinks]
 
     def roll_contact(
         self, length: float, pitch: Sequence[tuple[float, tuple[SurfaceLaw, ...]]]
@@ -162,7 +135,7 @@ class SecondaryCooling:
         """What a row adds to the water at places across its face (n,), m."""
         model = self._table.model_of(circuit)
         width = footprint(circuit.stand_off, model.angle)
-        each = LITRES * row.share / circuit.nozzles() / (row.end - row.start)
+        each = WATER_DENSITY * row.share / circuit.nozzles() / (row.end - row.start)
         water = each * water_across(places, circuit.across, width, model.edge)
         h = model.coefficient(self._table.water_temperature)
         return Share(water, self._flows[row.circuit], circuit.largest_flow, h)

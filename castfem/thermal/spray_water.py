@@ -17,7 +17,6 @@ from castfem.thermal.flux_laws import SurfaceLaw, least_rise
 from castfem.thermal.sprays import Correlation
 from castfem.values.types import Array, Indices
 
-LITRES = 1e3  # kg of water in a cubic metre
 _DT = 1e-3  # K, half width of the difference quotient of a coefficient
 _COARSER = 5  # of temperatures at which a flux is asked whether it falls
 

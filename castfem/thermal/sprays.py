@@ -21,6 +21,7 @@ Flow = float | Array
 Formula = Callable[[Flow, float, Array], Array]
 """h, W/m2K (n,), of the water, L/(m2 s), the water's temperature, K, and surfaces (n,), K."""
 
+WATER_DENSITY = 1e3  # kg/m3
 WENDELSTORF_MOST = 30.0  # L/(m2 s)
 WENDELSTORF_EXCESS = (180.0, 1100.0)  # K
 

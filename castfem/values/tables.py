@@ -63,8 +63,8 @@ class Table:
     """A quantity given in rows: linear between them, or its logarithm is.
 
     Attributes:
-        over: What it depends on, "temperature", "time" or "position".
-        arguments: Strictly increasing, K, s or m.
+        over: What it depends on, one of `ARGUMENTS`.
+        arguments: Strictly increasing, SI.
         values: SI, as many as arguments, at least one.
         logarithmic: The logarithm is linear: levels that fall by a factor from row to row
             (strengths, creep rates).

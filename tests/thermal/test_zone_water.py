@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from small_case import small
@@ -12,6 +14,7 @@ from small_case import small
 import castfem
 from castfem.case.mould import Oscillation
 from castfem.errors import InputError
+from castfem.simulation.simulation import build
 from castfem.thermal import flux_laws
 from castfem.thermal.sprays import CORRELATIONS
 
@@ -47,6 +50,17 @@ def test_it_follows_the_casting_speed() -> None:
     table = {"speed": [2, 4], "speed_unit": "m/min", "value": [100, 300], "unit": "L/min"}
     at = heat({"flow": table, "area": "0.5 m^2"})
     assert at == pytest.approx(heat({"flow": "260 L/min", "area": "0.5 m^2"}), rel=1e-9)
+
+
+def test_steps_end_where_the_speed_comes_to_a_row() -> None:
+    """From 2 to 4 m/min in 0.5 s it is at 2.5 and 3.6 m/min after 0.125 and 0.4 s."""
+    table = {"speed": [2.5, 3.6, 9], "speed_unit": "m/min", "value": [1, 3, 4], "unit": "L/min"}
+    ramp = {"time": [0, 0.5], "time_unit": "s", "value": [2, 4], "unit": "m/min"}
+    case = small({SURFACE: [SPRAY | {"flow": table}], "casting.speed": ramp})
+    simulation = build(case, MPI.COMM_SELF)
+    found = [time for time in simulation.zones.changes if time < 0.5]
+    simulation.destroy()
+    assert found == pytest.approx([0.125, 0.4], rel=1e-12)
 
 
 def test_over_time_it_is_what_holds_at_the_time() -> None:
