@@ -17,7 +17,7 @@ from castfem.errors import InputError
 from castfem.fem import reductions
 from castfem.machine.along import OverTime
 from castfem.thermal import flux_laws
-from castfem.thermal.boundary import Cooling, Surface
+from castfem.thermal.boundary import Cooling, Patch, Surface
 from castfem.values.tables import Table
 from castfem.values.types import Array
 
@@ -139,10 +139,13 @@ class Zones:
 
     def perimeter(self) -> float:
         """Perimeter of the whole strand as it is now, m (collective)."""
+        return self._length(self._surface.whole())
+
+    def _length(self, patch: Patch) -> float:
+        """Perimeter of a part of the surface, on the whole strand, m (collective)."""
         section = self._surface.section
-        patch = self._surface.patch(section.matching(section.outer_groups))
-        whole = reductions.total(section.comm, float(patch.weights.sum()))
-        return section.multiplicity * whole
+        modelled = reductions.total(section.comm, float(patch.weights.sum()))
+        return section.multiplicity * modelled
 
     def surface_vertices(self) -> npt.NDArray[np.int64]:
         """Owned vertices on the strand's surface, cooled or not."""
@@ -158,11 +161,9 @@ class Zones:
         if not law.asks_extent:
             return self._around
         zone, length = self._case.cooling[index], self._case.casting.length
-        section = self._surface.section
-        mine = float(self._surface.patch(tags).weights.sum())
-        whole = section.multiplicity * reductions.total(section.comm, mine)
         end = length if zone.to is None else zone.to
-        return replace(self._around, extent=Extent(self.spans[index].start, end, whole))
+        extent = Extent(self.spans[index].start, end, self._length(self._surface.patch(tags)))
+        return replace(self._around, extent=extent)
 
     def _make(self, index: int) -> Cooling:
         span = self.spans[index]
