@@ -19,7 +19,9 @@ from castfem.results.registry import probe_label
 
 WIDTH, HEIGHT = 720, 260
 LEFT, RIGHT, TOP, BOTTOM = 64, 12, 10, 40
-_POINTS = 240  # of a curve; more are not seen on 640 pixels
+_POINTS, _FEWEST = 240, 30  # of a curve; more are not seen on 640 pixels
+_ROOM = 1_200_000  # bytes of all curves of a page
+_EACH = 30  # bytes of a point: once in the drawing, once for the pointer
 _DASHES = ("", "7 4", "2 3", "9 3 2 3")
 _TICKS = 6
 
@@ -78,11 +80,14 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
     Of one run the places of a quantity share a chart; of several each place has its own.
     """
     found = []
-    for definition, panels in figures(runs, runs[0], least=1):
+    drawn = figures(runs, runs[0], least=1)
+    count = sum(len(panel.curves) for _, panels in drawn for panel in panels)
+    points = min(_POINTS, max(_FEWEST, _ROOM // (_EACH * max(1, count))))
+    for definition, panels in drawn:
         if len(runs) == 1 and definition.quantity == "heat_share":
             continue
         title = definition.title.format(base=runs[0].label)
-        for unit, group in _groups(panels, alone=len(runs) == 1).items():
+        for unit, group in _groups(panels, points, alone=len(runs) == 1).items():
             factor, scaled = engineering(definition, next(p for p in panels if p.unit == unit))
             for place, series in group:
                 name = title if not place else f"{title}: {place}"
@@ -93,7 +98,7 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
 
 
 def _groups(
-    panels: Sequence[Panel], *, alone: bool
+    panels: Sequence[Panel], points: int, *, alone: bool
 ) -> dict[str, list[tuple[str, tuple[Series, ...]]]]:
     """Unit to charts, each with the place it is of (empty for all) and its curves."""
     found: dict[str, list[tuple[str, tuple[Series, ...]]]] = {}
@@ -101,7 +106,9 @@ def _groups(
         colours = list(probe_colours([f"run {i}" for i in range(8)]).values())
         for panel in panels:
             runs = tuple(
-                _series(curve, curve.run.label, colours[i % 8], _DASHES[(i // 8) % len(_DASHES)])
+                _series(
+                    curve, curve.run.label, colours[i % 8], _DASHES[i // 8 % len(_DASHES)], points
+                )
                 for i, curve in enumerate(panel.curves)
             )
             where = _place(panel.place)
@@ -111,7 +118,7 @@ def _groups(
     together: dict[str, list[Series]] = {}
     for panel in panels:
         label = _place(panel.place) or "strand"
-        one = _series(panel.curves[0], label, colours_of[panel.place], "")
+        one = _series(panel.curves[0], label, colours_of[panel.place], "", points)
         together.setdefault(panel.unit, []).append(one)
     return {unit: [("", tuple(series))] for unit, series in together.items()}
 
@@ -121,11 +128,11 @@ def _place(place: str) -> str:
     return {"max": "largest", "min": "smallest"}.get(place, probe_label(place) if place else "")
 
 
-def _series(curve: Curve, label: str, colour: str, dash: str) -> Series:
-    """A curve, thinned to what can be seen; its ends and extremes stay."""
+def _series(curve: Curve, label: str, colour: str, dash: str, points: int) -> Series:
+    """A curve, thinned to so many points; its ends and extremes stay."""
     x, y = np.asarray(curve.position, float), np.asarray(curve.values, float)
-    if len(x) > _POINTS:
-        kept = np.unique(np.linspace(0, len(x) - 1, _POINTS).round().astype(int))
+    if len(x) > points:
+        kept = np.unique(np.linspace(0, len(x) - 1, points).round().astype(int))
         if np.isfinite(y).any():
             kept = np.union1d(kept, [np.nanargmin(y), np.nanargmax(y)])
         x, y = x[kept], y[kept]

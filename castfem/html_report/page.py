@@ -161,7 +161,7 @@ def _part(run: Run, count: int) -> dict[str, Any]:
         "status": how_it_ended(record),
         "referred": referred,
         "remarks": list(_remarks(run)),
-        "section": section(run.folder),
+        "section": section(run.folder, count),
         "slice_data": "",
         "pictures": list(_pictures(run.folder, LARGEST / 2 / count)),
         "balances": [

@@ -16,7 +16,8 @@ from castfem.output.layout import UNITS
 from castfem.values.constants import ZERO_CELSIUS
 
 STATES = 16  # places at most
-_CELLS = 6000  # beyond it the page would be slow, and large
+_CELLS = 6000  # beyond it the page would be slow
+_ROOM, _EACH = 1_200_000, 110  # bytes of all sections of a page, and of a cell
 _SHADES = 24  # of a scale of colours
 _PICTURE = 460.0  # width or height of the drawing
 _SHOWN = {"temperature": "inferno", "von_mises": "viridis", "solid_fraction": "cividis"}
@@ -46,17 +47,23 @@ class Section:
     fields: tuple[dict[str, Any], ...]
 
 
-def section(folder: Path) -> Section | None:
-    """The section of a run; None if it has no fields, or too many cells for a page."""
+def section(folder: Path, runs: int = 1) -> Section | None:
+    """The section of a run; None if it has no fields, or too many cells for a page.
+
+    Args:
+        folder: Of the run.
+        runs: How many share the page. The more, the fewer places each has, and the fewer cells.
+    """
     if not (folder / HDF5_NAME).is_file():
         return None
     with Fields(folder) as fields:
         names = [name for name in _SHOWN if name in fields.names and fields.centre(name) == "point"]
-        if not names or not 0 < len(fields.cells) <= _CELLS:
+        if not names or not 0 < len(fields.cells) <= min(_CELLS, _ROOM // (_EACH * runs)):
             return None
         corners = fields.cells[:, : _CORNERS[fields.cell]]
         count = len(fields.times)
-        chosen = np.unique(np.linspace(0, count - 1, min(STATES, count)).round().astype(int))
+        places = min(max(1, STATES // runs), count)
+        chosen = np.unique(np.linspace(count - 1, 0, places).round().astype(int))  # the end first
         box, polygons = _polygons(fields.points[:, :2], corners, str(_part(fields)))
         shown = tuple(_field(fields, name, corners, chosen) for name in names)
         positions = tuple(float(fields.positions[i]) for i in chosen)

@@ -115,6 +115,23 @@ def test_several_runs_side_by_side(folder: Path, tmp_path: Path) -> None:
     assert any(e.text == "added.key" for e in root.iter(f"{NAMESPACE}code"))
 
 
+def test_a_page_of_many_runs_stays_small(tmp_path: Path) -> None:
+    """Curves have fewer points and sections fewer places; the ends stay."""
+    folder = write_run(tmp_path / "one", steps=300)
+    folders = [tmp_path / f"run{i:02d}" for i in range(36)]
+    for other in folders:
+        shutil.copytree(folder, other, ignore=shutil.ignore_patterns("figures"))
+    page = write(folders, tmp_path / "many.html")
+    assert page.stat().st_size < LARGEST
+    text = page.read_text(encoding="utf-8")
+    root = parsed(text)
+    one = next(e for e in root.iter(f"{NAMESPACE}script") if e.get("id") == "chart0")
+    curves = json.loads(one.text or "")["curves"]
+    assert len(curves) == 36 and curves[0]["x"][-1] == pytest.approx(0.6)
+    whole, few = section(folder), section(folder, 24)
+    assert whole is not None and few is not None and few.positions == whole.positions[-1:]
+
+
 def test_text_of_a_case_ends_no_script(folder: Path, tmp_path: Path) -> None:
     """A title is data, not markup."""
     other = tmp_path / "other"
