@@ -62,14 +62,26 @@ def rank_of(comm: MPI.Intracomm | None) -> int:
     return 0 if comm is None else int(comm.rank)
 
 
+def pass_on() -> None:
+    """Let a launcher pass on what was printed, before something is printed on the other stream.
+
+    Lines of one rank that reach Open MPI's launcher on both streams at once may leave it mixed up:
+    the text on one stream, its line end on the other.
+    """
+    sys.stdout.flush()
+    sys.stderr.flush()
+    if launched()[1] > 1:
+        time.sleep(_DRAINED)
+
+
 def settle() -> None:
     """Wait a little for the other ranks, so that rank 0 has printed before the first one ends.
 
     A launcher ends all ranks as soon as one leaves with an exit status, and may then leave unread
     what was just printed: it gets a moment for that.
     """
-    for stream in (sys.stdout, sys.stderr):
-        stream.flush()
+    sys.stdout.flush()
+    sys.stderr.flush()
     comm = communicator()
     if comm is not None:
         from castfem.fem.root import all_arrive

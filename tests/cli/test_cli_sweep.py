@@ -212,8 +212,9 @@ def test_over_ranks(tmp_path):
     words = ("-m", "castfem.cli", "sweep", "small", *SPEEDS, "--set", NEVER, "-o", "out")
     done = python_on(3, *words, folder=tmp_path, timeout=120.0)
     assert done.returncode == 2, done.stderr
-    assert done.stdout.count("table in out/sweep.csv") == 1
-    assert done.stderr.count("castfem: 2 of 4 runs failed") == 1
+    said = done.stdout + done.stderr  # a busy launcher mixes up the streams of a rank
+    assert said.count("table in out/sweep.csv") == 1
+    assert said.count("castfem: 2 of 4 runs failed") == 1
     rows = _table(tmp_path / "out")
     assert sorted(row["status"] for row in rows) == ["failed", "failed", "finished", "finished"]
     for row in rows:
