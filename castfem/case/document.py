@@ -348,6 +348,17 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
         document.origins[(*path, last)] = label
 
 
+def value_at(data: Mapping[str, Any], key: str) -> Any:
+    """Return what stands under a dotted key, None where nothing does."""
+    place: Any = data
+    for part in key.split("."):
+        step = _step(place, part.strip())
+        if step is None or (isinstance(place, Mapping) and step not in place):
+            return None
+        place = place[step]
+    return place
+
+
 def _step(place: Any, part: str) -> str | int | None:
     """Return the key or index that `part` means in a table or array, None if there is none."""
     if isinstance(place, Mapping):

@@ -130,6 +130,20 @@ def changed(
     return _or_raise(_validate(written))
 
 
+def value_of(case: Case, key: str) -> Any:
+    """Return what a case has under a key, as a case file has it; None where it has nothing.
+
+    Args:
+        case: The case.
+        key: Dotted or bare, as `changed` takes it.
+
+    Raises:
+        ValueError: No key has this bare name, or several have.
+    """
+    data = case.document()
+    return document.value_at(data, key_names.full_key(Case, data, key))
+
+
 def _or_raise(reading: Reading) -> Case:
     if reading.problems or reading.case is None:
         raise InputError(reading.problems)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.case.load import value_of
 from castfem.design.calibrate import Fit, Fitted, Free, fit
 from castfem.design.evaluator import Evaluator
 from castfem.design.measured import Measured, residuals
@@ -125,22 +126,8 @@ def _computed(folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
 
 def _start(case: Case, key: Free) -> float:
     """The value of a key in the case, in the unit of its bounds; the middle of them without."""
-    place: Any = case.document()
-    for part in key.key.split("."):
-        if isinstance(place, list):
-            names = [str(entry.get("name")) for entry in place]
-            place = place[names.index(part) if part in names else int(part)]
-        else:
-            place = place.get(part) if isinstance(place, dict) else None
-        if place is None:
-            return 0.5 * (key.low + key.high)
-    if isinstance(place, int | float):
-        return float(place)
-    try:
-        value, si = units.parse_any(place)
-        return units.convert(value, si, key.unit or "1")
-    except (ValueError, TypeError):
-        return 0.5 * (key.low + key.high)
+    value = units.number_in(value_of(case, key.key), key.unit)
+    return 0.5 * (key.low + key.high) if value is None else value
 
 
 def _text(values: Mapping[str, str]) -> str:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.case.load import changed
+from castfem.case.load import changed, value_of
 from castfem.case.optimise import Bound, Optimise, Variable
 from castfem.errors import InputError
 from castfem.values import units
@@ -177,16 +176,12 @@ class Question:
         """
         from castfem.design.ideal_taper import fitted
 
-        document = self.case.document()
-        found: list[float | None] = []
+        found: list[float] = []
         for axis, variable in zip(self.axes, self.table.variable, strict=True):
-            given = variable.start or _at(document, axis.key)
-            try:
-                value, si = units.parse_any(given)
-                found.append(axis.share(units.convert(value, si, axis.unit or "1")))
-            except ValueError:
-                found.append(None)
-        begun = np.array([0.5 if share is None else share for share in found])
+            given = value_of(self.case, axis.key) if variable.start is None else variable.start
+            value = units.number_in(given, axis.unit)
+            found.append(0.5 if value is None else axis.share(value))
+        begun = np.array(found)
         free = [
             i
             for i, (axis, variable) in enumerate(zip(self.axes, self.table.variable, strict=True))
@@ -195,16 +190,3 @@ class Question:
         if free and ideal is not None and ideal.folder is not None and not ideal.failed:
             return fitted(self, begun, free, ideal.folder)
         return begun
-
-
-def _at(document: Mapping[str, Any], key: str) -> Any:
-    """The value under a dotted key, "" where there is none that is plain."""
-    place: Any = document
-    for part in key.split("."):
-        if isinstance(place, Mapping):
-            place = place.get(part, "")
-        elif isinstance(place, Sequence) and not isinstance(place, str) and part.isdigit():
-            place = place[int(part)] if int(part) < len(place) else ""
-        else:
-            return ""
-    return place if isinstance(place, str | int | float) else ""

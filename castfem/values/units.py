@@ -278,6 +278,18 @@ def parse_any(text: object) -> tuple[float, str]:
     return parse(text, si), si
 
 
+def number_in(text: object, unit: str) -> float | None:
+    """Return a quantity as a number of a unit, "" for none; None of what measures something else.
+
+    A table, a word or nothing is no quantity either.
+    """
+    try:
+        value, si = parse_any(text)
+        return convert(value, si, unit or "1")
+    except ValueError:
+        return None
+
+
 def convert(value: float, si: str, unit: str, *, difference: bool = False) -> float:
     """Return an SI value in another unit: `convert(433.15, "K", "degC")` is 160.
 

@@ -105,3 +105,20 @@ def test_numbers_without_unit():
     question = Question(asked)
     wanted = question.at(question.start(None))
     assert question.changes(wanted) == {"mould.friction.coefficient": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("key", "ends", "expected"),
+    [
+        ("cooling.mould.surface.0.coefficient", ["1 kW/(m^2 K)", "3 kW/(m^2 K)"], 0.3),
+        ("cooling.0.surface.0.coefficient", ["1 kW/(m^2 K)", "3 kW/(m^2 K)"], 0.3),
+        ("speed", ["2 m/min", "6 m/min"], 0.4),
+        ("casting.speed", ["0.02 m/s", "0.07 m/s"], 0.8),
+    ],
+)
+def test_a_search_begins_with_the_value_of_the_case(key: str, ends: list[str], expected: float):
+    """Zones are called by their names or numbers, keys with or without their tables."""
+    case = small({"casting.speed": "3.6 m/min"})
+    asked = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
+    question = Question(case.with_({"optimise": asked}))
+    assert question.start(None) == pytest.approx([expected])
