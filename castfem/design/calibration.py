@@ -14,7 +14,7 @@ import numpy as np
 
 from castfem.case.load import value_of
 from castfem.design.calibrate import Fit, Fitted, Free, fit
-from castfem.design.evaluator import Evaluator
+from castfem.design.evaluator import Evaluator, variant
 from castfem.design.measured import Measured, residuals
 from castfem.errors import InputError, RunFailure
 from castfem.output.history import HISTORY_NAME, read_history
@@ -75,7 +75,7 @@ def calibrate(
     known: dict[str, list[Quantity]] = {}
 
     def many(values: Sequence[Mapping[str, str]]) -> list[Array]:
-        cases = [evaluator.changed(one) for one in values]
+        cases = [variant(evaluator.case, one) for one in values]
         found = evaluator.evaluate(cases, values, watcher)
         for one, run in zip(values, found, strict=True):
             if run.failed or run.folder is None:

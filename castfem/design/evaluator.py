@@ -91,22 +91,9 @@ class Evaluator(Closing):
         self, changes: Sequence[Mapping[str, Any]], fidelity: str = DEFAULT
     ) -> list[Evaluation]:
         """Return what the case gives with each of some changes; see `__call__`."""
-        cases = [self.changed(one, fidelity) for one in changes]
+        cases = [variant(self.case, one, fidelity) for one in changes]
         given = [{key: shown(value).strip('"') for key, value in one.items()} for one in changes]
         return self.evaluate(cases, given)
-
-    def changed(
-        self, changes: Mapping[str, Any], fidelity: str = DEFAULT, ideal: bool = False
-    ) -> Case:
-        """Return the case that is run for some changes.
-
-        Args:
-            changes: As `__call__`.
-            fidelity: Likewise.
-            ideal: In the idealised mould instead of its own.
-        """
-        case = changed(self.case, changes) if changes else self.case
-        return at_level(lean(idealised(case)) if ideal else case, fidelity)
 
     def evaluate(
         self,
@@ -183,6 +170,24 @@ def serve(comm: MPI.Intracomm) -> None:
 
     while comm.bcast(None):
         run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+
+
+def variant(
+    case: Case, changes: Mapping[str, Any], fidelity: str = DEFAULT, *, ideal: bool = False
+) -> Case:
+    """Return the case that is run for some changes.
+
+    Args:
+        case: The case, from `lean`.
+        changes: Dotted key and new value, as `Case.with_` takes them.
+        fidelity: A word of `castfem.design.fidelity`.
+        ideal: In the idealised mould instead of its own.
+
+    Raises:
+        InputError: The changed case is not sound.
+    """
+    made = changed(case, changes) if changes else case
+    return at_level(lean(idealised(made)) if ideal else made, fidelity)
 
 
 def lean(case: Case) -> Case:

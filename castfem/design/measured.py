@@ -31,14 +31,12 @@ class Measured:
         position: Below the meniscus, m.
         name: Of the result, as in history.csv.
         value: In SI. error: Its standard deviation in SI; NaN where none is given.
-        unit: In which it was given.
     """
 
     position: float
     name: str
     value: float
     error: float
-    unit: str
 
 
 def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
@@ -83,7 +81,7 @@ def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
             off = math.nan if own is None else _si(*own, where, difference=True)
             if off <= 0.0:
                 raise InputError(f"{where}: {name}{_ERROR} must be above 0")
-            found.append(Measured(place, name, _si(*cell, where), off, cell[0].unit or "-"))
+            found.append(Measured(place, name, _si(*cell, where), off))
     _check_errors(path, found)
     return found
 
@@ -139,7 +137,7 @@ def _check_errors(path: Path, found: list[Measured]) -> None:
 
 
 def residuals(measured: list[Measured], computed: list[Quantity | None]) -> np.ndarray:
-    """(computed - measured)/error, in the unit given where there is no error (n,)."""
+    """(computed - measured)/error, the difference in SI where there is no error (n,)."""
     found = []
     for data, ours in zip(measured, computed, strict=True):
         if ours is None or not math.isfinite(ours.value):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -216,8 +216,3 @@ def _known(known: Known) -> dict[str, Any]:
         "noise": known.shown_difference(known.noise),
         "numerical": known.shown_difference(known.numerical),
     }
-
-
-def counted(sequence: Sequence[Any], what: str) -> str:
-    """A count in words: `3 runs`."""
-    return f"{len(sequence)} {what}{'' if len(sequence) == 1 else 's'}"

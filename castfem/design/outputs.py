@@ -59,8 +59,6 @@ class Outputs:
     Args:
         question: What is asked.
         look: Gives what a run has given, None where it has not been done.
-        objective: Which of the question's objectives counts.
-        extra: Further constraints in SI: result, sign as in `Margin`, bound.
         obtain: Does the runs that are missing; None where they are to be asked for.
 
     Attributes:
@@ -71,13 +69,10 @@ class Outputs:
         self,
         question: Question,
         look: Look,
-        objective: int = 0,
-        extra: Sequence[tuple[str, float, float]] = (),
         obtain: Obtain | None = None,
     ) -> None:
-        self.question, self._look, self._extra = question, look, tuple(extra)
-        self._obtain = obtain
-        self.objective, self.sense = question.table.objectives[objective]
+        self.question, self._look, self._obtain = question, look, obtain
+        ((self.objective, self.sense),) = question.table.objectives
         self.seen: dict[Wanted, Evaluation] = {}
 
     def fetch(self, wanted: Sequence[Wanted]) -> list[Evaluation]:
@@ -105,20 +100,15 @@ class Outputs:
     @property
     def count(self) -> int:
         """How many constraints there are."""
-        return len(self.question.bounds) + len(self._extra)
+        return len(self.question.bounds)
 
     def text(self, number: int) -> str:
         """A constraint in words."""
-        if number < len(self.question.bounds):
-            return self.question.bounds[number].text.strip()
-        name, sign, value = self._extra[number - len(self.question.bounds)]
-        return f"{name} {'>=' if sign > 0 else '<='} {value:.6g} (SI)"
+        return self.question.bounds[number].text.strip()
 
     def name(self, number: int) -> str:
         """The result that a constraint is about."""
-        if number < len(self.question.bounds):
-            return self.question.bounds[number].quantity
-        return self._extra[number - len(self.question.bounds)][0]
+        return self.question.bounds[number].quantity
 
     def value(self, wanted: Wanted) -> float:
         """The objective of a run in SI, as it is.
@@ -146,8 +136,6 @@ class Outputs:
             if bound.relative:
                 limit *= self._ideal(wanted, bound.quantity)
             found.append(Margin(own, limit, bound.sign))
-        for name, sign, limit in self._extra:
-            found.append(Margin(self._quantity(given, name, "objective").value, limit, sign))
         return found
 
     def vector(self, wanted: Wanted) -> Array:

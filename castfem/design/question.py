@@ -139,12 +139,6 @@ class Question:
         )
         return self.case.mould is not None and (tapers or any(b.relative for b in self.bounds))
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Results that are asked for, each once."""
-        objectives = [name for name, _ in self.table.objectives]
-        return tuple(dict.fromkeys([*objectives, *(b.quantity for b in self.bounds)]))
-
     def at(self, shares: Array, fidelity: str = "") -> Wanted:
         """The run at shares of the ranges (n,)."""
         values = tuple(a.value(float(u)) for a, u in zip(self.axes, shares, strict=True))

@@ -1,6 +1,6 @@
 """A search that is driven from outside: ask which runs it needs, tell what they have given.
 
-study = Study(castfem.load("billet125/optimum_single"), "folder")
+study = Study(castfem.load("billet125/optimum_single"))
 while wanted := study.ask():
 for one in wanted:
 study.tell(one, castfem.run(study.case(one)))
@@ -16,11 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.api import Result
-from castfem.case.load import changed
 from castfem.case.result_names import unit_of
 from castfem.design import vicinity
-from castfem.design.evaluator import Evaluator, Watcher, lean
-from castfem.design.fidelity import DEFAULT, LEVELS, at_level, idealised
+from castfem.design.evaluator import Evaluator, Watcher, lean, variant
+from castfem.design.fidelity import DEFAULT, LEVELS
 from castfem.design.optimum import Optimum
 from castfem.design.outputs import Needs, Obtain, Outputs
 from castfem.design.question import Question, Wanted
@@ -99,19 +98,19 @@ class Study:
             InputError: The study has no folder, or a run has no result that is asked for.
             RunFailure: A file cannot be written.
         """
-        self._result = self._solved(obtain or (lambda wanted: self._run(wanted, watcher)))
-        return self._result
 
-    def _run(self, wanted: Sequence[Wanted], watcher: Watcher | None) -> None:
-        self.run(wanted, watcher)
+        def run(wanted: Sequence[Wanted]) -> None:
+            self.run(wanted, watcher)
+
+        self._result = self._solved(obtain or run)
+        return self._result
 
     def case(self, wanted: Wanted) -> Case:
         """Return the case of a run that is wanted."""
         if wanted not in self._cases:
-            changes = self.question.changes(wanted)
-            case = changed(self._lean, changes) if changes else self._lean
-            case = lean(idealised(case)) if wanted.ideal else case
-            self._cases[wanted] = at_level(case, wanted.fidelity)
+            self._cases[wanted] = variant(
+                self._lean, self.question.changes(wanted), wanted.fidelity, ideal=wanted.ideal
+            )
         return self._cases[wanted]
 
     def tell(self, wanted: Wanted, given: Evaluation | Result | Mapping[str, float]) -> None:
