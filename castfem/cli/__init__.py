@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _on_all_ranks(words: Sequence[str]) -> bool:
     """Return whether it is done by all ranks: runs are, everything else by rank 0 alone."""
-    return words[:1] in (["run"], ["sweep"], ["error"])
+    return words[:1] in (["run"], ["sweep"], ["error"], ["optimise"], ["calibrate"])
 
 
 def execute(arguments: Sequence[str] | None = None) -> int:

@@ -60,7 +60,9 @@ def error_of_case(options: Options) -> int:
         RunFailure: The case itself does not come to its end, or a file cannot be written.
     """
     return many_runs.on_root(
-        lambda ranks: _prepared(options, ranks), lambda ladder, comm: _done(ladder, options, comm)
+        lambda ranks: _prepared(options, ranks),
+        lambda ladder, comm: _done(ladder, options, comm),
+        many_runs.assist,
     )
 
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.case import load_case, shipped_cases
+from castfem.case import Case, load_case, shipped_cases
 from castfem.cli import many_runs, parallel
-from castfem.design.calibrate import read_free
+from castfem.design.calibrate import Free, read_free
 from castfem.design.calibration import Calibration, calibrate, followed, scaled, write
-from castfem.design.evaluator import Evaluator
-from castfem.design.measured import read_measured
+from castfem.design.evaluator import Evaluator, serve
+from castfem.design.measured import Measured, read_measured
 from castfem.errors import InputError
 from castfem.output.summary import from_si
 from castfem.plots.calibration import Compared, draw_calibration
@@ -38,8 +39,8 @@ def calibrate_case(
     processes: int | None = None,
     *,
     quiet: bool = False,
-) -> None:
-    """Fit, print and write.
+) -> int:
+    """Fit, print and write, and return the exit status (collective).
 
     Args:
         name: Case file or name of a shipped case.
@@ -54,28 +55,50 @@ def calibrate_case(
         InputError: Something the user wrote cannot be used.
         RunFailure: A run of the fit failed, or a file cannot be written.
     """
-    path = shipped_cases.find(name)
-    case, keys = load_case(path, overrides), [read_free(one) for one in free]
-    if not keys:
-        raise InputError("calibrate: name what is to be fitted, --free KEY=LOW..HIGH")
-    for key in keys:  # both bounds must be a sound case, and told before anything runs
-        for value in (key.low, key.high):
-            case.with_({key.key: key.text(value)})
-    measured = read_measured(data)
-    alone = shipped_cases.default_folder(name, path)
-    target = folder or alone.with_name(f"{alone.name}_calibration")
-    at_once = many_runs.cores() if processes is None else processes
-    view = View(0, 0, quiet=True)
-    with Evaluator(followed(case, measured), target, processes=at_once) as evaluator:
-        found = calibrate(case, measured, keys, evaluator, view)
+
+    def prepare(ranks: bool) -> _Question:
+        if processes != 0:
+            many_runs.check_processes(processes, ranks)
+        path = shipped_cases.find(name)
+        case, keys = load_case(path, overrides), [read_free(one) for one in free]
+        if not keys:
+            raise InputError("calibrate: name what is to be fitted, --free KEY=LOW..HIGH")
+        for key in keys:  # both bounds must be a sound case, and told before anything runs
+            for value in (key.low, key.high):
+                case.with_({key.key: key.text(value)})
+        measured = read_measured(data)
+        alone = shipped_cases.default_folder(name, path)
+        target = folder or alone.with_name(f"{alone.name}_calibration")
+        evaluator = many_runs.evaluator(followed(case, measured), target, processes)
+        return _Question(case, keys, measured, evaluator)
+
+    return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet=quiet), serve)
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """What is to be fitted, to what, and what does the runs."""
+
+    case: Case
+    keys: list[Free]
+    measured: list[Measured]
+    evaluator: Evaluator
+
+
+def _done(asked: _Question, *, quiet: bool) -> int:
+    """Fit (on rank 0), print and write."""
+    target = asked.evaluator.store.folder
+    with asked.evaluator as evaluator:
+        view = View(0, 0, quiet=True)
+        found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view)
     write(target, found)
     save(draw_calibration(_panels(found)), target / FIGURE_NAME)
-    if quiet:
-        return
-    out = parallel.console()
-    out.print(_keys(found), "", highlight=False)
-    for line in _words(found, target):
-        print(line)
+    if not quiet:
+        out = parallel.console()
+        out.print(_keys(found), "", highlight=False)
+        for line in _words(found, target):
+            print(line)
+    return 0
 
 
 def _keys(found: Calibration) -> Table:

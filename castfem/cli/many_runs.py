@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from castfem.cli import parallel
-from castfem.errors import InputError
+from castfem.errors import CastfemError, InputError
+from castfem.output.run_record import RUN_NAME
 from castfem.sweep.record import Record
 from castfem.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from castfem.case import Case
+    from castfem.design.evaluator import Evaluator
 
 NOISE_NAME = "sweep.log"
 Prepared = TypeVar("Prepared")
@@ -21,20 +26,22 @@ Prepared = TypeVar("Prepared")
 def on_root(
     prepare: Callable[[bool], Prepared],
     carry_out: Callable[[Prepared, MPI.Intracomm | None], int],
-    ranks: int = 1,
+    assist: Callable[[MPI.Intracomm], None],
 ) -> int:
     """Prepare and carry out runs on rank 0; the other ranks work (collective).
 
     Args:
         prepare: Looks at all that the user gave; told whether there are several ranks.
-        carry_out: Does what has been prepared, with `run_all`, and returns the exit status.
-        ranks: Of each run; with more than one, groups of ranks do the runs.
+        carry_out: Does what has been prepared, and returns the exit status.
+        assist: What the other ranks do meanwhile, until rank 0 lets them go.
 
     Returns:
         The exit status, on all ranks.
 
     Raises:
-        InputError: As `prepare`; on all ranks.
+        InputError: As `prepare`; on all ranks. As `carry_out`; on rank 0, the others return its
+            status.
+        RunFailure: As `carry_out`; likewise.
     """
     comm = parallel.communicator()
     prepared: Prepared | None = None
@@ -49,14 +56,24 @@ def on_root(
         raise InputError(problems)
     if prepared is None:
         assert comm is not None
-        _help(comm, ranks)
+        assist(comm)
         return int(comm.bcast(0))
-    status = carry_out(prepared, comm)
+    try:
+        status = carry_out(prepared, comm)
+    except CastfemError as error:
+        if comm is not None:
+            comm.bcast(error.exit_status)
+        raise
     return status if comm is None else int(comm.bcast(status))
 
 
-def _help(comm: MPI.Intracomm, ranks: int) -> None:
-    """Do runs on a rank that is not the first: alone, or in a group whose first rank notes them."""
+def assist(comm: MPI.Intracomm, ranks: int = 1) -> None:
+    """Do runs of `run_all` on a rank that is not the first.
+
+    Args:
+        comm: All ranks.
+        ranks: Of each run; with more than one, the first rank of a group notes how it has ended.
+    """
     if ranks == 1:
         from castfem.sweep.ranks import run_on_ranks
 
@@ -130,6 +147,28 @@ def run_all(
             run_locally(jobs, count, record.folder / NOISE_NAME, view.begun, ended, view.tick)
     finally:
         view.stop()
+
+
+def evaluator(case: Case, folder: Path, processes: int | None) -> Evaluator:
+    """Return what does runs for a search: ranks under a launcher, else processes.
+
+    Args:
+        case: The case.
+        folder: Where the runs go.
+        processes: How many at once without a launcher; None for one a core, 0 in this process.
+
+    Raises:
+        InputError: The folder is none, or holds something else.
+    """
+    from castfem.design.evaluator import Evaluator
+
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
+    if (folder / RUN_NAME).is_file():
+        raise InputError(f"{folder}: holds a single run; choose another with -o")
+    comm = parallel.communicator()
+    at_once = cores() if processes is None else processes
+    return Evaluator(case, folder, processes=0 if comm is not None else at_once, comm=comm)
 
 
 def check_processes(processes: int | None, ranks: bool) -> None:

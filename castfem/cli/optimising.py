@@ -8,20 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import load_case, shipped_cases
-from castfem.cli import parallel
-from castfem.cli.many_runs import check_processes, cores
-from castfem.design.evaluator import Evaluator, serve
+from castfem.cli import many_runs, parallel
+from castfem.design.evaluator import serve
 from castfem.design.mould_table import mould_table, write_mould_table
 from castfem.design.study import Study
 from castfem.design.told import told
-from castfem.errors import InputError, RunFailure
-from castfem.output.folder import RUN_NAME
+from castfem.errors import RunFailure
 from castfem.support.atomic_files import write_json
 from castfem.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from castfem.design.optimum import Optimum
 
 OPTIMUM_NAME = "optimum.json"
@@ -76,46 +72,33 @@ def optimise_case(options: Options) -> int:
         InputError: Something the user wrote cannot be used.
         RunFailure: A file cannot be written.
     """
-    comm = parallel.communicator()
-    prepared: tuple[Study, Path] | None = None
-    problems: tuple[str, ...] = ()
-    if parallel.rank_of(comm) == 0:
-        try:
-            prepared = _prepared(options, comm)
-        except InputError as error:
-            problems = error.problems
-    problems = parallel.agree(comm, problems)
-    if problems:
-        raise InputError(problems)
-    if prepared is None:
-        assert comm is not None
-        serve(comm)
-        return int(comm.bcast(0))
-    study, target = prepared
+    return many_runs.on_root(
+        lambda ranks: _prepared(options, ranks),
+        lambda prepared, _: _done(*prepared, options),
+        serve,
+    )
+
+
+def _done(study: Study, target: Path, options: Options) -> int:
+    """Search (on rank 0), write and print the answer, and return the exit status."""
     assert study.evaluator is not None
     with study.evaluator:
         optimum = study.solve(Teller(options.quiet))
-    status = _told(study, optimum, target, options)
-    return status if comm is None else int(comm.bcast(status))
+    return _told(study, optimum, target, options)
 
 
-def _prepared(options: Options, comm: MPI.Intracomm | None) -> tuple[Study, Path]:
+def _prepared(options: Options, ranks: bool) -> tuple[Study, Path]:
     """Read the case and look at its folder.
 
     Raises:
         InputError: As `optimise_case`.
     """
-    check_processes(options.processes, comm is not None)
+    many_runs.check_processes(options.processes, ranks)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
     alone = shipped_cases.default_folder(options.name, path)
     target = options.folder or alone.with_name(f"{alone.name}_optimise")
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file, a folder is needed; choose another with -o")
-    if (target / RUN_NAME).is_file():
-        raise InputError(f"{target}: holds a single run; choose another with -o")
-    processes = 0 if comm is not None else options.processes or cores()
-    evaluator = Evaluator(case, target, processes=processes, comm=comm)
+    evaluator = many_runs.evaluator(case, target, options.processes)
     return Study(case, evaluator=evaluator, origin=str(path)), target
 
 

@@ -173,4 +173,6 @@ def calibrate(
     """Fit keys of a case to measured temperatures, shells or heat, within bounds."""
     from castfem.cli.calibrating import calibrate_case
 
-    calibrate_case(case, to, free, output, tuple(set_ or ()), jobs, quiet=quiet)
+    status = calibrate_case(case, to, free, output, tuple(set_ or ()), jobs, quiet=quiet)
+    if status:
+        raise typer.Exit(status)

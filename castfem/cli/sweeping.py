@@ -91,7 +91,7 @@ def sweep_case(options: Options) -> int:
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda sweep, comm: _done(sweep, options, comm),
-        options.ranks,
+        lambda comm: many_runs.assist(comm, options.ranks),
     )
 
 

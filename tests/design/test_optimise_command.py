@@ -7,6 +7,7 @@ import json
 import sys
 
 import pytest
+from ranks import needs_mpirun, python_on
 from small_case import SMALL
 
 from castfem.api import load
@@ -68,6 +69,24 @@ def test_command(case, capsys):
     last = capsys.readouterr()
     assert "the constraints cannot be met; nearest, heat_removed >= 3 MJ/m is missed by" in last.out
     assert json.loads((case / "out" / "optimum.json").read_text())["status"] == "impossible"
+
+
+@needs_mpirun
+def test_over_ranks(case):
+    """Two ranks do the runs that rank 0 asks for, until the answer is there; errors end all."""
+    words = ("-m", "castfem.cli", "optimise", "small", "--no-figures")
+    done = python_on(3, *words, "-o", "out", folder=case)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("casting.speed at the lowest of its range") == 1
+    assert json.loads((case / "out" / "optimum.json").read_text())["status"] == "found"
+    refused = python_on(3, *words, "-o", "small.toml", folder=case)
+    assert refused.returncode == 1
+    assert refused.stderr.count("small.toml: is a file") == 1
+    wrong = python_on(
+        3, *words, "-o", "out", "--set", 'optimise.minimise="von_mises_max"', folder=case
+    )
+    assert wrong.returncode == 1
+    assert '("von_mises_max") is no result of this case' in wrong.stderr
 
 
 def test_table_of_the_mould():
