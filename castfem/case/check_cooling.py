@@ -6,19 +6,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-from castfem.case.cooling import (
-    MOULD,
-    Contact,
-    Flux,
-    HeatLaw,
-    PrescribedTemperature,
-    ScaledLaw,
-    Spray,
-    Zone,
-)
+from castfem.case.cooling import PrescribedTemperature, Zone
+from castfem.case.heat_law import HeatLaw
 from castfem.case.model import Case
+from castfem.case.mould_laws import MOULD, Contact, Flux, ScaledLaw
 from castfem.case.problems import Problem
 from castfem.case.section import Section
+from castfem.case.spray import Spray
 from castfem.support.messages import choices
 from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.values.same_place import ROUNDING

@@ -13,7 +13,8 @@ from pydantic import Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.coefficient_table import NozzleTable
-from castfem.case.cooling import CoefficientOfTemperature, EmissivityOfTemperature, ZoneFlow
+from castfem.case.cooling import CoefficientOfTemperature, EmissivityOfTemperature
+from castfem.case.spray import ZoneFlow
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import (
     HeatTransferCoefficient,

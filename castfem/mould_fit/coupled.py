@@ -17,7 +17,7 @@ from mpi4py import MPI
 import numpy as np
 
 from castfem.case.build_mould import nominal_mould
-from castfem.case.cooling import MOULD, Contact
+from castfem.case.mould_laws import MOULD, Contact
 from castfem.case.wall_shape import WallShape
 from castfem.errors import InputError
 from castfem.hot_mould.copper import CONDUCTIVITY, EXPANSION, POISSON, STIFFNESS, Copper

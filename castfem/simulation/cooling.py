@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from castfem.case.cooling import Extent, Surroundings
+from castfem.case.heat_law import Extent, Surroundings
 from castfem.errors import InputError
 from castfem.fem import reductions
 from castfem.machine.along import OverTime
@@ -23,7 +23,7 @@ from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.case import Case
-    from castfem.case.cooling import HeatLaw
+    from castfem.case.heat_law import HeatLaw
     from castfem.machine import Machine
     from castfem.materials import Steel
     from castfem.simulation.secondary import SecondaryCooling

@@ -125,7 +125,7 @@ MISTAKES = {
         '"radiation"',
         '"radiaton"',
         "cooling.1.surface.0",
-        ['law = "radiaton"', "one of contact, convection", "did you mean radiation?"],
+        ['law = "radiaton"', "one of contact, flux, spray", "did you mean radiation?"],
     ),
     "law left out": (
         'law = "radiation"\n',

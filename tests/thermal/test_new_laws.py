@@ -12,8 +12,9 @@ from pydantic import Field
 from small_case import write_small
 
 import castfem
-from castfem.case.cooling import GivenFlux, HeatLaw, Surroundings
+from castfem.case.heat_law import HeatLaw, Surroundings
 from castfem.case.json_schema import case_schema
+from castfem.case.mould_laws import GivenFlux
 from castfem.case.reference_page import markdown_page
 from castfem.errors import InputError
 from castfem.machine import Machine

@@ -1,0 +1,100 @@
+"""The heat law of a spray, its water given per area or as that of the whole zone."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from castfem.case.heat_law import HeatLaw, Surroundings, times
+from castfem.thermal import flux_laws, mould_flux
+from castfem.thermal.sprays import CORRELATIONS, WATER_DENSITY
+from castfem.values.curves import CurveOverEither
+from castfem.values.quantities import (
+    Kind,
+    NameOf,
+    PositiveNumber,
+    WaterFlow,
+    WaterTemperature,
+)
+from castfem.values.tables import Table
+
+ZoneFlow = Annotated[
+    float | Table,
+    CurveOverEither(
+        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
+        "speed",
+        ("time",),
+    ),
+]
+SprayedArea = Annotated[float, Kind("m^2", "m^2", above=0.0)]
+
+
+class Spray(HeatLaw):
+    """Water spray: convection with the coefficient of a published correlation.
+
+    Its water is given per area, or as that of the whole zone.
+    """
+
+    called: ClassVar[str] = "a spray"
+
+    law: Literal["spray"]
+    water: WaterFlow | None = Field(
+        None, description="water flow per surface area", examples=["5 L/(m^2 s)"]
+    )
+    flow: ZoneFlow | None = Field(
+        None,
+        description="instead of water, that of the zone on all faces of this law, of the whole "
+        "strand; in a table over the casting speed it follows it, over time is since the meniscus",
+        examples=["240 L/min"],
+    )
+    area: SprayedArea | None = Field(
+        None,
+        description="sprayed area of these faces, with flow; by default all of them in the zone",
+        examples=["1.2 m^2"],
+    )
+    water_temperature: WaterTemperature = Field(
+        description="temperature of the water", examples=["25 degC"]
+    )
+    correlation: Annotated[str, NameOf(CORRELATIONS)] = Field(
+        description="formula of the coefficient"
+    )
+    machine_factor: PositiveNumber = Field(
+        1.0,
+        description="divides the coefficient: fit to the machine, about 4 for nozaki",
+        examples=[4],
+    )
+
+    @property
+    def asks_extent(self) -> bool:
+        """See `HeatLaw.asks_extent`."""
+        return self.flow is not None
+
+    def build(self, around: Surroundings) -> flux_laws.Convection | flux_laws.Sprayed:
+        """See `HeatLaw.build`."""
+        water, correlation = self._water(around), CORRELATIONS[self.correlation]
+        if not callable(water):
+            coefficient = partial(
+                correlation.coefficient, water, self.water_temperature, self.machine_factor
+            )
+            return flux_laws.Convection(coefficient=coefficient, ambient=self.water_temperature)
+        assert isinstance(self.flow, Table)
+        most = max(self.flow.values) * self._per_flow(around)
+        return flux_laws.Sprayed(
+            correlation, water, most, self.water_temperature, self.machine_factor
+        )
+
+    def _water(self, around: Surroundings) -> mould_flux.Value:
+        """Return the water per area, kg/(m2 s): one number, or over time in s."""
+        if self.flow is None:
+            assert self.water is not None, "the case has been checked"
+            return self.water
+        return times(self._per_flow(around), around.over_time(self.flow))
+
+    def _per_flow(self, around: Surroundings) -> float:
+        """Water per area for a flow of the zone, kg/m3 over m2."""
+        extent = around.extent
+        assert extent is not None, "the law asks for it"
+        whole = extent.perimeter * (extent.end - extent.start)
+        return WATER_DENSITY / (whole if self.area is None else self.area)
