@@ -47,6 +47,7 @@ ORDER = {
     "accuracy": "the error of each number",
     "compare": "runs side by side",
     "html_report": "runs as one HTML page",
+    "watch": "runs at work",
     "cli": "commands",
 }
 

@@ -150,6 +150,25 @@ def show(
 
 
 @app.command()
+def watch(
+    folder: Annotated[
+        Path, typer.Argument(metavar="DIR", help="Folder of a run at work, or of a sweep.")
+    ],
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Write its report, too, anew until it ends."),
+    ] = None,
+    every: Annotated[
+        str, typer.Option(metavar="TIME", help='Between two looks, such as "5 s".')
+    ] = "",
+) -> None:
+    """Show how far a run has come, until it ends; with --html as a page that refreshes itself."""
+    from castfem.cli.watching import watch_folder
+
+    watch_folder(folder, html, every)
+
+
+@app.command()
 def compare(
     folders: Annotated[
         list[Path], typer.Argument(metavar="DIR...", help="Folders of runs, or of a sweep.")

@@ -62,6 +62,48 @@ class Row:
     differs: bool
 
 
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """A run at work, as its page has it.
+
+    Attributes:
+        label: What it is called; empty where it is the only one.
+        state: How it stands.
+        share: Of its way, 0 to 1; None where that is not known.
+        where: How far it has come.
+        told: Some of its results.
+        left: Time it will still take; empty where that is not known.
+    """
+
+    label: str
+    state: str
+    share: float | None
+    where: str
+    told: str
+    left: str
+
+
+@dataclass(frozen=True, slots=True)
+class AtWork:
+    """What stands at the head of a page of runs at work.
+
+    Attributes:
+        title: Of the page.
+        status: How the runs stand.
+        written: When the page was written.
+        again: After so many seconds a browser reads the page again; 0: it has its final form.
+        runs: How far each has come.
+        messages: The last that were said.
+    """
+
+    title: str
+    status: str
+    written: str
+    again: int
+    runs: tuple[Progress, ...]
+    messages: tuple[str, ...] = ()
+
+
 def write(folders: Sequence[Path], target: Path) -> Path:
     """Write the report of one run, or of several beside one another.
 
@@ -78,15 +120,20 @@ def write(folders: Sequence[Path], target: Path) -> Path:
     return target
 
 
-def rendered(runs: Sequence[Run]) -> str:
-    """The page of some runs, one file without links to others."""
+def rendered(runs: Sequence[Run], at_work: AtWork | None = None) -> str:
+    """The page of some runs, one file without links to others.
+
+    Args:
+        runs: Those with results; there may be none yet of runs at work.
+        at_work: How runs stand that have not all ended.
+    """
     import jinja2
 
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
     )
     template = environment.from_string(_text("report.html.j2"))
-    return template.render(_content(runs))
+    return template.render(_content(runs, at_work))
 
 
 def _runs(folders: Sequence[Path]) -> list[Run]:
@@ -99,10 +146,11 @@ def _runs(folders: Sequence[Path]) -> list[Run]:
     return [found] if found is not None else read_runs(folders)
 
 
-def _content(runs: Sequence[Run]) -> dict[str, Any]:
+def _content(runs: Sequence[Run], at_work: AtWork | None) -> dict[str, Any]:
     """What the template is filled with."""
-    table = [line for line in lines(runs, runs[0]) if len(runs) > 1 or line.unit != SHARE]
-    charts = drawn.charts(runs)[:_CURVES]
+    every = lines(runs, runs[0]) if runs else []
+    table = [line for line in every if len(runs) > 1 or line.unit != SHARE]
+    charts = drawn.charts(runs)[:_CURVES] if runs else []
     parts = [_part(run, len(runs)) for run in runs]
     for one in parts:
         if one["section"] is not None:
@@ -115,8 +163,10 @@ def _content(runs: Sequence[Run]) -> dict[str, Any]:
     script = _text("report.js")
     for name in ("WIDTH", "LEFT", "RIGHT"):
         script = script.replace(name, str(size[name.lower()]))
+    title = runs[0].summary.title if len(runs) == 1 else f"{len(runs)} runs side by side"
     found = {
-        "title": runs[0].summary.title if len(runs) == 1 else f"{len(runs)} runs side by side",
+        "title": title if at_work is None else at_work.title,
+        "at_work": at_work,
         "css": _text("report.css"),
         "script": script,
         "runs": parts,
@@ -134,14 +184,15 @@ def _content(runs: Sequence[Run]) -> dict[str, Any]:
 def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
     """The parts of the page that are there, for its table of contents."""
     there = {
-        "numbers": ("Headline numbers", True),
+        "work": ("At work", found["at_work"] is not None),
+        "numbers": ("Headline numbers", bool(found["runs"])),
         "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
         "case": ("Cases", bool(found["differences"])),
         "section": ("Section", any(run["section"] for run in found["runs"])),
         "curves": ("Over the strand", bool(found["charts"])),
         "pictures": ("Pictures", any(run["pictures"] for run in found["runs"])),
-        "balances": ("Balances", True),
-        "provenance": ("Where it comes from", True),
+        "balances": ("Balances", bool(found["runs"])),
+        "provenance": ("Where it comes from", bool(found["runs"])),
     }
     return [{"id": key, "name": name} for key, (name, present) in there.items() if present]
 
@@ -206,7 +257,7 @@ def _notes(runs: Sequence[Run]) -> Iterator[str]:
     sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
     if sources:
         yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not kept."
-    if not any(q.error is not None for run in runs for q in run.summary.quantities.values()):
+    if runs and not any(q.error is not None for r in runs for q in r.summary.quantities.values()):
         folder = runs[0].folder
         yield f"Errors of these numbers: castfem error {folder / CASE_NAME}."
     for line in dict.fromkeys(text for run in runs for text in run.summary.unchecked):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 HISTORY_NAME = "history.csv"
 _ANEW = "run again without --resume"
 _COLUMN = re.compile(r"(.*?) \[(.*)\]")
+_CELL = 20  # bytes of a number and its comma, at most
 
 
 class History(Closing):
@@ -179,6 +180,36 @@ def read_history(path: Path | str) -> pandas.DataFrame:
     table = pandas.DataFrame(values, columns=[name for name, _ in columns], dtype=float)
     table.attrs["units"] = dict(columns)
     return table
+
+
+def last_row(path: Path | str) -> tuple[dict[str, float], dict[str, str]] | None:
+    """The last whole row of a history, read without the rest of the file.
+
+    Returns:
+        Column to value, NaN where it is empty, and column to unit; None while there is no row.
+
+    Raises:
+        InputError: No such file, or it is not a history.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            header = file.readline()
+            columns = _columns(path, header.decode().rstrip("\n"))
+            size = file.seek(0, os.SEEK_END)
+            file.seek(max(len(header), size - 2 * _CELL * len(columns)))
+            rows = file.read().split(b"\n")[:-1]
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error})") from error
+    if not rows:
+        return None
+    cells = rows[-1].decode(errors="replace").split(",")
+    if len(cells) != len(columns):
+        raise InputError(f"{path}: a row has not the {len(columns)} cells of the header")
+    values = [_number(path, cell) for cell in cells]
+    return {name: value for (name, _), value in zip(columns, values, strict=True)}, dict(columns)
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 _REFRESH = 0.1  # s between two pictures of the bar
 _SHARE = 0.05  # of the way between two plain lines ...
 _SOONEST, _LATEST = 1.0, 10.0  # ... but not faster than this, and not slower, s
+_LINE = re.compile(r" *\d+ %  [\d.]+ of [\d.]+ m  .* elapsed [\d:]+  left ([\d:]+)")
 _logger = logging.getLogger("castfem.support.progress")
 
 
@@ -116,10 +118,21 @@ class Progress:
         text = (
             f"{100.0 * share:3.0f} %  {self._position:.3f} of {self._total:.3f} m  "
             f"t = {time_s:.3f} s  step {_duration(step)}  {self._steps} steps  "
-            f"Newton {mean:.1f} a step  elapsed {_clock(elapsed)}  left {_clock(left)}  {note}"
+            f"Newton {mean:.1f} a step  elapsed {clock(elapsed)}  left {clock(left)}  {note}"
         )
         quiet = self._terminal or not self._shown
         _logger.info("%s", text.rstrip(), extra=FILE_ONLY if quiet else None)
+
+
+def time_left(text: str) -> float | None:
+    """The seconds that are left by a line of the progress; None of any other message."""
+    found = _LINE.match(text)
+    if found is None:
+        return None
+    seconds = 0.0
+    for part in found[1].split(":"):
+        seconds = 60.0 * seconds + float(part)
+    return seconds
 
 
 def _share(position: float, total: float) -> float:
@@ -131,7 +144,7 @@ def _mark_after(share: float) -> float:
     return (math.floor(share / _SHARE + 1e-6) + 1) * _SHARE * (1.0 - 1e-9)
 
 
-def _clock(seconds: float) -> str:
+def clock(seconds: float) -> str:
     """Return a duration as 0:07 or 1:02:03."""
     whole = round(seconds)
     hours, minutes = whole // 3600, whole // 60 % 60

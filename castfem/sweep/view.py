@@ -10,14 +10,13 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.output.history import HISTORY_NAME
+from castfem.errors import InputError
+from castfem.output.history import HISTORY_NAME, last_row
 from castfem.sweep.work import Job, Outcome
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bars
     from rich.progress import TaskID
-
-_TAIL = 4096  # bytes of a history that hold its last row
 
 
 class View:
@@ -94,15 +93,10 @@ def reached(folder: Path, since: float = 0.0) -> float:
     """
     path = folder / HISTORY_NAME
     try:
-        if path.stat().st_mtime < since:
-            return 0.0
-        with path.open("rb") as file:
-            head = file.readline().decode().split(",")
-            file.seek(max(0, path.stat().st_size - _TAIL))
-            last = file.read().rpartition(b"\n")[0].rpartition(b"\n")[2].decode().split(",")
-        return float(last[head.index("position [m]")])
-    except (OSError, ValueError, IndexError):
-        return 0.0  # not yet there, or not a row yet
+        found = None if path.stat().st_mtime < since else last_row(path)
+    except (OSError, InputError):
+        return 0.0  # not yet there
+    return 0.0 if found is None else found[0].get("position", 0.0)
 
 
 def _bars() -> Bars:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from castfem.errors import InputError, RunFailure
-from castfem.output.history import History, read_history
+from castfem.output.history import History, last_row, read_history
 
 COLUMNS = [("time", "s"), ("position", "m"), ("shell_mid_face", "mm"), ("newton", "-")]
 
@@ -167,3 +167,26 @@ def test_a_full_disk_is_a_run_failure_and_leaves_whole_rows(tmp_path):
 def test_resume_without_a_history_names_the_mend(tmp_path):
     with pytest.raises(InputError, match=r"h\.csv: no such file; run again without --resume"):
         History.resume(tmp_path / "h.csv", 1.0)
+
+
+@pytest.mark.parametrize("columns", [2, 400])
+def test_last_row_is_that_of_the_whole_table(tmp_path: Path, columns: int) -> None:
+    """However long a row is, and with a row behind it that a kill has cut."""
+    path = tmp_path / "history.csv"
+    names = [("time", "s"), *((f"c{i}", "mm") for i in range(columns))]
+    with History(path, names) as history:
+        assert last_row(path) is None
+        for time in range(5):
+            row = {name: -math.pi * 1e-300 * (time + 1) for name, _ in names}
+            history.append({**row, "time": float(time), "c1": math.nan})
+            found = last_row(path)
+            assert found is not None and found[1] == dict(names)
+            assert found[0]["time"] == time and math.isnan(found[0]["c1"])
+    with path.open("a") as file:
+        file.write("5,1.2")
+    row, table = last_row(path)[0], read_history(path)
+    assert list(row) == list(table) and row["c0"] == table["c0"].iloc[-1]
+    with path.open("a") as file:
+        file.write("\n")
+    with pytest.raises(InputError, match="cells of the header"):
+        last_row(path)

@@ -155,3 +155,12 @@ def test_file_is_continued(tmp_path):
     lines = path.read_text().splitlines()
     assert [line.rpartition(" ")[2] for line in lines] == ["first", "second"]
     assert lines[0][:2] == "20"
+
+
+def test_time_left_is_read_back_from_a_line(capsys, clock):
+    log.setup()
+    _advance(Progress(terminal=False), clock, 1000, 10_000.0)
+    lines = capsys.readouterr().err.splitlines()
+    left = [module.time_left(line) for line in lines]
+    assert left[-1] == 0.0 and left[0] == pytest.approx(9990.0, abs=1.0)
+    assert module.time_left("the steps are short, left 0:07") is None

@@ -1,0 +1,64 @@
+"""`castfem watch`: runs at work in the terminal, and as a page that a browser reads again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from castfem.cli import parallel
+from castfem.errors import InputError, RunFailure
+from castfem.values import units
+
+_TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhere
+
+
+def watch_folder(folder: Path, html: Path | None, every: str) -> None:
+    """Show a run, or the runs of a sweep, until they have ended.
+
+    Args:
+        folder: Of the run, or of the sweep.
+        html: File of the page, None for none.
+        every: Time between two looks, with unit; empty for the default.
+
+    Raises:
+        InputError: The folder holds no run, or `every` is no time.
+        RunFailure: The page cannot be written.
+    """
+    from castfem.watch.terminal import watch
+
+    console = parallel.console()
+    if not folder.is_dir():
+        raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
+    interval = _interval(every) or (_TERMINAL if console.is_terminal else _LINES)
+    page = None
+    if html is not None:
+        from castfem.watch.page import Page
+
+        page = Page(folder, html, max(interval, _LINES) if not every else interval)
+    try:
+        well = watch(folder, console, interval, page)
+    except KeyboardInterrupt:
+        print("watched no longer; the run goes on")
+        return
+    if page is not None:
+        print(f"page in {html}")
+    if not well:
+        raise typer.Exit(RunFailure.exit_status)
+
+
+def _interval(every: str) -> float:
+    """The time between two looks, s; 0 where none is given.
+
+    Raises:
+        InputError: It is no time above 0.
+    """
+    if not every:
+        return 0.0
+    try:
+        seconds = units.parse(every, "s")
+    except ValueError as error:
+        raise InputError(f"--every {every}: {error}") from None
+    if not seconds > 0.0:
+        raise InputError(f"--every {every}: must be above 0 s")
+    return seconds

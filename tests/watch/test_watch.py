@@ -1,0 +1,243 @@
+"""`castfem watch`: runs at work, ended, killed; in lines, as a picture, as a page."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from rich.console import Console
+from small_case import STRIP, strip
+from synthetic_run import COLUMNS, LENGTH, rows, summary, write_run
+
+from castfem.cli import execute
+from castfem.errors import InputError
+from castfem.output.folder import OutputFolder
+from castfem.output.history import History
+from castfem.support.progress import Progress
+from castfem.sweep.record import Entry, Record
+from castfem.time_loop.loop import run
+from castfem.watch.look import Look, Watcher
+from castfem.watch.many import PATIENCE, SweepWatcher
+from castfem.watch.page import Page
+from castfem.watch.terminal import watch
+
+CASE = strip()
+
+
+class Clock:
+    """Seconds that go when told."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+class AtWork:
+    """A run that takes a step whenever somebody waits for it, and then ends as it is told."""
+
+    def __init__(self, path: Path, end: str = "finished", steps: int = 4) -> None:
+        self.folder, self.end, self.left = OutputFolder(path), end, rows(steps)
+        self.folder.begin(STRIP)
+        self.history = History(path / "history.csv", COLUMNS)
+        self.step()
+
+    def step(self, seconds: float = 0.0) -> None:
+        if self.left:
+            self.history.append(self.left.pop(0))
+            return
+        self.history.close()
+        if self.end == "finished":
+            self.folder.write_summary(summary())
+            self.folder.finish()
+        elif self.end == "failed":
+            self.folder.fail("the shell breaks out at 0.3 m")
+        self.folder.close()  # of a run that is killed the lock goes, too
+
+
+@contextmanager
+def lines(width: int = 100, terminal: bool = False) -> Iterator[tuple[Console, Callable[[], str]]]:
+    text = io.StringIO()
+    yield Console(file=text, width=width, height=30, force_terminal=terminal), text.getvalue
+
+
+def test_a_run_at_work_is_seen_by_its_files_alone(tmp_path: Path) -> None:
+    folder, seen = tmp_path / "run", list[Look]()
+    watcher = Watcher(folder)
+
+    class Watched(Progress):
+        def update(self, position: float, *step: object, **more: object) -> None:  # type: ignore[override]
+            before = {path: path.stat().st_mtime_ns for path in folder.rglob("[!.]*")}
+            seen.append(watcher.look())
+            assert before == {path: path.stat().st_mtime_ns for path in folder.rglob("[!.]*")}
+            assert seen[-1].position == pytest.approx(position)
+
+    run(CASE, folder, progress=Watched(verbosity=-1, terminal=False))
+    assert len(seen) > 3 and {look.state for look in seen} == {"running"}
+    assert [look.share for look in seen] == sorted(look.share for look in seen)
+    assert seen[-1].share == pytest.approx(1.0) and seen[0].title == CASE.title
+    assert any("surface" in quantity.label for quantity in seen[-1].quantities.values())
+    assert watcher.look().state == "finished"
+
+
+def test_time_left_is_that_of_the_pace(tmp_path: Path) -> None:
+    """A strand that goes on as it does now comes to its end after way over pace."""
+    clock = Clock()
+    work = AtWork(tmp_path / "run", steps=40)
+    watcher = Watcher(tmp_path / "run", clock)
+    assert math.isnan(watcher.look().left)
+    for _ in range(30):
+        clock.now += 2.0
+        work.step()
+        look = watcher.look()
+    passed = rows(40)[30]["position"], rows(40)[0]["position"]
+    assert look.position == pytest.approx(passed[0])
+    watcher._length = LENGTH  # that of the synthetic rows
+    left = watcher.look().left
+    assert left == pytest.approx(60.0 * (LENGTH - passed[0]) / (passed[0] - passed[1]), rel=1e-6)
+    clock.now += 5.0
+    assert watcher.look().left == pytest.approx(left - 5.0)
+    work.folder.close()
+
+
+@pytest.mark.parametrize(
+    ("end", "well", "told"),
+    [
+        ("finished", True, "castfem show"),
+        ("failed", False, "the shell breaks out at 0.3 m"),
+        ("killed", False, r"killed or aborted.*castfem run --resume"),
+    ],
+)
+def test_it_ends_with_the_run_and_says_why(tmp_path: Path, end: str, well: bool, told: str) -> None:
+    folder, target, pages = tmp_path / "run", tmp_path / "page.html", list[str]()
+    work = AtWork(folder, end)
+
+    def sleep(seconds: float) -> None:
+        pages.append(target.read_text(encoding="utf-8"))
+        work.step()
+
+    with lines() as (console, text):
+        assert watch(folder, console, 0.5, Page(folder, target, 1e-9), sleep) is well
+    printed = text().splitlines()
+    assert len(printed) == len(pages) + 2  # a line a look, the end, and why
+    assert re.search(told, printed[-1]) and printed[-2].startswith(f"run:  {end}")
+    assert "shell" in printed[1] and "surface" in printed[1]
+    assert all('http-equiv="refresh"' in page for page in pages)
+    last = target.read_text(encoding="utf-8")
+    assert 'http-equiv="refresh"' not in last
+    for page in (*pages, last):
+        ElementTree.fromstring(page.replace("<!DOCTYPE html>", ""))
+    assert end in last and ('id="work"' in last) is not well
+
+
+def test_pages_cost_a_tenth_of_the_time(tmp_path: Path) -> None:
+    clock, folder = Clock(), tmp_path / "run"
+    work, watcher = AtWork(folder), Watcher(folder, clock)
+    page = Page(folder, tmp_path / "page.html", 1.0, clock)
+    page._write = lambda *_: None  # type: ignore[method-assign]
+    page._next, clock.now = 5.0, 4.0
+    page.write_run(watcher.look())
+    assert not page.target.exists()
+    del page._write
+    clock.now = 6.0
+    page.write_run(watcher.look())
+    assert page.target.is_file() and page._next == pytest.approx(7.0)
+    work.folder.close()
+
+
+def test_the_picture_of_a_run(tmp_path: Path) -> None:
+    write_run(tmp_path / "run", finish=False)
+    log = "2026-11-22 18:52:19,497 WARNING the steps are short\n"
+    (tmp_path / "run" / "run.log").write_text(log)
+    with lines(terminal=True) as (console, text):
+        assert not watch(tmp_path / "run", console, 1.0)
+    for part in ("killed", "shell, mid-face", "surface, corner", "warning: the steps are short"):
+        assert part in text()
+
+
+def test_who_takes_up_a_killed_run_finds_its_lock_free(tmp_path: Path) -> None:
+    folder, tried = write_run(tmp_path / "run", finish=False), list[bool]()
+    watcher = Watcher(folder)
+    assert watcher.look().state == "killed"
+    original = OutputFolder.is_running
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(OutputFolder, "is_running", lambda it: tried.append(original(it)))
+        assert watcher.look().state == "killed" and not tried
+    with OutputFolder(folder) as again:
+        again.begin(STRIP)
+        assert watcher.look().state == "running" and watcher.look().state == "running"
+
+
+def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
+    clock = Clock()
+    record = Record(tmp_path)
+    record.entries = {
+        "slow": Entry({"casting.speed": "1 m/min"}, physics="x", seconds=8.0),
+        "fast": Entry({"casting.speed": "3 m/min"}, message="it breaks out"),
+        "middle": Entry({"casting.speed": "2 m/min"}),
+        "later": Entry({"casting.speed": "4 m/min"}),
+    }
+    record.save()
+    write_run(tmp_path / "slow")
+    work = AtWork(tmp_path / "middle", steps=2)
+    watcher = SweepWatcher(tmp_path, clock)
+    found = watcher.look()
+    states = {row.name: row.look.state for row in found.rows}
+    assert states == {
+        "slow": "finished", "fast": "failed", "middle": "running", "later": "waiting",
+    }  # fmt: skip
+    assert found.left == pytest.approx(16.0) and not found.ended  # two of 8 s, one at a time
+    with lines(terminal=True) as (console, text), pytest.raises(KeyboardInterrupt):
+        watch(tmp_path, console, 1.0, sleep=_stop)
+    assert "speed 3 m/min" in text() and "4 runs: 1 finished, 1 running, 1 waiting" in text()
+    clock.now = PATIENCE + 1.0
+    assert not watcher.look().ended
+    while not work.folder.record.ended:
+        work.step()
+    assert watcher.look().count("finished") == 2
+    clock.now *= 2.0
+    last = watcher.look()
+    assert last.ended and not last.complete
+    target = tmp_path / "page.html"
+    Page(tmp_path, target, 1.0, clock).write_sweep(last)
+    root = ElementTree.fromstring(target.read_text().replace("<!DOCTYPE html>", ""))
+    html = "{http://www.w3.org/1999/xhtml}"
+    (head,) = (part for part in root.iter(f"{html}section") if part.get("id") == "work")
+    assert len(list(head.iter(f"{html}tr"))) == 4
+    assert len(list(head.iter(f"{html}progress"))) == 1  # the way is known of one case alone
+
+
+def _stop(_: float) -> None:
+    raise KeyboardInterrupt
+
+
+def test_a_folder_without_a_run_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for folder, told in ((tmp_path, "no run of castfem"), (tmp_path / "none", "no such folder")):
+        with pytest.raises(InputError, match=told):
+            Watcher(folder).look()
+        assert execute(["watch", str(folder)]) == 1
+        assert len(capsys.readouterr().err.splitlines()) == 1
+    write_run(tmp_path / "run")
+    for every in ("5 mm", "0 s", "soon"):
+        assert execute(["watch", str(tmp_path / "run"), "--every", every]) == 1
+        assert f"--every {every}: " in capsys.readouterr().err
+
+
+def test_the_command_ends_with_the_status_of_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "page.html"
+    write_run(tmp_path / "run")
+    assert execute(["watch", str(tmp_path / "run"), "--html", str(page)]) == 0
+    assert page.is_file() and "finished" in capsys.readouterr().out
+    write_run(tmp_path / "dead", finish=False)
+    assert execute(["watch", str(tmp_path / "dead")]) == 2
