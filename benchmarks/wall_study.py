@@ -86,7 +86,7 @@ HOLD, OPENS = slice(0, 4), slice(4, 5)  # of those: the moulds as shipped, and t
 
 
 def factors(output: Output, quick: bool) -> None:
-    """Iterations, cuts and time by the factor, and how far the results are from the last."""
+    """Iterations and cuts by the factor, and how far the results are from the last."""
     studied = STUDIED[:2] if quick else STUDIED
     found = {
         f: [run_case(m, (*COARSE, *c, touch("penalty", f))) for m, c in studied] for f in FACTORS
@@ -103,7 +103,6 @@ def factors(output: Output, quick: bool) -> None:
                 "factor": factor,
                 "newton": sum(r.newton for r in runs) / sum(len(r.mechanics) for r in runs),
                 "cut": sum(r.cut for r in runs),
-                "seconds": sum(r.seconds for r in runs) / sum(r.seconds for r in found[FACTORS[0]]),
                 "heat_removed": off("heat_removed", runs, HOLD),
                 "von_mises_max": off("von_mises_max", runs, HOLD),
                 "heat_open": off("heat_removed", runs, OPENS),
@@ -118,14 +117,14 @@ def show_factors(output: Output) -> None:
     """The table, from the data."""
     rows = output.rows("contact_factor")
     head = {
-        "factor": "factor", "newton": "Newton a window", "cut": "cut back", "seconds": "time",
+        "factor": "factor", "newton": "Newton a window", "cut": "cut back",
         "heat_removed": "heat off by, four moulds", "von_mises_max": "peak stress",
         "heat_open": "heat off by, -3 %/m", "peak_open": "peak stress, -3 %/m",
         "penetration": "penetration, µm",
     }  # fmt: skip
     off_by = ("heat_removed", "von_mises_max", "heat_open", "peak_open", "penetration")
     forms = dict.fromkeys(off_by, ".1e")
-    output.insert("contact factor", table(rows, head, {"newton": ".2f", "seconds": ".2f", **forms}))
+    output.insert("contact factor", table(rows, head, {"newton": ".2f", **forms}))
 
 
 # Laws of friction.
