@@ -69,6 +69,17 @@ def test_ranks_and_a_pause_do_not_show_in_a_signed_state(tmp_path: Path) -> None
     assert_same(whole, parts)
 
 
+@needs_mpirun
+def test_three_ranks_from_the_start_do_not_show(tmp_path: Path) -> None:
+    """Nor in the law of the case, without a wall."""
+    short = (*IDEALISED, "casting.length=75 mm")
+    for ranks in (1, 3):
+        run(tmp_path / str(ranks), ranks, "idealised", short)
+    one, three = (read_history(tmp_path / str(ranks) / "history.csv") for ranks in (1, 3))
+    assert one["von_mises_max"].iloc[-1] > 0.1 and one["shell_corner"].iloc[-1] > 0.2
+    assert_same(one, three)
+
+
 def numbers(folder: Path) -> dict[str, float]:
     """All numbers of a summary but errors, by name."""
     content: dict[str, Any] = json.loads((folder / "summary.json").read_text())
