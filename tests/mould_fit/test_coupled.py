@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
@@ -22,14 +20,9 @@ from castfem.mould_fit.coupled import (
 )
 from castfem.mould_fit.follow import follow
 
-CASES = Path(__file__).parents[2] / "cases" / "billet125"
-COARSE = (
-    "mesh.surface_size=3 mm",
-    "mesh.corner_size=3 mm",
-    "mesh.face_size=12 mm",
-    "mesh.core_size=16 mm",
-    "coupling.interval=0.5 s",
-    "output.figures=false",
+from .coarse import CASES, coarse
+
+TUBE = (
     "casting.length=200 mm",
     "mould.length=200 mm",
     "mould.tube.thickness=10 mm",
@@ -39,7 +32,7 @@ COARSE = (
 
 
 def billet(*changes: str) -> Case:
-    return load_case(CASES / "taper_1.toml", (*COARSE, *changes))
+    return coarse("taper_1", *TUBE, *changes)
 
 
 @pytest.fixture(scope="module")

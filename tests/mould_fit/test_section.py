@@ -26,20 +26,13 @@ from castfem.mould_fit.section import (
     sides_of_section,
 )
 
-CASES = Path(__file__).parents[2] / "cases" / "billet125"
-COARSE = (
-    "mesh.surface_size=3 mm",
-    "mesh.corner_size=3 mm",
-    "mesh.face_size=12 mm",
-    "mesh.core_size=16 mm",
-    "coupling.interval=0.5 s",
-    "output.figures=false",
-)
+from .coarse import CASES, COARSE, coarse
+
 AT = 0.2
 
 
 def billet(*changes: str) -> Case:
-    return load_case(CASES / "idealised.toml", (*COARSE, *changes))
+    return coarse("idealised", *changes)
 
 
 @pytest.fixture(scope="module")

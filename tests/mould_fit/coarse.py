@@ -1,0 +1,22 @@
+"""The billet on coarse cells and long windows, for the tests of strand and mould together."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from castfem.case import Case, load_case
+
+CASES = Path(__file__).parents[2] / "cases" / "billet125"
+COARSE = (
+    "mesh.surface_size=3 mm",
+    "mesh.corner_size=3 mm",
+    "mesh.face_size=12 mm",
+    "mesh.core_size=16 mm",
+    "coupling.interval=0.5 s",
+    "output.figures=false",
+)
+
+
+def coarse(name: str, *changes: str) -> Case:
+    """A shipped billet, coarse, with further changes."""
+    return load_case(CASES / f"{name}.toml", (*COARSE, *changes))
