@@ -32,6 +32,7 @@ from castfem.values.types import Array
 
 THICKNESS, SURFACE, FRONT = 0.04, 1273.15, 1763.15
 PITCH, PRESSURE, SPEEDS = 0.25, 0.25e6, (0.02, 0.01)
+CLAMPED = -PRESSURE * (2 * PITCH) ** 2 / 12.0  # moment of the elastic strip, N
 PLACES = PITCH * np.delete(np.arange(10), 4)  # one lost
 SHELL = Shell(THICKNESS, lambda depth: SURFACE + (FRONT - SURFACE) / THICKNESS * depth)
 ELASTIC = load_elasticity()
@@ -72,15 +73,26 @@ def leaving(law: Law, speed: float) -> Found:
     return top, at / (2 * PITCH), min(one.extremes()[2] for one in found.values())
 
 
-def unsettled(law: Law, speed: float) -> Found:
-    """The first pitch of virgin steel, with the moment of an elastic strip at the rolls."""
-    length = 2 * PITCH
-    layers, z = Layers(law, SHELL.points(48)), nodes(length, 256)
-    moment = PRESSURE * (0.5 * z * (length - z) - length**2 / 12.0)
-    loaded = layers.advance(layers.virgin(), moment[:1], np.array([1e-6])).end
-    bent = layers.advance(loaded, moment[1:], np.diff(z) / speed).curvature
-    w = deflected(z, bent - np.trapezoid(bent, z) / length)[0]
-    return float(w.max()), float(z[w.argmax()] / length), float(w.min())
+def kept_at(law: Law, moment: float, pitches: int, speed: float) -> Found:
+    """Virgin steel led through some pitches with one and the same moment over each roll, N."""
+    bent, z = kept_curvature(law, moment, pitches, speed), nodes(2 * PITCH, 256)
+    w = deflected(z, bent - np.trapezoid(bent, z) / z[-1])[0]
+    return float(w.max()), float(z[w.argmax()] / z[-1]), float(w.min())
+
+
+def kept_curvature(
+    law: Law, moment: float, pitches: int, speed: float, steps: int = 256, layers: int = 48
+) -> Array:
+    """Curvature along the last of these pitches, since the steel was virgin, 1/m."""
+    shell, z = Layers(law, SHELL.points(layers, SHELL.breaks(law))), nodes(2 * PITCH, steps)
+    along = moment + 0.5 * PRESSURE * z * (2 * PITCH - z)
+    first = shell.advance(shell.virgin(), along[:1], np.array([1e-6]))
+    state, bent = first.end, first.curvature[-1]
+    for _ in range(pitches):
+        history = shell.advance(state, along[1:], np.diff(z) / speed)
+        state, found = history.end, bent + history.curvature
+        bent = found[-1]
+    return found
 
 
 def by_ode(rolls: Array | None, speed: float) -> Found:
@@ -111,7 +123,11 @@ def main(output: Output, quick: bool) -> None:
     for lost, what, computed, again in (
         ("every second", "elastic", clamped, False),
         ("every second", "austenite, moment of the elastic strip, first pitch",
-         lambda speed: unsettled(gamma, speed), False),
+         lambda speed: kept_at(gamma, CLAMPED, 1, speed), False),
+        ("every second", "the same, twelfth pitch",
+         lambda speed: kept_at(gamma, CLAMPED, 12, speed), False),
+        ("every second", "0.8 of that moment, twelfth pitch",
+         lambda speed: kept_at(gamma, 0.8 * CLAMPED, 12, speed), False),
         ("every second", "austenite, accumulated hardening, four pitches",
          lambda speed: alternate(austenite("kozlowski_zhu"), speed), False),
         ("every second", "austenite", lambda speed: alternate(gamma, speed), True),

@@ -133,7 +133,11 @@ class OdeStrip:
     def periodic(
         self, pressure: float, length: float, speed: float, change: float = 5e-4, most: int = 40
     ) -> Periodic:
-        """Pitch after pitch until it repeats itself; its moment closes the curvature."""
+        """Pitch after pitch until it repeats itself; its moment closes the curvature.
+
+        Steel that hardens and never recovers repeats itself under other moments too, see
+        `kept_at`: that which is found hangs on the way to it, the deflection does not.
+        """
         moment, before = -pressure * length**2 / 12.0, np.inf
         state, _ = self.loaded(None, moment)
         for _ in range(most):
@@ -151,6 +155,22 @@ class OdeStrip:
             moment -= float(np.clip(gap / slack, -0.2 * abs(moment), 0.2 * abs(moment)))
             state, before = self.loaded(end, moment)[0], w.max()
         raise RuntimeError("no pitch that repeats itself")
+
+    def kept_at(
+        self, moment: float, pressure: float, length: float, speed: float, pitches: int
+    ) -> tuple[float, float]:
+        """Virgin steel led through some pitches with one and the same moment over each roll.
+
+        Returns:
+            The largest deflection in the last of them, m, and its mean curvature, 1/m.
+        """
+        state, bent = self.loaded(None, moment)
+        for _ in range(pitches):
+            z, more, state = self.through(state, (moment, moment), pressure, length, speed)
+            curvature = bent + more
+            bent = float(curvature[-1])
+        mean = float(np.trapezoid(curvature, z) / length)
+        return float(deflected(z, curvature - mean)[0].max()), mean
 
     def over(self, rolls: Array, pressure: float, speed: float) -> tuple[Array, Array, Array]:
         """The strip over rolls, m, first and last pitch as those beyond them.
