@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.values.same_place import same_or_before
+
 if TYPE_CHECKING:
     from castfem.machine.rolls import Rolls
 
@@ -81,7 +83,10 @@ class Stations:
         if not found or position < pairs[0].position:
             return BELOW
         # A roll belongs to what ends there.
-        return next((p.kind for p in found if position <= pairs[p.last].position), found[-1].kind)
+        for phase in found:
+            if same_or_before(position, pairs[phase.last].position):
+                return phase.kind
+        return found[-1].kind
 
     def words(self, position: float, time: float | None = None) -> str:
         """Position, nearest roll, time (s), phase: "16.73 m (roll 57), 836 s, straightening"."""

@@ -41,11 +41,14 @@ class SliceStep:
     Attributes:
         settings: The table [quality] of the case. steel: Of the strand.
         duration: Of the step, s; 0 at the meniscus.
+        rated: What the rates are means over: the step, or if that is a very short one, what was
+            before it as well, s.
         place: x and y (n, 2), m, of the undeformed section.
-        temperature: After the step (n,), K. earlier: Before it.
+        temperature: After the step (n,), K. earlier: Before it. rated_from: Where `rated` begins.
         axial_stress: After the step (n,), Pa, positive in tension; recovered from the points as
             their mean around each vertex, by area and nearness; zero without mechanics.
-        strain_rate: Axial, over the step (n,), 1/s: exact, from the motion of the planes.
+        strain_rate: Axial, over `rated` (n,), 1/s: exact, from the motion of the planes.
+        step_rate: The same over the step.
         pitch_rate: Axial, mean over the last pitch of rolls (n,), 1/s.
         value: Of the index before the step (n,); zero at the meniscus.
         brittle: Temperatures between which the solid fraction lies in the brittle range, K.
@@ -54,11 +57,14 @@ class SliceStep:
     settings: Quality
     steel: Steel
     duration: float
+    rated: float
     place: Array
     temperature: Array
     earlier: Array
+    rated_from: Array
     axial_stress: Array
     strain_rate: Array
+    step_rate: Array
     pitch_rate: Array
     value: Array
     brittle: tuple[float, float]
@@ -72,11 +78,20 @@ class SliceStep:
     @property
     def mechanical_rate(self) -> Array:
         """Axial strain rate less that of thermal expansion (n,), 1/s."""
-        if not self.duration > 0.0:
-            return np.zeros_like(self.strain_rate)
+        return self._mechanical(self.strain_rate, self.rated_from, self.rated)
+
+    @property
+    def mechanical_strain(self) -> Array:
+        """Axial strain that the step adds, less that of thermal expansion (n,)."""
+        return self.duration * self._mechanical(self.step_rate, self.earlier, self.duration)
+
+    def _mechanical(self, rate: Array, earlier: Array, duration: float) -> Array:
+        """An axial strain rate less that of thermal expansion since then (n,), 1/s."""
+        if not duration > 0.0:
+            return np.zeros_like(rate)
         strain = self.steel.thermal_strain
-        grown = strain(self.temperature) - strain(self.earlier)
-        return np.asarray(self.strain_rate - grown / self.duration)
+        grown = strain(self.temperature) - strain(earlier)
+        return np.asarray(rate - grown / duration)
 
     def share_within(self, low: float, high: float) -> Array:
         """Share of the step in which the temperature lay within two (K), as a straight line."""

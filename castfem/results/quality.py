@@ -28,6 +28,13 @@ if TYPE_CHECKING:
 TimedStrains = tuple[float, float, float, float]
 """Time (s), and the generalized strains a0 - 1, a1, a2."""
 _NEAR = 1e-9  # of the section's size: a place that is a vertex of the surface
+LEAST_RATED = 0.2
+"""Of a coupling window of the case: a rate is a mean over no less.
+
+Where two events lie close together, a roll and the end of a zone 14 um below it, there is a window
+of milliseconds between them. What jumps there, as does the bed of a pitch by 4e-7 of strain, would
+be a rate as large as any in it.
+"""
 _HALVINGS = 60  # of the mushy zone, to find the temperature of a solid fraction
 
 
@@ -54,6 +61,8 @@ class QualityState:
         line: The surface. caster: The rolls.
         time: s; -1 before the first sample. temperature: At the owned vertices, K.
         strain_history: Generalized strains from one pitch ago to now.
+        recent: The sample that rates were last counted from, and those since: time, temperature at
+            the owned vertices, K.
         values: Of each index at the owned vertices.
         largest: Of each index here. worst: From the meniscus to here. in_phase: Within bending and
             straightening, as far as the slice has come there.
@@ -67,6 +76,7 @@ class QualityState:
     time: float = -1.0
     temperature: Array = field(default_factory=lambda: np.zeros(0))
     strain_history: tuple[TimedStrains, ...] = ()
+    recent: tuple[tuple[float, Array], ...] = ()
     values: Mapping[str, Array] = field(default_factory=dict)
     largest: Mapping[str, Worst] = field(default_factory=dict)
     worst: Mapping[str, Worst] = field(default_factory=dict)
@@ -119,6 +129,8 @@ class QualitySampler:
         self._levels = {f: temperature_at(simulation.steel, f) for f in sorted(fractions)}
         ends = sorted(self._levels[f] for f in self.settings.brittle)
         self._brittle = ends[0], ends[1]
+        window = 0.0 if simulation.coupling is None else simulation.coupling.window
+        self._least = LEAST_RATED * window
         none = np.zeros(section.owned)
         self.state = QualityState(
             line, caster, temperature=none,
@@ -137,8 +149,9 @@ class QualitySampler:
         old, time = self.state, strand.thermal.time
         kelvin = strand.thermal.point.temperature
         first = not old.time < time  # at the meniscus, or a state that a checkpoint had
-        strain_history = self._strain_history(strand, position, first)
-        step = self._step(strand, kelvin, strain_history, position)
+        recent = self._recent(time, kelvin, first)
+        strain_history = self._strain_history(strand, position, recent[0][0], first)
+        step = self._step(strand, recent, strain_history, position)
         values = dict(old.values)
         for index in self.indexes:
             if not (first and index.accumulates):
@@ -149,18 +162,27 @@ class QualitySampler:
             in_phase[phase] = _worse(in_phase.get(phase, {}), largest)
         known = np.isfinite(centre)
         self.state = replace(
-            old, time=time, temperature=kelvin, strain_history=strain_history, values=values,
-            largest=largest,
+            old, time=time, temperature=kelvin, strain_history=strain_history, recent=recent,
+            values=values, largest=largest,
             worst=_worse(old.worst, largest), in_phase=in_phase, centre=centre,
             passed=self._passed(centre, time),
             solid_fraction=float(self.simulation.steel.solid_fraction(centre)) if known else None,
         )  # fmt: skip
         return self.state
 
+    def _recent(self, time: float, kelvin: Array, first: bool) -> tuple[tuple[float, Array], ...]:
+        """The last sample that is old enough for a rate, and those since; this one is the last."""
+        before = self.state.recent[:-1] if first else self.state.recent
+        enough = [k for k, one in enumerate(before) if time - one[0] >= self._least]
+        return (*before[max(enough, default=0) :], (time, kelvin))
+
     def _strain_history(
-        self, strand: StrandState, position: float, first: bool
+        self, strand: StrandState, position: float, rated_from: float, first: bool
     ) -> tuple[TimedStrains, ...]:
-        """Generalized strains from one pitch ago, the longest there is, to now."""
+        """Generalized strains from one pitch ago, the longest there is, to now.
+
+        They reach back to what rates are counted from, too.
+        """
         if strand.mechanical is None:
             return ()
         a0, a1, a2 = (float(a) for a in strand.mechanical.generalized_strains[:3])
@@ -169,31 +191,34 @@ class QualitySampler:
             return (*self.state.strain_history[:-1], now)
         longest = self.state.caster.longest_pitch
         since = self.simulation.machine.time_at(max(position - longest, 0.0))
-        before = self.state.strain_history
+        since, before = min(since, rated_from), self.state.strain_history
         kept = sum(strains[0] <= since for strains in before[:-1])
         return (*before[max(kept - 1, 0) :], now)
 
     def _step(
         self,
         strand: StrandState,
-        kelvin: Array,
+        recent: tuple[tuple[float, Array], ...],
         strain_history: tuple[TimedStrains, ...],
         position: float,
     ) -> SliceStep:
         """What the indexes are computed from."""
-        old = self.state
+        old, (since, rated_from), (time, kelvin) = self.state, recent[0], recent[-1]
         none: Array = np.zeros(len(kelvin))
-        duration = strand.thermal.time - old.time if old.time >= 0.0 else 0.0
-        stress, rate, pitch_rate = none, none, none
+        duration = time - old.time if old.time >= 0.0 else 0.0
+        stress, rate, step_rate, pitch_rate = none, none, none, none
         if self._mechanics is not None and strand.mechanical is not None:
             stress = self._mechanics.axial_at_vertices(strand.mechanical)
             if duration > 0.0:
-                rate = self._rate(np.array(strain_history[-2]), np.array(strain_history[-1]))
+                then = min(strain_history, key=lambda strains: abs(strains[0] - since))
+                now = np.array(strain_history[-1])
+                rate = self._rate(np.array(then), now)
+                step_rate = self._rate(np.array(strain_history[-2]), now)
                 pitch_rate = self._over_a_pitch(strain_history, position)
         return SliceStep(
-            self.settings, self.simulation.steel, duration, self.place, kelvin,
-            old.temperature if duration > 0.0 else kelvin, stress, rate, pitch_rate, none,
-            self._brittle,
+            self.settings, self.simulation.steel, duration, time - since, self.place, kelvin,
+            old.temperature if duration > 0.0 else kelvin, rated_from, stress, rate, step_rate,
+            pitch_rate, none, self._brittle,
         )  # fmt: skip
 
     def _rate(self, start: Array, end: Array) -> Array:
@@ -267,7 +292,11 @@ class QualitySampler:
     def arrays(self) -> dict[str, Array]:
         """What a checkpoint must hold at the owned vertices."""
         kept = (index.name for index in self.indexes if index.accumulates)
-        return {f"quality_{name}": self.state.values[name] for name in kept}
+        found = {f"quality_{name}": self.state.values[name] for name in kept}
+        if self._mechanics is not None:  # the last sample is the state itself
+            for k, (_, kelvin) in enumerate(self.state.recent[:-1]):
+                found[f"quality_recent_{k}"] = kelvin
+        return found
 
     def memory(self) -> dict[str, Any]:
         """What else a checkpoint must hold."""
@@ -275,6 +304,7 @@ class QualitySampler:
         return {
             "time": state.time,
             "centre": state.centre if np.isfinite(state.centre) else None,
+            "recent": [time for time, _ in state.recent[:-1]],
             "motions": [list(strains) for strains in state.strain_history],
             "worst": _plain(state.worst),
             "in_phase": {phase: _plain(worst) for phase, worst in state.in_phase.items()},
@@ -290,8 +320,15 @@ class QualitySampler:
         strain_history = (
             (float(t), float(a0), float(a1), float(a2)) for t, a0, a1, a2 in memory["motions"]
         )
+        recent = [
+            (float(time), np.asarray(by_node[f"quality_recent_{k}"], float)[nodes])
+            for k, time in enumerate(memory.get("recent", ()))
+            if f"quality_recent_{k}" in by_node
+        ]
+        recent.append((memory["time"], self.state.temperature))  # which `note` is to replace
         self.state = replace(
             self.state, time=memory["time"], values=values, strain_history=tuple(strain_history),
+            recent=tuple(recent),
             centre=np.nan if memory["centre"] is None else memory["centre"],
             worst=_named(memory["worst"]),
             in_phase={phase: _named(worst) for phase, worst in memory["in_phase"].items()},

@@ -65,7 +65,7 @@ def brittle_strain(step: SliceStep) -> Array:
 
     That is what bending, straightening and misalignment do to the front of solidification.
     """
-    taken = step.duration * step.mechanical_rate * step.share_within(*step.brittle)
+    taken = step.mechanical_strain * step.share_within(*step.brittle)
     return np.maximum(step.value + taken, 0.0)
 
 

@@ -66,6 +66,7 @@ def test_what_reheats(report: CrackReport) -> None:
         (1.15, "1.15 m (roll 4), bending"),
         (1.3, "1.30 m (roll 5), arc"),
         (2.0, "2.00 m (roll 7), straightening"),
+        (1.15 + 1e-12, "1.15 m (roll 4), bending"),  # a roll, but for rounding
         (2.5, "2.50 m (roll 9), straight"),
         (9.0, "9.00 m (roll 10), straight"),
     ],

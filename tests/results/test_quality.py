@@ -172,13 +172,13 @@ def test_bending_and_straightening_have_a_worst_each(wide: Path) -> None:
     assert found["way_I2_max"]["value"] == found["bending_I2_max"]["value"]
 
 
-def break_off(patch: pytest.MonkeyPatch) -> None:
-    """Let a run fail in its fourteenth window."""
+def break_off(patch: pytest.MonkeyPatch, window: int = 14) -> None:
+    """Let a run fail in a window."""
     note, seen = QualitySampler.note, [0]
 
     def broken(self: QualitySampler, *given: object) -> object:
         seen[0] += 1
-        if seen[0] == 15:
+        if seen[0] == window + 1:
             raise RunFailure("out of power")
         return note(self, *given)  # type: ignore[arg-type]
 
@@ -213,6 +213,47 @@ def test_a_kill_costs_nothing_of_the_maps(tmp_path: Path, wide: Path, killed: bo
         json.loads((path / "summary.json").read_text())["quantities"] for path in (tmp_path, wide)
     )
     assert ours == theirs
+
+
+def near_a_roll() -> Case:
+    """A zone ends 10 um below roll 3, and in between the strand is pulled all at once."""
+    air = {"law": "convection", "coefficient": "100 W/(m^2 K)", "ambient": "25 degC"}
+    pull = {"position": [0, 0.6, 0.60001, 2], "position_unit": "m", "value": [0, 0, 50, 50]}
+    return judged(
+        WIDE,
+        cooling=[
+            {"name": "first", "to": "0.60001 m", "surface": [air]},
+            {"name": "second", "surface": [air]},
+        ],
+        mechanics__planes={"force": pull | {"unit": "kN"}, "force_contains_bending": True},
+        casting__length="0.7 m",
+    )
+
+
+def test_no_rate_is_told_of_a_window_of_no_length(tmp_path: Path) -> None:
+    """It is a mean with the window before; stored for a run that goes on just above."""
+    whole, broken = tmp_path / "whole", tmp_path / "broken"
+    loop.run(near_a_roll(), whole, comm=MPI.COMM_SELF)
+    table, maps = read_history(whole / "history.csv"), SurfaceMaps(whole)
+    (tiny,) = np.flatnonzero(np.diff(maps.position) < 1e-4) + 1
+    y, time = maps.heading.line.place[:, 1], maps.time
+    thickness = (1.0 + table["axial_strain"].to_numpy())[:, None] * (
+        1.0 - table["curvature"].to_numpy()[:, None] * y
+    )
+    alone, mean = (
+        (thickness[tiny] - thickness[k]) / (time[tiny] - time[k]) for k in (tiny - 1, tiny - 2)
+    )
+    assert alone.max() > 100.0 * mean.max() > 0.0
+    assert maps["I2"][tiny] == pytest.approx(np.maximum(mean, 0.0), rel=1e-6, abs=1e-12)
+    after = (thickness[tiny + 1] - thickness[tiny]) / (time[tiny + 1] - time[tiny])
+    assert maps["I2"][tiny + 1] == pytest.approx(np.maximum(after, 0.0), rel=1e-6, abs=1e-12)
+    with pytest.MonkeyPatch.context() as patch:
+        break_off(patch, int(tiny))
+        with pytest.raises(RunFailure, match="power"):
+            loop.run(near_a_roll(), broken, comm=MPI.COMM_SELF)
+    loop.run(near_a_roll(), broken, comm=MPI.COMM_SELF, resume=True)
+    for name in (MAPS_NAME, "history.csv"):
+        assert (broken / name).read_bytes() == (whole / name).read_bytes(), name
 
 
 def test_damaged_or_missing_maps_are_not_resumed(tmp_path: Path) -> None:
