@@ -24,6 +24,7 @@ from castfem.mould.taper import TaperProfile
 from castfem.support.messages import Path
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import Kind
+from castfem.values.same_place import ROUNDING
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
 from castfem.values.units import convert, format
@@ -38,6 +39,7 @@ _USUAL_TAPER = 0.03  # 1/m, single
 _ROUGHEST = 2.0  # friction coefficient
 _COLDEST = 200.0  # K
 _SAME_CARBON = 0.03  # wt%
+_NEARLY = 1e-3  # m: a zone that ends as near to a roll as this was meant to end there
 _SIGNED = {
     name: f"{name}_signed" for name in ("kozlowski_zhu", "norton_hoff_kozlowski")
 }  # the same law with signed hardening
@@ -57,6 +59,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from _cold(case)
     yield from _sprays(case)
     yield from machine_warnings(case)
+    yield from _nearly_at_rolls(case)
     yield from secondary_warnings(case)
     yield from idle_keys(case)
     if case.mould is not None:
@@ -127,6 +130,22 @@ def _hardens_for_good(case: Case, law: Law) -> Iterator[Problem]:
             + (f'give "{mend}"' if mend else 'give it hardening = "signed"')
             + ', or bulging = "elastic"',
         )
+
+
+def _nearly_at_rolls(case: Case) -> Iterator[Problem]:
+    """Yield zones that end beside a roll: what jumps there falls into a window of no length."""
+    rolls = None if case.machine is None else case.machine.pairs()
+    if case.mechanics is None or rolls is None:
+        return
+    for index, zone in enumerate(case.cooling):
+        for number, pair in enumerate(rolls.pairs, start=1):
+            if zone.to is not None and ROUNDING < abs(zone.to - pair.position) < _NEARLY:
+                yield Problem(
+                    ("cooling", index, "to"),
+                    f"({zone.to:.9g} m) is {1e3 * abs(zone.to - pair.position):.3g} mm off roll "
+                    f"{number}: strain rates between the two mean nothing; give "
+                    f'"{pair.position:.9g} m"',
+                )
 
 
 def _cold(case: Case) -> Iterator[Problem]:

@@ -192,6 +192,23 @@ def test_what_does_not_fit_the_steel_is_told() -> None:
 OVER_THE_EDGE = ("edges", "warm_edges", "nozzles_47_52")
 
 
+@pytest.mark.parametrize(
+    ("end", "roll", "off"),
+    [("4.1101 m", 15, "0.014"), ("4.11 m", 15, "0.086"), ("2.322 m", 8, "0.5")],
+)
+def test_a_zone_that_ends_beside_a_roll_is_told(end: str, roll: int, off: str) -> None:
+    """Between the two lies a window of milliseconds, whose strain rate is that of a jump."""
+    slab = TAPERED.parents[1] / "slab1200" / "slab.toml"
+    zone = "bender" if roll == 15 else "top"
+    (line,) = read_case(slab, (f"cooling.{zone}.to={end}",)).warnings
+    place = {15: "4.110086", 8: "2.3225"}[roll]
+    assert f"({end}) is {off} mm off roll {roll}: " in line and f'give "{place} m"' in line
+    assert not read_case(slab, (f"cooling.{zone}.to={place} m",)).warnings
+    assert not read_case(slab, (f"cooling.{zone}.to={float(place) - 0.05} m",)).warnings
+    thermal = slab.with_name("thermal.toml")  # a step of milliseconds does heat no harm
+    assert not read_case(thermal, (f"cooling.{zone}.to={end}",)).warnings
+
+
 @pytest.mark.parametrize("path", shipped_cases.shipped().values(), ids=shipped_cases.shipped())
 def test_shipped_cases_are_meant(path: Path) -> None:
     told = read_case(path).warnings
