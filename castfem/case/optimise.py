@@ -139,6 +139,23 @@ class Variable(TableModel):
         return units.split(self.range[0])[1]
 
 
+class Front(TableModel):
+    """A second result to be weighed against the first: the front of what can be had of both."""
+
+    minimise: str | None = Field(
+        None, description="result that is to be small", examples=["mould_gap_max"]
+    )
+    maximise: str | None = Field(
+        None, description="or one that is to be large", examples=["heat_removed"]
+    )
+    points: int = Field(6, ge=3, le=50, strict=True, description="of the front, at most")
+
+    @property
+    def objective(self) -> tuple[str, float]:
+        """The result, and 1 where it is to be small, -1 where large."""
+        return (self.minimise, 1.0) if self.minimise is not None else (self.maximise or "", -1.0)
+
+
 class Optimise(TableModel):
     """What `castfem optimise` looks for: values of some keys with which a result is best."""
 
@@ -159,6 +176,9 @@ class Optimise(TableModel):
     variable: tuple[Variable, ...] = Field(
         min_length=1, description="the keys whose values are looked for"
     )
+    front: Front | None = Field(
+        None, description="what is weighed against the result that is to be best"
+    )
 
     @property
     def bounds(self) -> tuple[Bound, ...]:
@@ -177,6 +197,7 @@ def check_optimise(case: Case) -> Iterator[Problem]:
     if table is None:
         return
     yield from _objectives(table)
+    yield from _front(table)
     for number, text in enumerate(table.constraints or ()):
         if text is not None:
             yield from _constraint_faults(case, number, bound(text))
@@ -197,9 +218,27 @@ def _objectives(table: Optimise) -> Iterator[Problem]:
         )
     for key in ("minimise", "maximise"):
         for name in getattr(table, key):
-            if result_names.unit_of(name) is None:
-                near = units.nearest(name, result_names.all_names())
-                yield Problem(("optimise", key), f'("{name}") is no result of a run{near}')
+            yield from _unknown(name, ("optimise", key))
+
+
+def _unknown(name: str, path: tuple[str, ...]) -> Iterator[Problem]:
+    if result_names.unit_of(name) is None:
+        near = units.nearest(name, result_names.all_names())
+        yield Problem(path, f'("{name}") is no result of a run{near}')
+
+
+def _front(table: Optimise) -> Iterator[Problem]:
+    front = table.front
+    if front is None:
+        return
+    path = ("optimise", "front")
+    if (front.minimise is None) == (front.maximise is None):
+        yield Problem(path, 'one of minimise and maximise is needed, such as "heat_removed"')
+        return
+    name, _ = front.objective
+    yield from _unknown(name, (*path, "minimise" if front.minimise is not None else "maximise"))
+    if name in ((*(table.minimise or ()), *(table.maximise or ()))):
+        yield Problem(path, f'("{name}") is weighed against itself; name another result')
 
 
 def _constraint_faults(case: Case, number: int, found: Bound) -> Iterator[Problem]:

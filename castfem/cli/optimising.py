@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from castfem.case import load_case, shipped_cases
 from castfem.cli import many_runs, parallel
 from castfem.design.evaluator import serve
+from castfem.design.front import write_front
 from castfem.design.mould_table import mould_table, write_mould_table
 from castfem.design.study import Study
 from castfem.design.told import told
@@ -110,11 +111,10 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
     moulded = best.mould is not None and optimum.status != "failed"
     if moulded:
         written.append(write_mould_table(target, best).name)
+    if optimum.front is not None:
+        written.append(write_front(target, optimum.front).name)
     if options.figures and optimum.away:
-        from castfem.design.figure import FIGURE_NAME, draw
-
-        draw(optimum, target / FIGURE_NAME)
-        written.append(FIGURE_NAME)
+        written += _drawn(optimum, target)
     if not options.quiet:
         out = parallel.console()
         for block in told(optimum):
@@ -129,6 +129,17 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
         print(f"castfem: {what}", file=sys.stderr)
         return RunFailure.exit_status
     return 0
+
+
+def _drawn(optimum: Optimum, target: Path) -> list[str]:
+    """Draw the answer, and return the names of the files."""
+    from castfem.design.figure import FIGURE_NAME, FRONT_NAME, draw, draw_front
+
+    draw(optimum, target / FIGURE_NAME)
+    if optimum.front is None or len(optimum.front.points) == 1:
+        return [FIGURE_NAME]
+    draw_front(optimum.front, target / FRONT_NAME)
+    return [FIGURE_NAME, FRONT_NAME]
 
 
 def _mould(study: Study, optimum: Optimum) -> object:

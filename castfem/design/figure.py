@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from castfem.design.front import Front
 from castfem.design.optimum import Kept, Optimum, Value
 from castfem.output.summary import unit_of_difference
 from castfem.plots.style import DPI, look
@@ -13,7 +14,7 @@ from castfem.support.atomic_files import replacing
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FIGURE_NAME = "optimum.png"
+FIGURE_NAME, FRONT_NAME = "optimum.png", "front.png"
 _WIDTH, _HEIGHT = 3.4, 2.3  # inches, of a panel
 
 
@@ -41,6 +42,34 @@ def draw(optimum: Optimum, path: Path) -> None:
             grid[-1][column].set_xlabel(f"{value.key}{unit}")
         _name_rows(grid, optimum)
         figure.suptitle(optimum.title, fontsize=9)
+        with replacing(path) as temporary:
+            figure.savefig(temporary, dpi=DPI, format="png")
+
+
+def draw_front(front: Front, path: Path) -> None:
+    """Draw a front: what is to be best over what it is weighed against, and where to find it.
+
+    Raises:
+        RunFailure: The file cannot be written.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows = 1 + len(front.keys)
+    with look():
+        figure = Figure(figsize=(1.5 * _WIDTH, 0.5 + 0.8 * _HEIGHT * rows), layout="constrained")
+        FigureCanvasAgg(figure)
+        axes: Any = figure.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
+        second = [front.second.shown(point.second) for point in front.points]
+        first = [front.first.shown(point.first) for point in front.points]
+        axes[0].plot(second, first, color="#0072b2", marker="o", ms=4, lw=1.0)
+        axes[0].plot(second[:1], first[:1], color="#d55e00", marker="o", ms=6, ls="none")
+        axes[0].set_ylabel(front.first.heading, fontsize=8)
+        for number, key in enumerate(front.keys):
+            values = [point.values[number] for point in front.points]
+            axes[1 + number].plot(second, values, color="0.35", marker="o", ms=3.5, lw=1.0)
+            axes[1 + number].set_ylabel(key, fontsize=8)
+        axes[-1].set_xlabel(front.second.heading)
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=DPI, format="png")
 

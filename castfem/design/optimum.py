@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from castfem.design.front import Front
 from castfem.output.summary import from_si, unit_of_difference
 
 Status = Literal["found", "impossible", "failed"]
@@ -124,6 +125,7 @@ class Optimum:
         spent: Whether the search ended for it had no more runs.
         seconds: That all runs took.
         best: Name of the best run's folder, "" where it was told by others.
+        front: Of the objective and what it is weighed against; None where that was not asked for.
     """
 
     title: str
@@ -141,6 +143,7 @@ class Optimum:
     spent: bool
     seconds: float
     best: str = ""
+    front: Front | None = None
 
     @property
     def binding(self) -> tuple[Kept, ...]:
@@ -189,6 +192,7 @@ class Optimum:
             "spent": self.spent,
             "seconds": self.seconds,
             "best": self.best,
+            **({} if self.front is None else {"front": self.front.to_json()}),
         }
 
     def _away(self, step: Away) -> dict[str, Any]:

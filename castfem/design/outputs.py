@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.case.optimise import Bound
 from castfem.design.question import Question, Wanted
 from castfem.errors import InputError
 from castfem.output.summary import Quantity
@@ -60,8 +61,13 @@ class Outputs:
         question: What is asked.
         look: Gives what a run has given, None where it has not been done.
         obtain: Does the runs that are missing; None where they are to be asked for.
+        objective: Result and sense, instead of the question's.
+        extra: Constraints beside the question's.
+        seen: The runs that others have looked at, to be shared with them.
 
     Attributes:
+        objective: The result that is to be best. sense: 1 where it is to be small, -1 where large.
+        bounds: The constraints.
         seen: The runs that were looked at, in that order.
     """
 
@@ -70,10 +76,26 @@ class Outputs:
         question: Question,
         look: Look,
         obtain: Obtain | None = None,
+        objective: tuple[str, float] | None = None,
+        extra: Sequence[Bound] = (),
+        seen: dict[Wanted, Evaluation] | None = None,
     ) -> None:
         self.question, self._look, self._obtain = question, look, obtain
-        ((self.objective, self.sense),) = question.table.objectives
-        self.seen: dict[Wanted, Evaluation] = {}
+        (own,) = question.table.objectives
+        self.objective, self.sense = objective or own
+        self.bounds = (*question.bounds, *extra)
+        self.seen: dict[Wanted, Evaluation] = {} if seen is None else seen
+
+    def other(
+        self, objective: tuple[str, float] | None = None, extra: Sequence[Bound] = ()
+    ) -> Outputs:
+        """Another objective, or further constraints, of the same runs; see the arguments."""
+        return Outputs(self.question, self._look, self._obtain, objective, extra, self.seen)
+
+    @property
+    def aim(self) -> tuple[object, ...]:
+        """What makes it another aim than that of other outputs of the same runs."""
+        return self.objective, self.sense, self.bounds
 
     def fetch(self, wanted: Sequence[Wanted]) -> list[Evaluation]:
         """Return what runs have given.
@@ -95,20 +117,20 @@ class Outputs:
 
     @property
     def _relative(self) -> bool:
-        return any(bound.relative for bound in self.question.bounds)
+        return any(bound.relative for bound in self.bounds)
 
     @property
     def count(self) -> int:
         """How many constraints there are."""
-        return len(self.question.bounds)
+        return len(self.bounds)
 
     def text(self, number: int) -> str:
         """A constraint in words."""
-        return self.question.bounds[number].text.strip()
+        return self.bounds[number].text.strip()
 
     def name(self, number: int) -> str:
         """The result that a constraint is about."""
-        return self.question.bounds[number].quantity
+        return self.bounds[number].quantity
 
     def value(self, wanted: Wanted) -> float:
         """The objective of a run in SI, as it is.
@@ -130,7 +152,7 @@ class Outputs:
             InputError: It has no such result, or the idealised mould's run has failed.
         """
         found, given = [], self.seen[wanted]
-        for bound in self.question.bounds:
+        for bound in self.bounds:
             own = self._quantity(given, bound.quantity, "constraints").value
             limit = bound.value
             if bound.relative:

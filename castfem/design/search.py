@@ -108,6 +108,33 @@ class Search:
             self.spent = True
         return self.best()
 
+    def towards(self, start: Array, begin: Wanted, first: float = FIRST) -> Wanted:
+        """Search from a run that is known, and return the best one.
+
+        Args:
+            start: Of the first search of these runs, about which noise was measured (n,).
+            begin: Where this one begins.
+            first: Its first step, as a share of the ranges.
+
+        Raises:
+            Needs: Runs are missing.
+        """
+        try:
+            self._settle(start)
+            self._cobyqa(self.question.shares(begin), max(first, 2.0 * LAST), self._cost)
+        except Spent:
+            self.spent = True
+        return self.best()
+
+    def best_known(self, start: Array) -> Wanted:
+        """Return the best run of those that were made for other aims; see `towards`.
+
+        Raises:
+            Needs: Runs are missing.
+        """
+        self._settle(start)
+        return self.best()
+
     def _settle(self, start: Array) -> Array:
         """Measure noise, scales and the last step about the start; return the start."""
         begin = np.clip(start, 0.0, 1.0)
@@ -189,7 +216,7 @@ class Search:
 
         last = min(self.radius, 0.5 * first)
         aim = objective == self._cost
-        part = (*(float(u) for u in begin), first, last, aim)
+        part = (*(float(u) for u in begin), first, last, aim, self.outputs.aim)
         if part in self._done:
             for wanted in self._done[part]:
                 self.given(wanted)

@@ -20,6 +20,7 @@ from castfem.case.result_names import unit_of
 from castfem.design import vicinity
 from castfem.design.evaluator import Evaluator, Watcher, lean, variant
 from castfem.design.fidelity import DEFAULT, LEVELS
+from castfem.design.front import Tracer
 from castfem.design.optimum import Optimum
 from castfem.design.outputs import Needs, Obtain, Outputs
 from castfem.design.question import Question, Wanted
@@ -197,7 +198,8 @@ class Study:
                 ideal = self.known(question.ideal(middle))
         outputs = Outputs(question, self.known, obtain=obtain)
         search = Search(outputs, question.table.most_runs, self._done)
-        best = search.run(question.start(ideal))
+        start = question.start(ideal)
+        best = search.run(start)
         if outputs.seen[best].failed:
             return verdict(Findings(question, outputs, search, best, None, "", None, self._told))
         best, model, step = self._surroundings(search, best)
@@ -205,12 +207,16 @@ class Study:
         error = check - outputs.vector(best)
         for _ in range(2):
             assert search.noise is not None
-            found = vicinity.intervals(model, search.noise.sigma, np.abs(np.nan_to_num(error)))
-            if step >= _WIDEST or not any(i.open_low or i.open_high for i in found):
+            places = vicinity.intervals(model, search.noise.sigma, np.abs(np.nan_to_num(error)))
+            if step >= _WIDEST or not any(i.open_low or i.open_high for i in places):
                 break
             step = min(2.0 * step, _WIDEST)
             model = self._model(outputs, best, step)
-        return verdict(Findings(question, outputs, search, best, model, checked, error, self._told))
+        found = Findings(question, outputs, search, best, model, checked, error, self._told)
+        front = None
+        if question.table.front is not None:
+            front = Tracer(search, start, self._done).trace(best)
+        return verdict(found, front)
 
     def _surroundings(
         self, search: Search, best: Wanted

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from castfem.design.front import Front
 from castfem.design.optimum import Kept, Known, Optimum, Value
 from castfem.output.summary import unit_of_difference
 from castfem.report.numbers import shown
@@ -30,6 +31,29 @@ def told(optimum: Optimum) -> Iterator[Table | str]:
     if optimum.away:
         yield _steps(optimum)
     yield from _remarks(optimum)
+    if optimum.front is not None:
+        yield from _front(optimum.front)
+
+
+def _front(front: Front) -> Iterator[Table | str]:
+    """The points of a front, and what they have cost."""
+    both = f"{front.first.name} and {front.second.name}"
+    if len(front.points) == 1:
+        yield f"{both} are best together: there is no front ({front.runs} further runs)"
+        return
+    yield f"the front of {both}, {front.runs} further runs"
+    found = _table(*front.keys, front.first.heading, front.second.heading, front.price_heading)
+    for point in front.points:
+        price = front.price(point)
+        found.add_row(
+            *(f"{value:g}" for value in point.values),
+            shown(front.first.shown(point.first), front.first.shown_unit),
+            shown(front.second.shown(point.second), front.second.shown_unit),
+            "" if price is None else f"{price:.3g}",
+        )
+    yield found
+    if front.spent:
+        yield "a search of the front has had its runs before it was done: raise optimise.most_runs"
 
 
 def _state(optimum: Optimum) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from castfem.design import vicinity
+from castfem.design.front import Front
 from castfem.design.optimum import Away, Kept, Known, Optimum, Status, Value
 from castfem.design.outputs import Outputs
 from castfem.design.question import Question, Wanted
@@ -46,8 +47,8 @@ class Findings:
         return np.zeros(1 + self.outputs.count) if noise is None else noise.sigma
 
 
-def verdict(found: Findings) -> Optimum:
-    """Return the answer."""
+def verdict(found: Findings, front: Front | None = None) -> Optimum:
+    """Return the answer, with the front if one was asked for."""
     outputs, best = found.outputs, found.best
     given = outputs.seen[best]
     level = found.question.table.fidelity
@@ -74,6 +75,7 @@ def verdict(found: Findings) -> Optimum:
         spent=found.search.spent,
         seconds=sum(one.seconds for one in found.told.values()),
         best="" if given.folder is None else given.folder.name,
+        front=front,
     )
 
 
