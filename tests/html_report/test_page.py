@@ -57,6 +57,13 @@ def test_every_image_says_what_it_shows(page: str) -> None:
             assert element.get("aria-label")
 
 
+def test_a_label_names_one_control(page: str) -> None:
+    controls = {f"{NAMESPACE}{name}" for name in ("input", "select", "output", "progress")}
+    labels = list(parsed(page).iter(f"{NAMESPACE}label"))
+    assert labels
+    assert all(sum(e.tag in controls for e in label.iter()) == 1 for label in labels)
+
+
 def test_numbers_are_those_of_the_run(folder: Path, page: str) -> None:
     summary = json.loads((folder / "summary.json").read_text())
     text = re.sub(r"<[^>]+>", " ", page)
