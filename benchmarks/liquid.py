@@ -1,8 +1,9 @@
 """What the liquid's numerical stiffness moves, and how far fed liquid gets without a wall.
 
 A cell that freezes is part liquid, and needs some stiffness to be solved for.  Where liquid is fed
-that is `castfem.mechanics.problem.STAND_IN` times its pressure, and counts in that one layer of
-cells alone; where it is elastic all of the core has it.  Writes tables of docs/mechanics.md.
+that is `STAND_IN` of `castfem.mechanics.material_points` times its pressure, and counts in that one
+layer of cells alone; where it is elastic all of the core has it.  Writes tables of
+docs/mechanics.md.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Any
 from benchmarks.billet_run import COARSE, NAMES, QUIET, mesh, run
 from benchmarks.billet_study import picked
 from benchmarks.report import Output, table
-from castfem.mechanics import problem
+from castfem.mechanics import material_points
 
 FACTORS = (10.0, 30.0, 300.0)
 STIFFNESSES = (1e-2, 1e-7)
@@ -37,7 +38,7 @@ class Liquid:
     mould: str
     model: str
     what: str
-    factor: float = problem.STAND_IN
+    factor: float = material_points.STAND_IN
     changes: tuple[str, ...] = ()
 
 
@@ -52,7 +53,7 @@ def liquids() -> Iterator[Liquid]:
                 yield Liquid(mould, "fed", f"liquid_stiffness {value:g}", changes=keys)
         if mould == "taper_0":
             yield from _elastic(mould)
-    yield Liquid("taper_minus_3", "fed", f"stand-in {problem.STAND_IN:g} p")
+    yield Liquid("taper_minus_3", "fed", f"stand-in {material_points.STAND_IN:g} p")
     yield from _elastic("taper_minus_3")
 
 
@@ -65,12 +66,12 @@ def _elastic(mould: str) -> Iterator[Liquid]:
 @contextmanager
 def standing_in(factor: float) -> Iterator[None]:
     """Let fed liquid have a stand-in of another stiffness."""
-    shipped = problem.STAND_IN
-    problem.STAND_IN = factor
+    shipped = material_points.STAND_IN
+    material_points.STAND_IN = factor
     try:
         yield
     finally:
-        problem.STAND_IN = shipped
+        material_points.STAND_IN = shipped
 
 
 def without_wall(output: Output, quick: bool) -> None:

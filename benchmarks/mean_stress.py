@@ -26,7 +26,7 @@ from castfem.fem.section import Section
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.quadrature import Integration
+from castfem.mechanics.quadrature_rules import Integration
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure

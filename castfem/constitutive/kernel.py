@@ -499,6 +499,13 @@ def _keep_tensor(  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _fill_stress(stress, length, normal, back, mean):  # type: ignore[no-untyped-def]
+    """Write the stress of a point: what is left of its deviator, back stress and mean stress."""
+    for k in range(4):
+        stress[k] = length * normal[k] + back[k] + (mean if k < 3 else 0.0)
+
+
+@compiled
 def integrate_points(  # type: ignore[no-untyped-def]
     kind, signed, coefficients, strain, thermal, stress_old, state_old, dt,
     stress, tangent, state, dissipation, flows,
@@ -548,8 +555,7 @@ def integrate_points(  # type: ignore[no-untyped-def]
         )
         scale, gain, stored = equivalent / trial if increment > 0.0 else 1.0, left * increment, 0.0
         flows[i] = increment > 0.0
-        for k in range(4):
-            stress[i, k] = scale * length * normal[k] + back[k] + (mean if k < 3 else 0.0)
+        _fill_stress(stress[i], scale * length, normal, back, mean)
         _fill_tangent(tangent[i], normal, shear2 * share, c[BULK] * share, scale, kept)
         if signed:
             stored = _keep_tensor(kind, c, tensor, normal, old, aside, gain, state[i])

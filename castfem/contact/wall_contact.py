@@ -1,4 +1,4 @@
-"""Contact of one slice with its wall: where the surface is, what the wall does, how it changes.
+"""Contact of one slice with its wall: what the wall does to the surface, and how that changes.
 
 Everything is evaluated at the facets' quadrature points with numpy; the forms of
 `castfem.forms.contact` see the results as functions.
@@ -20,6 +20,7 @@ from castfem.contact.interaction import Interaction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
+from castfem.contact.strand_surface import StrandSurface
 from castfem.contact.surface_liquid import SurfaceLiquid
 from castfem.contact.surface_stress import SurfaceStress
 from castfem.fem import reductions
@@ -32,7 +33,6 @@ from castfem.values.types import Array, Flags
 # Columns of what the forms see.
 TRACTION, BY_PRESSURE, BY_SLIP, NORMAL = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 STIFFNESS, BY_STRAIN, BY_TURN, POOL, WIDTH = 11, slice(12, 16), 16, 17, 18
-RASTER = 2.0**-32  # of the section's size
 HOLDING_GAP = 1e-2  # of the height of surface cells: a wall farther away holds nothing
 
 
@@ -46,7 +46,8 @@ class WallContact(Interaction):
         motion: Displacement and generalized strains of the mechanical problem.
 
     Attributes:
-        facets: Points. symmetric: Whether contact leaves a symmetric tangent symmetric.
+        facets: Points. strand: Where they are, and how far off the wall is.
+        symmetric: Whether contact leaves a symmetric tangent symmetric.
         at_vertices: Operator from vertex values to the points.
         liquid: What of the surface is solid in the step, and what its liquid does.
         stiffness: K_p of the step at the points (n,), Pa/m.
@@ -63,19 +64,16 @@ class WallContact(Interaction):
         self.contact, self._solid = contact, solid
         self.symmetric = contact.symmetric
         self.facets = facets = Facets(section, self.tags, contact.points)
-        space, mesh = motion.u.function_space, section.mesh
-        trial = ufl.TrialFunction(space)
-        self._moves = facets.operator(trial, space)
-        self._gradients = facets.operator(ufl.grad(trial), space)
+        mesh = section.mesh
         has_friction = contact.friction is not None
         self.liquid = SurfaceLiquid(section, facets, solid, has_friction)
         self.at_vertices = self.liquid.at_vertices
         self._large = solid.large_strain
+        self.strand = StrandSurface(section, facets, motion, solid.large_strain)
         self._surface, self._stress = self._geometry(mesh)
         self._given = FacetFields(facets, WIDTH)
         self._action = self._wall_action()
         self._travel = fem.Constant(mesh, np.float64(0.0))
-        self._size = max(1e-300, reductions.largest(section.comm, np.abs(facets.position)))
         length, area = reductions.totals(
             section.comm, [facets.weight.sum(), facets.weight @ facets.height]
         )
@@ -95,7 +93,7 @@ class WallContact(Interaction):
             step = (now, old)
         if self.contact.method != "nitsche":
             return surface, None
-        return surface, SurfaceStress(self.facets, law, self._gradients, motion, step)
+        return surface, SurfaceStress(self.facets, law, self.strand.gradients, motion, step)
 
     # What the mechanical problem compiles.
 
@@ -177,12 +175,12 @@ class WallContact(Interaction):
         Returns:
             Stress that rounding of positions makes at the stiffest point, Pa.
         """
-        motion = self._motion
-        place, moved = self._where(motion.u.x.array, motion.generalized_strains.value)
-        before = self._where(motion.u_old.x.array, motion.generalized_strains_old.value)[1]
-        strand, stretch = self.facing(motion.u.x.array, motion.generalized_strains.value)
-        n, gap, curvature = self._gap_to_wall(moved, strand)
-        near = np.minimum(gap, self._size)
+        motion, surface = self._motion, self.strand
+        moved = surface.moved(motion.u.x.array, motion.generalized_strains.value)
+        before = surface.moved(motion.u_old.x.array, motion.generalized_strains_old.value)
+        strand, stretch = surface.facing(motion.u.x.array, motion.generalized_strains.value)
+        n, gap, curvature = surface.gap_to(self.contact.wall, self._position, moved, strand)
+        near = np.minimum(gap, surface.size)
         stress: Array | float = 0.0
         if self._stress is not None:
             stress, by_strain, by_turn = self._stress.evaluate(n)
@@ -220,55 +218,12 @@ class WallContact(Interaction):
         if wets.any():
             pressure, n = _directed(borne, n, wets, pressure)
         strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
+        place = self.facets.position + moved
         self.now = ContactEvaluation(
             place, n, gap, pressure, friction, slides, stretch, coefficients, strain
         )
         far = float(np.abs(moved).max(initial=0.0))
         return self._rounding * reductions.largest(self.section.comm, np.array([far]))
-
-    def _gap_to_wall(self, moved: Array, strand: Array) -> tuple[Array, Array, Array]:
-        """Normal of the wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
-
-        The wall is met from places on a fine raster, and the rest of the way added: the distance
-        then is as exact as the displacement, not as the position, which is a thousand times larger.
-        """
-        start, raster = self.facets.position, self._size * RASTER
-        near = np.round((start + moved) / raster) * raster
-        met_wall = self.contact.wall.gap_function(near, strand, self._position)
-        n = np.asarray(met_wall.normal)
-        rest = (start - near) + moved
-        facing = np.einsum("ni,ni->n", n, strand)
-        gap = np.asarray(met_wall.gap) * facing - np.einsum("ni,ni->n", n, rest)
-        met = np.isfinite(gap)
-        return n, np.where(met, gap, np.inf), np.where(met, met_wall.curvature, 0.0)
-
-    def _where(self, u: Array, generalized_strains: Array) -> tuple[Array, Array]:
-        """Place and displacement of the points (n, 2), m."""
-        moved = (self._moves @ u).reshape(-1, 2)
-        moved[:, 1] += generalized_strains[3] * self.facets.position[:, 1]
-        return self.facets.position + moved, moved
-
-    def facing(self, u: Array, generalized_strains: Array) -> tuple[Array, Array]:
-        """Outward normal of the strand (n, 2), and length of surface over undeformed length.
-
-        Args:
-            u: Displacement of this rank's nodes, ghosts included, m.
-            generalized_strains: Generalized strains (4,).
-        """
-        normal = self.facets.normal
-        if not self._large:
-            return normal, np.ones(len(normal))
-        f = np.eye(2) + (self._gradients @ u).reshape(-1, 2, 2)
-        f[:, 1, 1] += generalized_strains[3]
-        # det F F^-T N
-        turned = np.column_stack(
-            [
-                f[:, 1, 1] * normal[:, 0] - f[:, 1, 0] * normal[:, 1],
-                f[:, 0, 0] * normal[:, 1] - f[:, 0, 1] * normal[:, 0],
-            ]
-        )
-        stretch = np.hypot(*turned.T)
-        return turned / stretch[:, None], stretch
 
     def _with_friction(
         self, coefficients: Array, along: Array, slip: Array, pressure: Array
@@ -304,13 +259,9 @@ class WallContact(Interaction):
         """
         self._kept_closed = np.zeros(self.facets.count, dtype=bool)
         if on:
-            u, generalized_strains = (
-                self._motion.u_old.x.array,
-                self._motion.generalized_strains_old.value,
-            )
-            _, gap, _ = self._gap_to_wall(
-                self._where(u, generalized_strains)[1], self.facing(u, generalized_strains)[0]
-            )
+            before = self._motion.u_old.x.array, self._motion.generalized_strains_old.value
+            moved, strand = self.strand.moved(*before), self.strand.facing(*before)[0]
+            gap = self.strand.gap_to(self.contact.wall, self._position, moved, strand)[1]
             self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 

@@ -9,9 +9,9 @@ import numpy as np
 from dolfinx import fem
 
 from castfem.fem import dof_values, reductions
+from castfem.fem.cellwise import Cellwise
 from castfem.mechanics.planes import STRAIGHT, Bending
 from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.quadrature import Cellwise
 from castfem.mechanics.state import MechanicalState
 from castfem.values.types import Array
 

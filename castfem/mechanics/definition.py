@@ -10,7 +10,7 @@ from castfem.constitutive.base import Law
 from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, Planes
-from castfem.mechanics.quadrature import Integration
+from castfem.mechanics.quadrature_rules import Integration
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure, Traction
 from castfem.values.types import Array
 

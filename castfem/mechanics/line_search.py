@@ -11,10 +11,67 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from castfem.fem import reductions
+from castfem.mechanics.interactions import Interactions
+from castfem.values.types import Array
 
 OVERSHOOT = 0.05  # of the work at the start: less is Newton's own business
 CLOSE = 0.05  # what is left of the work at the start when the search ends
 TRIALS = 40
+NEARLY = 1e-2  # of the square of the imbalance: what leaves less of it has not overshot, whatever
+# its work: along a correction that is no longer than rounding that may have any sign
+PATIENCE = 8  # Newton iterations in which contact may overshoot
+
+
+@dataclass(frozen=True, slots=True)
+class LineSearch:
+    """How much of Newton's correction a slice is to take.
+
+    Attributes:
+        comm: Ranks.
+        interactions: What acts on its surface.
+        residual: Of local unknowns, N/m; leaves the interactions evaluated there.
+    """
+
+    comm: MPI.Comm
+    interactions: Interactions
+    residual: Callable[[Array], Array]
+
+    def share(self, local: Array, step: Array, iteration: int) -> float:
+        """Part of the correction to take: less than 1 where all of it would overshoot by far.
+
+        Args:
+            local: Unknowns.
+            step: Newton's correction, to be taken off them.
+            iteration: Its number in the solve, from 0.
+
+        Returns:
+            The part (collective).
+        """
+        first, before = self._along(local, step)
+        base = self.interactions.evaluated()
+
+        def work(share: float) -> float:
+            found, left = self._along(local - share * step, step)
+            if share == 1.0 and left < NEARLY * before:
+                return 0.0
+            if share < 1.0 or iteration >= PATIENCE:
+                return found
+            # Points that come into contact make a kink, no overshoot: full steps find them.
+            return found + self.interactions.kink(base)
+
+        return step_share(first, work)
+
+    def _along(self, local: Array, step: Array) -> tuple[float, float]:
+        """Work of what is out of balance along a step, and the square of its size (collective)."""
+        residual = self.residual(local)
+        sums = [float(residual @ step), float(residual @ residual)]
+        work, square = reductions.totals(self.comm, sums)
+        return float(work), float(square)
 
 
 def step_share(first: float, work: Callable[[float], float]) -> float:

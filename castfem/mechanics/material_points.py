@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from castfem.constitutive import kernel
-from castfem.constitutive.base import Law, MaterialStep, Response
+from castfem.constitutive.base import Law, MaterialStep, Response, turned
 from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.mechanics.quadrature import ActivePoints
 from castfem.values.types import Array, Flags
+
+STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
+LEAST_YOUNG = 1e-6  # the same over that of the solid at the solidus, where nothing presses
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +29,18 @@ class FedPoints:
     carries: Flags
     liquid: Flags
     young: float
+
+    @classmethod
+    def of(cls, carries: Flags, liquid: Flags, solid: float, head: float) -> FedPoints:
+        """The points of a step, by what they have to stand.
+
+        Args:
+            carries: See `FedPoints`.
+            liquid: Likewise.
+            solid: Young's modulus at the solidus, Pa.
+            head: Largest pressure of the liquid, Pa.
+        """
+        return cls(carries, liquid, max(STAND_IN * head, LEAST_YOUNG * solid))
 
     def soften(self, rows: slice, table: Array) -> None:
         """Put the moduli into the table of coefficients of some of the points."""
@@ -55,6 +70,7 @@ class Material:
     """
 
     def __init__(self, law: Law, points: ActivePoints) -> None:
+        self._law = law
         self.response = Response.empty(points.count, len(law.state_names))
         self.response.state[:] = law.initial_state(points.count)
         rows = (slice(0, points.deviator_points), slice(points.deviator_points, None))
@@ -67,6 +83,7 @@ class Material:
         after: Array,
         thermal: Array,
         dt: float,
+        old: tuple[Array, Array],
         fed: FedPoints | None = None,
     ) -> None:
         """Prepare a step.
@@ -76,17 +93,28 @@ class Material:
             after: At its end.
             thermal: Thermal strain increments (points,).
             dt: Its length, s.
+            old: Stress (points, 4), Pa, and state (points, states) at its start.
             fed: Points of liquid that is fed; None where the law knows all.
         """
         self._temperatures, self._thermal, self._dt = (before, after), thermal, dt
+        self._old = old
         self._coefficients = [m.coefficients(before[r], after[r]) for m, r, _ in self._parts]
         if fed is not None:
             for (_, r, _), table in zip(self._parts, self._coefficients, strict=True):
                 fed.soften(r, table)
 
-    def integrate(self, strain: Array, stress_old: Array, internal: Array) -> None:
-        """Fill `response` for strain increments (points, 4) from the old stress and state."""
+    def integrate(self, strain: Array, angle: Array | None = None) -> None:
+        """Fill `response` for strain increments (points, 4).
+
+        Args:
+            strain: The increments.
+            angle: By which the old stress and state have turned with the material (points,); None
+                for nowhere.
+        """
         before, after = self._temperatures
+        stress_old, internal = self._old
+        if angle is not None:
+            stress_old, internal = turned(stress_old, angle), self._law.turned(internal, angle)
         for (law, r, out), table in zip(self._parts, self._coefficients, strict=True):
             step = MaterialStep(strain[r], self._thermal[r], before[r], after[r], self._dt)
             law.integrate(step, stress_old[r], internal[r], coefficients=table, out=out)

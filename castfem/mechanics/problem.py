@@ -14,41 +14,37 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem, la
 
-from castfem.constitutive.base import Response, turned
+from castfem.constitutive.base import Response
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
 from castfem.fem.bordered_system import BorderedSystem
-from castfem.fem.dolfinx_compat import assemble_into, create_matrix
-from castfem.fem.part_matrix import matrix_of_nodes
 from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult
+from castfem.mechanics.active_part import ActivePart
 from castfem.mechanics.convergence import Criteria
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.fields import Fields
 from castfem.mechanics.interactions import Interactions
 from castfem.mechanics.kinematics import LargeStrain, SmallStrain
-from castfem.mechanics.line_search import step_share
+from castfem.mechanics.line_search import LineSearch
 from castfem.mechanics.liquid import FedLiquid
 from castfem.mechanics.material_points import FedPoints, Material
 from castfem.mechanics.options import split_options
 from castfem.mechanics.plane_equations import PlaneEquations
 from castfem.mechanics.planes import check_strains
-from castfem.mechanics.quadrature import ActivePoints, Integration, Points, displacement_element
+from castfem.mechanics.quadrature import ActivePoints, Points
+from castfem.mechanics.quadrature_rules import Integration, displacement_element
 from castfem.mechanics.residual_state import ResidualState
 from castfem.mechanics.scaling import Scales
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.supports import SPRING, Constraints, symmetry_supports
 from castfem.mechanics.surface_loads import SurfaceLoads
+from castfem.mechanics.tangent import Tangent
 from castfem.support.stopwatch import Stopwatch
 from castfem.values.types import Array
 
 AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
-STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
-LEAST_YOUNG = 1e-6  # the same over that of the solid at the solidus, where nothing presses
-NEARLY = 1e-2  # of the square of the imbalance: what leaves less of it has not overshot, whatever
-# its work: along a correction that is no longer than rounding that may have any sign
-PATIENCE = 8  # Newton iterations in which contact may overshoot
 
 
 class MechanicalProblem:
@@ -104,9 +100,7 @@ class MechanicalProblem:
         self._material = Material(slice_.law, self.active)
         self._build_solver(options or {})
         self.iterations: int = 0
-        self._slack, self._layer = 1.0, -1
-        self._rest_forces = np.zeros_like(self._target)
-        self._rest_stress: Array = np.zeros(2)
+        self._slack = 1.0
         self.residual_state: ResidualState | None = None
         self._integrated: Array | None = None
 
@@ -138,12 +132,12 @@ class MechanicalProblem:
         """SNES on displacement and scalars."""
         symmetric = self.kinematics.symmetric
         nonlinear, linear = split_options(options, symmetric)
-        self._whole = self._matrix = create_matrix(self.kinematics.forms.stiffness)
-        if symmetric:
-            self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._part = ActivePart(self.kinematics, self.space, self.scales)
+        self._tangent = Tangent(self.kinematics, self.fields, self.constraints, self._work)
         prefix = "mechanical_"
         shorten = None if "snes_linesearch_type" in options else self.shorten
-        self.bordered = BorderedSystem(self._matrix, self.free, prefix, linear)
+        self._search = LineSearch(self.section.comm, self.interactions, self._residual)
+        self.bordered = BorderedSystem(self._part.matrix, self.free, prefix, linear)
         vector, operator = self.bordered.vector(), self.bordered.operator
         self.solver = SnesSolver(
             self, vector, operator, prefix, nonlinear, self.watch, shorten, options
@@ -182,8 +176,10 @@ class MechanicalProblem:
             rows, strain = self.active.rows, slice_.thermal_strain
             thermal = np.asarray(strain(after[rows])) - np.asarray(strain(before[rows]))
             stiff = self.points.stiffness_temperature
-            self._material.begin(stiff(before)[rows], stiff(after)[rows], thermal, self.dt, fed)
-            self._stress_old, self._internal_old = old.stress[rows], old.internal[rows]
+            begun = old.stress[rows], old.internal[rows]
+            self._material.begin(
+                stiff(before)[rows], stiff(after)[rows], thermal, self.dt, begun, fed
+            )
         fields.u_old.x.array[:] = old.displacement
         fields.generalized_strains_old.value[:] = old.generalized_strains
         self.planes.begin(old, time)
@@ -201,43 +197,15 @@ class MechanicalProblem:
         self._loads.set(time)
         self.constraints.set(time, self._target)
         if self.liquid is not None:
-            self._prescribe(self.liquid, old.displacement)
+            deep = self.liquid.deep  # stays where it was: it follows the shell when that is found
+            self.constraints.hold_too(deep, self.liquid.held)
+            self._target[deep] = old.displacement[deep]
         if (springs := self.constraints.springs) is not None:
             young = slice_.law.elasticity.moduli(after)[2]
             springs.begin(old.displacement, reductions.largest(self.section.comm, young))
-        self._take_rest()
-        self.residual_state, self._integrated, self._first = None, None, 0.0
-
-    def _act_on(self, liquid: FedLiquid) -> None:
-        """Let the cells down to the innermost that has some shell make up the equations.
-
-        All others are deep liquid: none of their nodes moves in the step, and their pressure is
-        known.  Whole layers are taken, so that the equations seldom change.
-        """
-        cells, space = liquid.cells_to(liquid.layer), self.space
-        if self._layer < 0:  # all that may ever be there gets its place
-            assemble_into(self._whole, self.kinematics.forms.stiffness, [])
-        self.kinematics.act_on(cells)
-        self._material = Material(self.slice.law, self.active)
-        before = self._matrix
-        self._matrix, nodes = matrix_of_nodes(self._whole, space, liquid.nodes_of(cells))
-        if self.kinematics.symmetric:
-            self._matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        self.bordered.restrict(self._matrix, nodes)
-        if before is not self._whole:
-            before.destroy()
-        self._layer = liquid.layer
-
-    def _take_rest(self) -> None:
-        """What the pressure of the cells that have no stress does, the same throughout a step."""
-        if self.kinematics.rest is None:
-            return
-        forces, work = self.kinematics.rest
-        self._rest_forces[:] = 0.0
         with self.watch.section("assembly"):
-            fem.assemble_vector(self._rest_forces, forces)
-            self.planes.take_rest(work)
-        self._rest_stress = self.scales.beside(self.active, self.pressure)
+            self._part.take_rest(self.planes, self.pressure)
+        self.residual_state, self._integrated, self._first = None, None, 0.0
 
     def solve(self, guesses: list[tuple[Array, Array]]) -> SolveResult:
         """Solve from the best of some guesses; what holds there is in `residual_state`.
@@ -286,19 +254,13 @@ class MechanicalProblem:
         elasticity, pressing = self.slice.law.elasticity, self.slice.ferrostatic
         solid = elasticity.solidity.weight(temperature) > 0.0
         liquid.begin(solid)
-        if self.kinematics.constant and liquid.layer != self._layer:
-            self._act_on(liquid)
-        rows = self.active.rows
+        if self._part.follow(liquid, self.bordered):
+            self._material = Material(self.slice.law, self.active)
         head = 0.0 if pressing is None else pressing.head(time)
         young = float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
         self.planes.hold(0.0 if liquid.bears else young)
-        least = max(STAND_IN * head, LEAST_YOUNG * young)
-        return FedPoints(liquid.carries[rows], ~solid[rows], least)
-
-    def _prescribe(self, liquid: FedLiquid, old: Array) -> None:
-        """Leave the deep liquid where it was: it follows when the shell is in equilibrium."""
-        self.constraints.hold_too(liquid.deep, liquid.held)
-        self._target[liquid.deep] = old[liquid.deep]
+        rows = self.active.rows
+        return FedPoints.of(liquid.carries[rows], ~solid[rows], young, head)
 
     def _start(self, guess: Array, scalars: Array) -> Array:
         """Local unknowns of a guess."""
@@ -349,11 +311,11 @@ class MechanicalProblem:
         pressure = self.pressure[self.active.mean] if self.pressure.size else self.pressure
         parts = *fields.take_stress(self.active, response), pressure
         with self.watch.section("assembly"):
-            forces = self._assemble(self.kinematics.forms.work, self._rest_forces).copy()
+            forces = self._assemble(self.kinematics.forms.work, self._part.rest_forces).copy()
             balance = self.planes.balance(scalars)
         scale = self.scales.stress(
             self.active, parts, response, local[: self.owned], self._first, noise,
-            self._rest_stress,
+            self._part.rest_stress,
         )  # fmt: skip
         self._first = self._first or scale.typical
         return ResidualState(local.copy(), generalized_strains, forces, balance, scale)
@@ -365,11 +327,7 @@ class MechanicalProblem:
             if self._added is not None:
                 strain = strain + np.outer(self._added, AXIAL)
         with self.watch.section("law"):
-            stress_old, internal = self._stress_old, self._internal_old
-            if angle is not None:
-                stress_old = turned(stress_old, angle)
-                internal = self.slice.law.turned(internal, angle)
-            self._material.integrate(strain, stress_old, internal)
+            self._material.integrate(strain, angle)
 
     def _assemble(self, form: fem.Form, beside: Array | float = 0.0) -> Array:
         """Assembled linear form and what stands beside it at the local unknowns, ghosts included.
@@ -394,8 +352,10 @@ class MechanicalProblem:
             self.residual_state = self._evaluate(local)
         assert self.residual_state is not None
         nodal, dofs = self.residual_state.forces.copy(), self.constraints.fixed
-        if self.constraints.moving:
-            self._lift(nodal, local[dofs] - self._target[dofs])
+        missing = self._target[dofs] - local[dofs]
+        if self.constraints.moving and self._anywhere(missing):
+            with self.watch.section("assembly"):
+                nodal += self._tangent.lifted(self.response, missing)
         dofs = self.constraints.prescribed
         nodal[dofs] = local[dofs] - self._target[dofs]
         if (springs := self.constraints.springs) is not None:
@@ -406,66 +366,22 @@ class MechanicalProblem:
         """Scale Newton's correction where a full one would overshoot by far."""
         local, step = x.getArray(readonly=True), correction.getArray(readonly=True)
         dofs = self.constraints.fixed
-        missing = np.abs(local[dofs] - self._target[dofs]).max(initial=0.0)
-        comm = self.section.comm
-        if self.constraints.moving and reductions.largest(comm, np.array([missing])) > 0.0:
+        if self.constraints.moving and self._anywhere(local[dofs] - self._target[dofs]):
             return False  # supports must get to where they belong first
 
-        first, before = self._along(local, step)
-        base = self.interactions.evaluated()
-
-        def work(share: float) -> float:
-            found, left = self._along(local - share * step, step)
-            if share == 1.0 and left < NEARLY * before:
-                return 0.0
-            if share < 1.0 or self.solver.snes.getIterationNumber() >= PATIENCE:
-                return found
-            # Points that come into contact make a kink, no overshoot: full steps find them.
-            return found + self.interactions.kink(base)
-
-        share = step_share(first, work)
+        share = self._search.share(local, step, self.solver.snes.getIterationNumber())
         if share < 1.0:
             correction.scale(share)
         return share < 1.0
 
-    def _along(self, local: Array, step: Array) -> tuple[float, float]:
-        """Work of what is out of balance along a step, and the square of its size (collective)."""
-        residual = self._residual(local)
-        sums = [float(residual @ step), float(residual @ residual)]
-        work, square = reductions.totals(self.section.comm, sums)
-        return float(work), float(square)
-
-    def _lift(self, nodal: Array, missing: Array) -> None:
-        """Add the forces by which supports, on their way to where they belong, move the rest."""
-        if reductions.largest(self.section.comm, np.abs(missing)) == 0.0:
-            return
-        form, vector = self.kinematics.forms.stiffness, self._work.x
-        with self.watch.section("assembly"):
-            self._take_tangent()
-            vector.array[:] = 0.0
-            vector.array[self.constraints.fixed] = -missing
-            vector.scatter_forward()
-            vector.array[:] = self.kinematics.volume.forces(vector.array)
-            for condition in self.constraints.conditions:
-                fem.apply_lifting(
-                    vector.array, [form], [[condition]], x0=[self.fields.u.x.array], alpha=-1.0
-                )
-            vector.scatter_reverse(la.InsertMode.add)
-        nodal += vector.array[: self.owned]
-
-    def _take_tangent(self) -> None:
-        """Hand the tangent of the law to the forms, the bulk modulus to what stands beside them."""
-        self.kinematics.volume.take(self.fields.take_tangent(self.active, self.response))
+    def _anywhere(self, missing: Array) -> bool:
+        """Whether a support is not yet where it is to be, on any rank (collective)."""
+        return reductions.largest(self.section.comm, np.abs(missing)) > 0.0
 
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
         """Derivative of the residual at the unknowns integrated last."""
-        compiled = self.kinematics.forms
         with self.watch.section("assembly"):
-            self._take_tangent()
-            assemble_into(self._matrix, compiled.stiffness, self.constraints.every)
-            self.kinematics.volume.add_to(self._matrix, self.constraints.free)
-            if self.constraints.springs is not None:
-                self.constraints.springs.add_to(self._matrix)
+            self._tangent.fill(self.response, self._part.matrix)
             self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
@@ -482,5 +398,4 @@ class MechanicalProblem:
         self.kinematics.volume.destroy()
         if self.liquid is not None:
             self.liquid.destroy()
-        self._matrix.destroy()
-        self._whole.destroy()
+        self._part.destroy()

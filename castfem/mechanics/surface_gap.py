@@ -50,7 +50,7 @@ class SurfaceGap:
         """
         contact = self._contact
         position = contact.contact.position(state.time)
-        normal = contact.facing(state.displacement, state.generalized_strains)[0]
+        normal = contact.strand.facing(state.displacement, state.generalized_strains)[0]
         weights = contact.facets.weight
         mean = np.column_stack([self._gathered(weights * c) for c in normal.T])[self.dofs]
         mean /= np.maximum(np.hypot(*mean.T), 1e-300)[:, None]

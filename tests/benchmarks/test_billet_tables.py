@@ -9,7 +9,7 @@ import pytest
 from benchmarks import billet_cost, billet_error, billet_moved, billet_trade, liquid
 from benchmarks.billet_run import Found, every, mesh
 from benchmarks.report import Output
-from castfem.mechanics import problem
+from castfem.mechanics import material_points
 
 
 def found(**values: float) -> Found:
@@ -100,9 +100,9 @@ def test_moved_table_keeps_what_no_later_version_can_make() -> None:
 
 
 def test_stand_in_is_put_back() -> None:
-    shipped = problem.STAND_IN
+    shipped = material_points.STAND_IN
     with liquid.standing_in(10.0):
-        assert problem.STAND_IN == 10.0
-    assert shipped == problem.STAND_IN
+        assert material_points.STAND_IN == 10.0
+    assert shipped == material_points.STAND_IN
     factors = {(one.mould, one.factor) for one in liquid.liquids() if one.model == "fed"}
     assert {("taper_0", 10.0), ("taper_0", shipped), ("taper_0", 300.0)} <= factors

@@ -8,7 +8,7 @@ import pytest
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.quadrature import Integration
+from castfem.mechanics.quadrature_rules import Integration
 from castfem.mechanics.supports import SurfacePressure
 from castfem.values.types import Array
 from mechanics.setups import RING_GROUPS, SliceSetup, elastic, mapped, ring

@@ -13,7 +13,7 @@ import pytest
 from ranks import needs_mpirun, python_on
 
 from castfem.contact.settings import Contact
-from castfem.mechanics.quadrature import Cellwise
+from castfem.fem.cellwise import Cellwise
 from castfem.mechanics.supports import SPRING
 from castfem.mould import Mould, RectangleCavity, Taper, same
 from mechanics.casting import CastSetup, billet_mesh

@@ -1,0 +1,95 @@
+"""Where points of the strand's surface are, which way they face, and how far off a wall is."""
+
+from __future__ import annotations
+
+import numpy as np
+import ufl
+
+from castfem.contact.facets import Facets
+from castfem.contact.interfaces import Motion
+from castfem.fem import reductions
+from castfem.fem.section import Section
+from castfem.mould.wall import Wall
+from castfem.values.types import Array
+
+RASTER = 2.0**-32  # of the section's size
+
+
+class StrandSurface:
+    """The points of some facets, as the slice moves.
+
+    Args:
+        section: The distributed section.
+        facets: The points.
+        motion: Has the space of the displacement.
+        large: Whether geometry is that of the deformed slice.
+
+    Attributes:
+        gradients: Operator from displacement to its gradient at the points.
+        size: Largest coordinate of a point, m.
+    """
+
+    def __init__(self, section: Section, facets: Facets, motion: Motion, large: bool) -> None:
+        self._facets, self._large = facets, large
+        space = motion.u.function_space
+        trial = ufl.TrialFunction(space)
+        self._moves = facets.operator(trial, space)
+        self.gradients = facets.operator(ufl.grad(trial), space)
+        self.size = max(1e-300, reductions.largest(section.comm, np.abs(facets.position)))
+
+    def moved(self, u: Array, generalized_strains: Array) -> Array:
+        """Displacement of the points (n, 2), m.
+
+        Args:
+            u: Displacement of this rank's nodes, ghosts included, m.
+            generalized_strains: Generalized strains (4,).
+        """
+        moved: Array = (self._moves @ u).reshape(-1, 2)
+        moved[:, 1] += generalized_strains[3] * self._facets.position[:, 1]
+        return moved
+
+    def facing(self, u: Array, generalized_strains: Array) -> tuple[Array, Array]:
+        """Outward normal of the strand (n, 2), and length of surface over undeformed length.
+
+        Args:
+            u: Displacement of this rank's nodes, ghosts included, m.
+            generalized_strains: Generalized strains (4,).
+        """
+        normal = self._facets.normal
+        if not self._large:
+            return normal, np.ones(len(normal))
+        f = np.eye(2) + (self.gradients @ u).reshape(-1, 2, 2)
+        f[:, 1, 1] += generalized_strains[3]
+        # det F F^-T N
+        turned = np.column_stack(
+            [
+                f[:, 1, 1] * normal[:, 0] - f[:, 1, 0] * normal[:, 1],
+                f[:, 0, 0] * normal[:, 1] - f[:, 0, 1] * normal[:, 0],
+            ]
+        )
+        stretch = np.hypot(*turned.T)
+        return turned / stretch[:, None], stretch
+
+    def gap_to(
+        self, wall: Wall, position: float, moved: Array, strand: Array
+    ) -> tuple[Array, Array, Array]:
+        """Normal of a wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
+
+        The wall is met from places on a fine raster, and the rest of the way added: the distance
+        then is as exact as the displacement, not as the position, which is a thousand times larger.
+
+        Args:
+            wall: The wall.
+            position: Of the slice below the meniscus, m.
+            moved: Displacement of the points (n, 2), m.
+            strand: Outward normal of the strand (n, 2).
+        """
+        start, raster = self._facets.position, self.size * RASTER
+        near = np.round((start + moved) / raster) * raster
+        met_wall = wall.gap_function(near, strand, position)
+        n = np.asarray(met_wall.normal)
+        rest = (start - near) + moved
+        facing = np.einsum("ni,ni->n", n, strand)
+        gap = np.asarray(met_wall.gap) * facing - np.einsum("ni,ni->n", n, rest)
+        met = np.isfinite(gap)
+        return n, np.where(met, gap, np.inf), np.where(met, met_wall.curvature, 0.0)
