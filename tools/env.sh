@@ -5,7 +5,8 @@
 #   tools/env.sh ruff        the linter too, at the version pyproject.toml pins
 #   tools/env.sh benchmark   the benchmarks' opponent too (pyproject.toml, extra "benchmark")
 #   tools/env.sh browser     what drives a browser in tests (pyproject.toml, extra "browser")
-#   tools/env.sh packages    print Debian's names of what castfem needs
+#   tools/env.sh docs        what makes the manual too (tools/docs_packages.txt), in .castfem/docs
+#   tools/env.sh packages    print Debian's names of what castfem needs ("packages docs": the manual)
 #   tools/env.sh clean       remove the environments of this checkout and the shared userlands
 #
 # A Python with DOLFINx 0.9 ... 0.11 ($PYTHON, python3, /usr/bin/python3) is used as it is, through
@@ -39,7 +40,10 @@ stopped() {
 trap 'stopped "$LINENO" "${BASH_SOURCE[0]}"' ERR
 trap 'die "interrupted; run it again to start afresh"' INT TERM HUP
 
-packages() { sed 's/#.*//' "$tools/packages.txt" | tr -s '[:space:]' '\n' | sed '/^$/d'; }
+# The names in tools/packages.txt, or with $1 those in its list, as tools/docs_packages.txt.
+packages() {
+  sed 's/#.*//' "$tools/${1:+$1_}packages.txt" | tr -s '[:space:]' '\n' | sed '/^$/d'
+}
 
 digest() { sha256sum | cut -c "1-$1"; }
 
@@ -178,6 +182,24 @@ extra() {
     --disable-pip-version-check "castfem[$1]"
 }
 
+# The manual's tools: in the userland a copy of it with Debian's packages, the venv otherwise. The
+# folder $home/docs is an environment for tools/enter.sh, with the same venv.
+docs() {
+  local tools_of="import sphinx, myst_parser, pydata_sphinx_theme" kind userland
+  # shellcheck source=/dev/null
+  . "$home/env.conf"
+  mkdir -p "$home/docs"
+  ln -sfn ../venv "$home/docs/venv"
+  cp "$home/env.conf" "$home/docs/env.conf"
+  if [[ $kind == userland ]]; then
+    add_packages "$userland" "$(docs_userland "$userland")"
+    printf 'userland=%q\n' "$(docs_userland "$userland")" >>"$home/docs/env.conf"
+  elif ! inside python -c "$tools_of" 2>/dev/null; then
+    say 'from PyPI: the extra "docs"'
+    extra docs
+  fi
+}
+
 clean() {
   local gone
   for gone in "$home" "$cache/userland-$suite"* "$cache"/ruff[-.]*; do
@@ -189,14 +211,14 @@ clean() {
 
 case ${1:-ready} in
   ready) ready ;;
-  ruff)
+  ruff | docs)
     ready
-    ruff
+    "$1"
     ;;
   benchmark | browser)
     ready
     extra "$1"
     ;;
-  packages | clean) "$1" ;;
+  packages | clean) "$1" "${2:-}" ;;
   *) die "unknown: $1; see the head of tools/env.sh" ;;
 esac

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,8 +13,8 @@ ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted((ROOT / "tools").glob("*.sh"))
 FILES = [
     *SCRIPTS,
-    *(ROOT / name for name in ("tools/packages.txt", "tools/probe.py", "Makefile", "Dockerfile")),
-    *(ROOT / name for name in ("environment.yml", ".ci/run")),
+    *(ROOT / name for name in ("tools/packages.txt", "tools/docs_packages.txt", "tools/probe.py")),
+    *(ROOT / name for name in ("Makefile", "Dockerfile", "environment.yml", ".ci/run")),
 ]
 
 # conda-forge's names where they are not Debian's without "python3-"; None: part of another package.
@@ -30,8 +31,8 @@ CONDA = {
 ONLY_CONDA = {"python", "petsc"}  # Debian's petsc4py-real brings both
 
 
-def debian_names() -> list[str]:
-    lines = (ROOT / "tools/packages.txt").read_text().splitlines()
+def debian_names(name: str = "packages.txt") -> list[str]:
+    lines = (ROOT / "tools" / name).read_text().splitlines()
     return [name for line in lines if (name := line.split("#")[0].strip())]
 
 
@@ -53,12 +54,26 @@ def test_no_name_stands_twice() -> None:
 
 
 def test_list_covers_the_projects_requirements() -> None:
-    tomllib = pytest.importorskip("tomllib")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
     names = {re.match(r"[\w-]+", item)[0] for item in wanted}  # type: ignore[index]
     listed = {name.removeprefix("python3-") for name in debian_names()}
     assert names - listed == {"numpy", "ruff"}  # numpy comes with scipy, ruff from PyPI
+
+
+def test_what_makes_the_manual_is_apart() -> None:
+    """Debian's list, the extra, and what Sphinx loads name the same; nothing else brings it."""
+    apart = debian_names("docs_packages.txt")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extra = {re.match(r"[\w-]+", item)[0] for item in project["optional-dependencies"]["docs"]}  # type: ignore[index]
+    assert {name.removeprefix("python3-") for name in apart} == extra
+    loaded = (ROOT / "docs/conf.py").read_text()
+    assert all(name.replace("-", "_") in loaded for name in extra - {"sphinx"})
+    assert not set(apart) & set(debian_names())
+    printed = subprocess.run(
+        [ROOT / "tools/env.sh", "packages", "docs"], capture_output=True, text=True
+    )
+    assert printed.stdout.split() == apart
 
 
 def test_dockerfile_and_userland_read_the_list() -> None:

@@ -1,0 +1,76 @@
+"""The reference page of the commands, from what they tell of themselves: docs/commands.md.
+
+    python -m castfem.cli.reference_page docs/commands.md
+
+writes it anew.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import click
+import typer
+
+from castfem.cli.app import app
+from castfem.support.atomic_files import write_text
+
+_HEAD = """\
+# Commands
+
+What each command takes; `castfem COMMAND -h` prints the same. This page is written by
+`python -m castfem.cli.reference_page docs/commands.md`. A case is a file, or the name of a shipped
+one (`castfem cases`). Exit status: 0 if all went well, 1 for bad input, 2 for a run that could not
+go on.
+Equation numbers are those of [Pascon2003](references.md).
+"""
+
+
+def markdown_page() -> str:
+    """The page."""
+    group = typer.main.get_command(app)
+    assert isinstance(group, click.Group)
+    return _HEAD + "".join(_section(name, group.commands[name]) for name in group.commands)
+
+
+def _section(name: str, command: click.Command) -> str:
+    """A command: how it is called, what it does, its arguments and options."""
+    arguments = [p for p in command.params if isinstance(p, click.Argument)]
+    called = " ".join(["castfem", name, *map(_value, arguments)])
+    rows = "".join(_row(p) for p in command.params if getattr(p, "help", None))
+    head = f"\n## castfem {name}\n\n`{called}`\n\n{(command.help or '').strip()}\n"
+    return head + (f"\n| | |\n|---|---|\n{rows}" if rows else "")
+
+
+def _row(parameter: click.Parameter) -> str:
+    """A row: names of an option with what it takes, or the argument, and what it is."""
+    words = [f"`{_value(parameter)}`"]
+    if isinstance(parameter, click.Option):
+        if parameter.is_flag or parameter.count:
+            words.clear()
+        on = parameter.is_flag and parameter.default is True
+        names = parameter.secondary_opts if on else parameter.opts
+        words.insert(0, ", ".join(f"`{name}`" for name in names))
+    about = re.sub(r"([|<>])", r"\\\1", str(getattr(parameter, "help", "")))
+    if isinstance(parameter, click.Option) and words[0].startswith("`--no-"):
+        about = f"Not: {about[0].lower()}{about[1:]}"
+    return f"| {' '.join(words)} | {about}{' Required.' * _is_needed(parameter)} |\n"
+
+
+def _is_needed(parameter: click.Parameter) -> bool:
+    return isinstance(parameter, click.Option) and parameter.required
+
+
+def _value(parameter: click.Parameter) -> str:
+    """What stands for the value in a line of usage."""
+    kind = {"integer": "NUMBER", "float": "NUMBER"}.get(parameter.type.name, "TEXT")
+    kind = parameter.type.name.upper() if parameter.type.name in ("path", "file") else kind
+    return parameter.metavar or (
+        kind if isinstance(parameter, click.Option) else str(parameter.name).upper()
+    )
+
+
+if __name__ == "__main__":
+    write_text(Path(sys.argv[1]), markdown_page())
