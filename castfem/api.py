@@ -277,9 +277,12 @@ class Result(Closing):
         Raises:
             InputError: There is no such column, or units differ.
         """
+        from castfem.output.chosen_units import units_of_run
         from castfem.plots.interactive import plot_columns
+        from castfem.values.shown_units import shown_in
 
-        return plot_columns(self.history, names, axes)
+        with shown_in(units_of_run(self.folder)):
+            return plot_columns(self.history, names, axes)
 
     def section(
         self, name: str = "temperature", *, at: float | str | None = None, axes: Axes | None = None
@@ -294,8 +297,10 @@ class Result(Closing):
         Raises:
             InputError: There is no such field, or the run has not been there.
         """
+        from castfem.output.chosen_units import units_of_run
         from castfem.plots.interactive import plot_field
         from castfem.results.places import read_positions
+        from castfem.values.shown_units import shown_in
 
         place = read_positions([at])[0] if isinstance(at, str) else at
         with self._fields() as file:
@@ -303,7 +308,8 @@ class Result(Closing):
                 raise InputError(f"{self.folder}: the run has written no fields")
             last = len(file.times) - 1
             index = last if place is None else _nearest(file.positions, place, "position", "m")
-            return plot_field(file, name, index, axes)
+            with shown_in(units_of_run(self.folder)):
+                return plot_field(file, name, index, axes)
 
     def close(self) -> None:
         """Remove the folder if it is a temporary one."""

@@ -9,6 +9,7 @@ from castfem.accuracy.table import Entry, ErrorTable, Part
 from castfem.output.summary import Quantity, to_si
 from castfem.report.headline import headline, plain_label
 from castfem.report.numbers import error_shown, shown, unit_shown
+from castfem.values.shown_units import Scale, scale_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -43,21 +44,22 @@ def printed(table: ErrorTable) -> Table:
         found.add_column(f"from\n{axis}", justify="right", no_wrap=True)
     for name in main_names(table):
         entry = table.quantities[name]
+        scale = scale_of(entry.unit, name)
         found.add_row(
             plain_label(quantity_of(entry)),
-            shown(entry.value, entry.unit),
-            error_shown(entry.error()),
-            unit_shown(entry.unit),
-            *(_part(entry.parts.get(axis)) for axis in axes),
+            shown(scale(entry.value), scale.unit),
+            error_shown(scale.factor * entry.error()),
+            unit_shown(scale.unit),
+            *(_part(entry.parts.get(axis), scale) for axis in axes),
         )
     return found
 
 
-def _part(part: Part | None) -> str:
+def _part(part: Part | None, scale: Scale) -> str:
     if part is None or not math.isfinite(part.error):
         return "-"
     order = f" ({part.order:.1f})" if part.order is not None else ""
-    return error_shown(part.error) + order
+    return error_shown(scale.factor * part.error) + order
 
 
 def unknown(table: ErrorTable) -> list[str]:

@@ -11,6 +11,7 @@ from castfem.case.probe import Probe
 from castfem.machine.travel import Changing, Steady, Travel
 from castfem.values import units
 from castfem.values.quantities import Kind, Length, Percent, Superheat, Temperature, Time
+from castfem.values.shown_units import ShownUnits, UnitsNotation
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
 
@@ -141,6 +142,14 @@ class Output(TableModel):
         ge=0,
         strict=True,
         description="steps between two checkpoints (for --resume); 0 for none",
+    )
+    units: Annotated[ShownUnits, UnitsNotation()] | None = Field(
+        None,
+        description="in which units tables, figures and the report show numbers: plant (mm, degC, "
+        "MPa, kN ...), si, or a table of units by what is measured or by the name of a quantity, "
+        "with system for all others ([output.md](output.md#units)); files keep their documented "
+        "units; left out: plant",
+        examples=["si"],
     )
     probe: tuple[Probe, ...] = ()
 

@@ -6,12 +6,16 @@ from collections.abc import Iterator
 
 from castfem.case.model import Case
 from castfem.case.problems import Problem
+from castfem.case.shown_units import faults
 
 _WAYS = (("x", "y"), ("under", "depth"))
 
 
 def check_output(case: Case) -> Iterator[Problem]:
-    """Yield probes that do not say where they are, or share a name."""
+    """Yield probes that do not say where they are or share a name, units that measure otherwise."""
+    if case.output and case.output.units is not None:
+        for key, text in faults(case.output.units):
+            yield Problem(("output", "units", key), text)
     names: list[str] = []
     for index, probe in enumerate((case.output and case.output.probe) or ()):
         path = ("output", "probe", index)

@@ -43,6 +43,7 @@ from castfem.case.verification import Verification
 from castfem.case.wall_shape import WallShape
 from castfem.values.curves import CurveOrName
 from castfem.values.quantities import Kind, NameOf
+from castfem.values.shown_units import UnitsNotation
 from castfem.values.table_notation import Curve, CurveOr
 
 _HEAD = """\
@@ -236,7 +237,7 @@ def _type(annotation: Any, example: object = None) -> str:
     if origin is typing.Annotated:
         marks = [mark for mark in inner[1:] if isinstance(mark, Kind | Curve)]
         names = [_names_of(mark) for mark in inner[1:] if isinstance(mark, NameOf)]
-        told = [mark.takes for mark in inner[1:] if isinstance(mark, WallShape)]
+        told = [mark.takes for mark in inner[1:] if isinstance(mark, WallShape | UnitsNotation)]
         if names or told:
             return [*names, *told][0]
         return _mark(marks[0], example) if marks else _type(inner[0])

@@ -83,6 +83,31 @@ WHOLE = {
 }
 """Results of the whole slice, and a unit of each."""
 
+COLUMNS = {
+    "step": "s",
+    "solidus_cell": "mm",
+    "temperature_core": "degC",
+    "temperature_min": "degC",
+    "axial_force": "kN",
+    "friction_force": "kN/m",
+    "friction_pull": "kN",
+    "contact_pressure": "MPa",
+    "roll_resistance": "kN",
+    "drive_force": "kN",
+    "effort": "kN",
+    "bulge_intrados": "mm",
+    "bulge_extrados": "mm",
+    "bulge_pitch": "mm",
+    "bulge_error": "um",
+    "roll_force": "kN/m",
+    "I1_max": "MPa",
+    **dict.fromkeys(("I2_max", "I2_mechanical_max", "I2_pitch_max"), "1/s"),
+    "band_time_max": "s",
+}
+"""Columns of history.csv that are no results, with a unit of each; at probes without their names.
+
+Plain numbers and percentages, which have no other unit, are left out."""
+
 
 def unit_of(name: str) -> str | None:
     """Return a unit that measures a result, "1" for a plain number; None if there is none."""

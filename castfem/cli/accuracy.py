@@ -16,11 +16,13 @@ from castfem.accuracy.sizes import changes
 from castfem.accuracy.table import ErrorTable, attach
 from castfem.case import load_case, shipped_cases
 from castfem.cli import many_runs, parallel
+from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import ERROR_ENDING
 from castfem.output.run_record import RUN_NAME
 from castfem.report.headline import plain_label
 from castfem.report.numbers import duration
 from castfem.sweep.work import Job, Outcome
+from castfem.values.shown_units import shown_in
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -110,7 +112,8 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
     path = table.write(target)
     written = [p for p in dict.fromkeys((target / BASE, _alone(options))) if attach(table, p)]
     if not options.quiet:
-        _print(table, path, written)
+        with shown_in(units_of_run(target / BASE)):
+            _print(table, path, written)
     if options.to:
         _propose(table, options)
     return 0

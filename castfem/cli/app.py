@@ -14,7 +14,7 @@ import typer
 from castfem import __version__
 from castfem.case import shipped_cases
 from castfem.cli import studies
-from castfem.cli.options import At, CaseName, Overrides, Quiet, Verbose
+from castfem.cli.options import At, CaseName, Overrides, Quiet, Units, Verbose
 from castfem.errors import InputError
 
 app = typer.Typer(
@@ -128,11 +128,13 @@ def init(name: Annotated[str, typer.Argument(help="Name of the new case file.")]
 def show(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
     at: At = None,
+    units: Units = None,
 ) -> None:
     """Print the table of a run and draw its figures; with --at the results at some places."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     from castfem.cli import parallel
+    from castfem.cli.options import chosen
     from castfem.output.run_record import RUN_NAME
     from castfem.report import error_pages
     from castfem.report.show import show as show_folder
@@ -142,7 +144,8 @@ def show(
         raise InputError(f"{folder}: it is a sweep: castfem compare {folder}")
     from castfem.results.places import read_positions
 
-    show_folder(folder, parallel.console(), at=read_positions(at or ()))
+    with chosen(units):
+        show_folder(folder, parallel.console(), at=read_positions(at or ()))
     if at:
         return
     for line in error_pages.lines({"": folder}):
@@ -186,13 +189,16 @@ def compare(
     ] = False,
     figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
     at: At = None,
+    units: Units = None,
 ) -> None:
     """Print runs side by side and draw their histories over one another."""
     from castfem.cli.comparing import compare_runs
+    from castfem.cli.options import chosen
     from castfem.results.places import read_positions
 
     places = read_positions(at or ())
-    compare_runs(folders, output, base, everything=everything, figures=figures, at=places)
+    with chosen(units):
+        compare_runs(folders, output, base, everything=everything, figures=figures, at=places)
 
 
 @app.command()
@@ -206,12 +212,15 @@ def report(
             "--output", "-o", help="File; by default report.html in the run, or beside the runs."
         ),
     ] = None,
+    units: Units = None,
 ) -> None:
     """Write a run, or several side by side, as one HTML file that opens offline and prints."""
+    from castfem.cli.options import chosen
     from castfem.html_report.page import REPORT_NAME, write
 
     beside = folders[0] if len(folders) == 1 else folders[0].resolve().parent
-    print(f"report in {write(folders, output or beside / REPORT_NAME)}")
+    with chosen(units):
+        print(f"report in {write(folders, output or beside / REPORT_NAME)}")
 
 
 @app.command()

@@ -9,9 +9,11 @@ from pathlib import Path
 from castfem.cli import parallel
 from castfem.compare.remarks import remarks
 from castfem.compare.runs import Run, base_of, read_runs
-from castfem.compare.table import CSV_NAME, lines, printed, write_csv
+from castfem.compare.table import CSV_NAME, Line, lines, printed, write_csv
 from castfem.errors import InputError
+from castfem.output.chosen_units import units_of_run
 from castfem.report import error_pages
+from castfem.values.shown_units import shown_in
 
 
 def compare_runs(
@@ -41,21 +43,28 @@ def compare_runs(
     measure = base_of(runs, base)
     target = output or _beside(runs)
     _take(target)
-    table = lines(runs, measure, everything=everything, at=at)
+    with shown_in(units_of_run(measure.folder)):
+        table = lines(runs, measure, everything=everything, at=at)
+        _print(runs, measure, table)
+    written = write_csv(target, runs, table)
+    print(f"table in {written}")
+    if figures:
+        from castfem.compare.drawing import draw
+
+        with shown_in(units_of_run(measure.folder)):
+            drawn = draw(target, runs, measure)
+        if drawn:
+            print(f"figures in {target}: {', '.join(path.name for path in drawn)}")
+
+
+def _print(runs: Sequence[Run], measure: Run, table: Sequence[Line]) -> None:
+    """Print the table and what stands below it."""
     out = parallel.console()
     for block in printed(runs, table, out.width):
         out.print(block, "", highlight=False)
     errors = error_pages.lines({run.label: run.folder for run in runs})
     for remark in [*remarks(runs, measure, table), *errors]:
         out.print(remark, highlight=False, soft_wrap=True)
-    written = write_csv(target, runs, table)
-    print(f"table in {written}")
-    if figures:
-        from castfem.compare.drawing import draw
-
-        drawn = draw(target, runs, measure)
-        if drawn:
-            print(f"figures in {target}: {', '.join(path.name for path in drawn)}")
 
 
 def _beside(runs: Sequence[Run]) -> Path:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Annotated
 
 import typer
@@ -17,7 +19,33 @@ At = Annotated[
     list[str] | None,
     typer.Option("--at", metavar="POSITION", help='Results there, such as "800 mm"; repeatable.'),
 ]
+Units = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--units",
+        metavar="UNITS",
+        help="In plant, si, or NAME=UNIT (temperature=degF, shell=inch); repeatable; by default "
+        "as the case says.",
+    ),
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")]
 Verbose = Annotated[
     int, typer.Option("--verbose", "-v", count=True, help="Say more; tracebacks of faults.")
 ]
+
+
+@contextmanager
+def chosen(units: list[str] | None) -> Iterator[None]:
+    """Show numbers in the units that were asked for with --units, if any were.
+
+    Raises:
+        InputError: They cannot be read.
+    """
+    if not units:
+        yield
+        return
+    from castfem.case.shown_units import read_choice
+    from castfem.values.shown_units import shown_in
+
+    with shown_in(read_choice(units)):
+        yield

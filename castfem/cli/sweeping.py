@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from castfem.case import load_case, shipped_cases
 from castfem.cli import many_runs, parallel
 from castfem.errors import InputError, RunFailure
+from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import OutputFolder
 from castfem.sweep.plan import Variant, plan
 from castfem.sweep.record import Record
@@ -18,6 +19,7 @@ from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
 from castfem.sweep.share import Share
 from castfem.sweep.work import Job, Outcome
 from castfem.time_loop import existing_run
+from castfem.values.shown_units import shown_in
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -213,8 +215,10 @@ def _report(sweep: _Sweep, options: Options) -> int:
         write_table(target / TABLE_NAME, table)
     if not options.quiet:
         out = parallel.console()
-        if table:
-            out.print(printed(table, out.width), highlight=False)
+        first = next((row.name for row in table if row.quantities), "")
+        with shown_in(units_of_run(target / first)):
+            if table:
+                out.print(printed(table, out.width), highlight=False)
         where = f"table in {target / TABLE_NAME}, runs in {target}"
         after = "their table: --collect, when all parts have ended"
         print(where if sweep.whole else f"runs in {target}; {after}")

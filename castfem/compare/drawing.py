@@ -14,9 +14,9 @@ import numpy as np
 from castfem.compare.figures import Definition, Panel, figures
 from castfem.compare.runs import Run
 from castfem.compare.sections import draw_sections
-from castfem.plots.history import plain_unit
 from castfem.plots.style import Abscissa, dress, look, new_panels, save
 from castfem.results.registry import probe_label
+from castfem.values.shown_units import plain_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -111,7 +111,8 @@ def _draw_figure(
                 label=words(curve.run.label),
             )
         what = f"{definition.label} [{unit}]"
-        ax.set_ylabel(f"{_place(definition, panel)}\n{what}" if panel.place else what)
+        column = f"{definition.quantity}_{panel.place}"
+        ax.set_ylabel(f"{_place(definition, panel)}\n{what}" if panel.place else what, gid=column)
         if definition.zero:
             low = min(float(np.nanmin(c.values)) for c in panel.curves) * factor
             ax.set_ylim(bottom=min(0.0, low))
@@ -161,7 +162,7 @@ def _dress(axes: list[Axes], abscissa: Abscissa) -> None:
         return
     for ax in axes:
         ax.set_xlim(0.0, float(abscissa.values[-1]))
-    axes[-1].set_xlabel(abscissa.label)
+    axes[-1].set_xlabel(abscissa.label, gid="position")
 
 
 def _abscissa(panel: Panel) -> Abscissa:

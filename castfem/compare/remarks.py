@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, Line
-from castfem.output.summary import unit_of_difference
 from castfem.report.headline import plain_label
 from castfem.report.numbers import shown, unit_shown
 from castfem.report.show import UNCHANGED
+from castfem.values.shown_units import difference_of, place_said
 
 _SEPARATOR = "; "  # between the parts of a note
 _HERE = "castfem compare"  # a part that sends the reader of a single run to this very table
@@ -42,7 +43,7 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
                 notes.setdefault(f"{label}: {note}", {})[run.label] = None
     found += [f"note ({', '.join(who)}) {text}" for text, who in notes.items()]
     ends = {
-        f"{1e3 * run.summary.quantities['position'].value:.6g} mm"
+        place_said(run.summary.quantities["position"].value, beyond=math.inf)
         for run in runs
         if "position" in run.summary.quantities
     }
@@ -70,4 +71,5 @@ def _miss(line: Line, run: int) -> str:
     by = abs(line.ours[run] - line.theirs[run])
     if line.unit == SHARE:
         return f" by {by:.1f} points"
-    return f" by {shown(by, line.unit)} {unit_shown(unit_of_difference(line.unit))}"
+    unit = difference_of(line.scale.unit)
+    return f" by {shown(line.scale.factor * by, unit)} {unit_shown(unit)}"

@@ -26,6 +26,7 @@ from castfem.plots.section import (
 from castfem.plots.shape import Distortion, von_mises
 from castfem.report.numbers import small_gap
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.shown_units import said, scale_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -195,8 +196,10 @@ def _gap_text(gap: float) -> str:
     """The largest gap [m] in words."""
     if gap < _CLOSED:
         return "no gap"
-    small = small_gap(1e3 * gap, "mm")
-    return f"gap up to {1e3 * gap:.2f} mm" if small is None else f"gap up to {small} µm"
+    small = small_gap(1e3 * gap, scale_of("mm", "gap").unit)
+    if small is not None:
+        return f"gap up to {small} µm"
+    return f"gap up to {said(1e3 * gap, 'mm', '.2f', 'gap')}"
 
 
 def _headed(title: str, said: str) -> str:
@@ -247,7 +250,7 @@ def _draw_stress(sections: Sequence[Section], titles: Sequence[str]) -> Figure:
         if not section.strongest:
             title = _headed(title, "nothing is solid")
         elif math.isfinite(section.named):
-            title = _headed(title, f"up to {section.named:.3g} MPa")
+            title = _headed(title, f"up to {said(section.named, 'MPa', '.3g', 'von_mises_max')}")
         ax.set_title(title, fontsize=9)
     bar(figure, shades, "von Mises stress in the solid [MPa]")
     legend(figure, handles)

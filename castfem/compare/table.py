@@ -16,9 +16,10 @@ import numpy as np
 from castfem.compare.runs import Run
 from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
 from castfem.report.headline import headline, plain_label
-from castfem.report.numbers import is_gap, shown, small_gap, unit_shown, with_error
+from castfem.report.numbers import is_gap, label_shown, shown, small_gap, unit_shown, with_error
 from castfem.report.remarks import mould_exit
 from castfem.support.atomic_files import write_text
+from castfem.values.shown_units import Scale, scale_of
 
 if TYPE_CHECKING:
     import pandas
@@ -46,6 +47,7 @@ class Line:
         kinds: Whether that is a value or a bound.
         gap: Small ones are printed in micrometres, which stand behind them.
         errors: Of our values, NaN where none is known; empty where none is of any run.
+        name: Of the quantity.
     """
 
     label: str
@@ -55,6 +57,12 @@ class Line:
     kinds: tuple[Kind, ...]
     gap: bool = False
     errors: tuple[float, ...] = ()
+    name: str = ""
+
+    @property
+    def scale(self) -> Scale:
+        """What turns its values into what is shown."""
+        return Scale(SHARE) if self.unit == SHARE else scale_of(self.unit, self.name)
 
     def error(self, run: int) -> float | None:
         """The error of a run's value, None where none is known."""
@@ -151,7 +159,14 @@ def _line(
     label = plain_label(quantity) + ("" if at is None else f", at {1e3 * at:.6g} mm")
     known = tuple(errors) if any(map(math.isfinite, errors)) else ()
     return Line(
-        label, quantity.shown_unit, tuple(ours), tuple(theirs), tuple(kinds), is_gap(name), known
+        label,
+        quantity.shown_unit,
+        tuple(ours),
+        tuple(theirs),
+        tuple(kinds),
+        is_gap(name),
+        known,
+        name,
     )
 
 
@@ -199,8 +214,8 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
         table: From `lines`.
         width: Of the terminal, characters.
     """
-    labels = ["\n".join(textwrap.wrap(line.label, 26)) for line in table]
-    first = [("quantity", labels), ("unit", [unit_shown(line.unit) for line in table])]
+    labels = ["\n".join(textwrap.wrap(label_shown(line.label), 26)) for line in table]
+    first = [("quantity", labels), ("unit", [unit_shown(line.scale.unit) for line in table])]
     changed = any(c.reference.changed for run in runs for c in run.summary.references)
     alone = not changed and have_common_references(table)
     if alone:
@@ -250,10 +265,11 @@ def _width(header: str, cells: Sequence[str]) -> int:
 
 def _cell(line: Line, run: int, *, bare: bool) -> str:
     """The value of a run with its reference in brackets, or without."""
-    small = small_gap(line.ours[run], line.unit) if line.gap else None
-    error = line.error(run)
+    scale, error = line.scale, line.error(run)
+    small = small_gap(line.ours[run], scale.unit) if line.gap else None
     if small is None:
-        ours = with_error(_text(line.ours[run], line.unit), error)
+        error = None if error is None else scale.factor * error
+        ours = with_error(_text(line.ours[run], scale), error)
     else:
         ours = f"{with_error(small, None if error is None else 1e3 * error)} {unit_shown('um')}"
     if bare or not math.isfinite(line.theirs[run]):
@@ -271,11 +287,13 @@ def cells(line: Line) -> list[tuple[str, str]]:
 
 def _reference(line: Line, run: int) -> str:
     """The reference of a run, a bound with its sign."""
-    return SIGNS[line.kinds[run]] + _text(line.theirs[run], line.unit)
+    return SIGNS[line.kinds[run]] + _text(line.theirs[run], line.scale)
 
 
-def _text(value: float, unit: str) -> str:
-    return f"{value:.1f}" if unit == SHARE and math.isfinite(value) else shown(value, unit)
+def _text(value: float, scale: Scale) -> str:
+    if scale.unit == SHARE and math.isfinite(value):
+        return f"{value:.1f}"
+    return shown(scale(value), scale.unit)
 
 
 def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from castfem.compare.drawing import engineering
 from castfem.compare.figures import Curve, Panel, figures
 from castfem.compare.runs import Run
-from castfem.plots.history import plain_unit
 from castfem.plots.style import probe_colours
 from castfem.results.registry import probe_label
+from castfem.values.shown_units import documented, plain_unit, scale_of
 
 WIDTH, HEIGHT = 720, 260
 LEFT, RIGHT, TOP, BOTTOM = 64, 12, 10, 40
@@ -34,7 +34,7 @@ class Series:
         label: For the legend.
         colour: Of the line.
         dash: Its pattern, empty for a full line.
-        x: (n,) position, m.
+        x: (n,) position, in the unit it is shown in (m).
         y: (n,) in the unit of the chart.
     """
 
@@ -89,10 +89,11 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
         title = definition.title.format(base=runs[0].label)
         for unit, group in _groups(panels, points, alone=len(runs) == 1).items():
             factor, scaled = engineering(definition, next(p for p in panels if p.unit == unit))
+            scale = scale_of(documented(scaled), definition.quantity)
             for place, series in group:
                 name = title if not place else f"{title}: {place}"
-                label = f"{definition.label} [{plain_unit(scaled)}]"
-                curves = [replace(one, y=factor * one.y) for one in series]
+                label = f"{definition.label} [{plain_unit(scale.unit)}]"
+                curves = [replace(one, y=scale(factor * one.y)) for one in series]
                 found.append(chart(name, label, curves, zero=definition.zero))
     return found
 
@@ -131,6 +132,7 @@ def _place(place: str) -> str:
 def _series(curve: Curve, label: str, colour: str, dash: str, points: int) -> Series:
     """A curve, thinned to so many points; its ends and extremes stay."""
     x, y = np.asarray(curve.position, float), np.asarray(curve.values, float)
+    x = scale_of("m", "position")(x)
     if len(x) > points:
         kept = np.unique(np.linspace(0, len(x) - 1, points).round().astype(int))
         if np.isfinite(y).any():

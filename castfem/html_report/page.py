@@ -16,13 +16,16 @@ from castfem.compare.table import SHARE, Line, cells, lines
 from castfem.errors import InputError
 from castfem.html_report import charts as drawn
 from castfem.html_report.sections import Section, section
+from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import CASE_NAME, FIGURES_NAME
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
-from castfem.report.numbers import finely, shown, unit_shown
+from castfem.report.numbers import cells as number_cells
+from castfem.report.numbers import finely, label_shown, unit_shown
 from castfem.report.remarks import remarks_of
 from castfem.report.show import how_it_ended
 from castfem.support.atomic_files import write_text
+from castfem.values.shown_units import ShownUnits, plain_unit, scale_of, shown_in
 
 REPORT_NAME = "report.html"
 LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out
@@ -133,7 +136,8 @@ def rendered(runs: Sequence[Run], at_work: AtWork | None = None) -> str:
         autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True
     )
     template = environment.from_string(_text("report.html.j2"))
-    return template.render(_content(runs, at_work))
+    with shown_in(units_of_run(runs[0].folder) if runs else ShownUnits()):
+        return template.render(_content(runs, at_work))
 
 
 def _runs(folders: Sequence[Path]) -> list[Run]:
@@ -160,9 +164,12 @@ def _content(runs: Sequence[Run], at_work: AtWork | None) -> dict[str, Any]:
         "width": drawn.WIDTH, "height": drawn.HEIGHT, "left": drawn.LEFT, "right": drawn.RIGHT,
         "top": drawn.TOP, "bottom": drawn.BOTTOM,
     }  # fmt: skip
+    along = scale_of("m", "position")
+    words = {name: str(size[name.lower()]) for name in ("WIDTH", "LEFT", "RIGHT")}
+    words["PLACE"] = _place_in_script(along.unit)
     script = _text("report.js")
-    for name in ("WIDTH", "LEFT", "RIGHT"):
-        script = script.replace(name, str(size[name.lower()]))
+    for name, value in words.items():
+        script = script.replace(name, value)
     title = runs[0].summary.title if len(runs) == 1 else f"{len(runs)} runs side by side"
     found = {
         "title": title if at_work is None else at_work.title,
@@ -176,9 +183,17 @@ def _content(runs: Sequence[Run], at_work: AtWork | None) -> dict[str, Any]:
         "charts": charts,
         "chart_data": [_json(chart.data) for chart in charts],
         "size": size,
+        "along": plain_unit(along.unit),
     }
     found["parts"] = _contents(found)
     return found
+
+
+def _place_in_script(unit: str) -> str:
+    """The position x of the pointer in words, in the language of the script; m is told in mm."""
+    if scale_of("mm", "position").unit == "mm":
+        return '(1000 * x).toFixed(0) + " mm"'
+    return f'Number(x.toPrecision(4)) + " {plain_unit(unit)}"'
 
 
 def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
@@ -219,12 +234,9 @@ def _part(run: Run, count: int) -> dict[str, Any]:
             {
                 "name": f"Balance of {name.replace('_', ' ')}",
                 "terms": [
-                    {
-                        "label": q.label,
-                        "value": shown(q.shown, q.shown_unit),
-                        "unit": unit_shown(q.shown_unit),
-                    }
+                    {"label": q.label, "value": value, "unit": unit}
                     for q in terms.values()
+                    for value, unit in [number_cells("", q)]
                 ],
             }
             for name, terms in summary.balances.items()
@@ -243,8 +255,8 @@ def _rows(table: Sequence[Line], count: int) -> list[Row]:
         differs = len({text for text, _ in texts}) > 1
         found.append(
             Row(
-                line.label,
-                unit_shown(line.unit),
+                label_shown(line.label),
+                unit_shown(line.scale.unit),
                 tuple(Cell(*texts[i], line.verdict(i)) for i in range(count)),
                 differs,
             )
@@ -271,13 +283,13 @@ def _remarks(run: Run) -> Iterator[dict[str, str]]:
     except InputError:
         return
     for one in found:
-        yield {"what": one.what, "value": finely(one.value, one.unit), "where": one.where}
+        yield {"what": one.what, "value": finely(one.value, one.unit, one.name), "where": one.where}
 
 
 def _slice(section_: Section) -> dict[str, Any]:
     """What the pointer and the slider need of a section."""
     fields = [{k: v for k, v in field.items() if k != "first"} for field in section_.fields]
-    return {"positions": section_.positions, "mirrors": section_.mirrors, "fields": fields}
+    return {"places": section_.places, "mirrors": section_.mirrors, "fields": fields}
 
 
 def _pictures(folder: Path, room: float) -> Iterator[dict[str, str]]:

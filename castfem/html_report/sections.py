@@ -14,6 +14,7 @@ from castfem.output.field_files import HDF5_NAME
 from castfem.output.fields import Fields
 from castfem.output.layout import UNITS
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.shown_units import place_said, plain_unit, scale_of
 
 STATES = 16  # places at most
 _CELLS = 6000  # beyond it the page would be slow
@@ -21,7 +22,7 @@ _ROOM, _EACH = 1_200_000, 110  # bytes of all sections of a page, and of a cell
 _SHADES = 24  # of a scale of colours
 _PICTURE = 460.0  # width or height of the drawing
 _SHOWN = {"temperature": "inferno", "von_mises": "viridis", "solid_fraction": "cividis"}
-_SCALED = {"K": ("°C", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "-": ("", 1.0, 0.0)}
+_SCALED = {"K": ("degC", 1.0, -ZERO_CELSIUS), "Pa": ("MPa", 1e-6, 0.0), "-": ("", 1.0, 0.0)}
 _CORNERS = {"triangle": 3, "quadrilateral": 4}
 _MIRRORS = {"quarter": ((1, 1), (-1, 1), (-1, -1), (1, -1)), "half": ((1, 1), (-1, 1))}
 
@@ -35,7 +36,7 @@ class Section:
         mirrors: Signs of x and y of the parts that make the whole section.
         polygons: Corners of each cell, as SVG has them.
         outlines: Paths of the cells, for each of `polygons`.
-        positions: Of the places, m.
+        places: Positions below the meniscus, in words.
         fields: Name, unit, limits, palette and the values of all cells and places (base64 of 16-bit
             numbers, 0 to 65535 between the limits).
     """
@@ -43,7 +44,7 @@ class Section:
     box: tuple[float, float]
     mirrors: tuple[tuple[int, int], ...]
     polygons: tuple[str, ...]
-    positions: tuple[float, ...]
+    places: tuple[str, ...]
     fields: tuple[dict[str, Any], ...]
 
 
@@ -66,8 +67,9 @@ def section(folder: Path, runs: int = 1) -> Section | None:
         chosen = np.unique(np.linspace(count - 1, 0, places).round().astype(int))  # the end first
         box, polygons = _polygons(fields.points[:, :2], corners, str(_part(fields)))
         shown = tuple(_field(fields, name, corners, chosen) for name in names)
-        positions = tuple(float(fields.positions[i]) for i in chosen)
-        return Section(box, _MIRRORS.get(_part(fields), ((1, 1),)), polygons, positions, shown)
+        positions = [float(fields.positions[i]) for i in chosen]
+        words = tuple(place_said(one, near=".0f", beyond=np.inf) for one in positions)
+        return Section(box, _MIRRORS.get(_part(fields), ((1, 1),)), polygons, words, shown)
 
 
 def _part(fields: Fields) -> str:
@@ -103,7 +105,8 @@ def _field(
 
     unit, factor, offset = _SCALED[UNITS[name]]
     values = np.stack([fields.values(name, int(i))[corners].mean(axis=1) for i in chosen])
-    values = np.nan_to_num(factor * values + offset)
+    scale = scale_of(unit, name)
+    values = np.nan_to_num(scale(factor * values + offset))
     low, high = float(values.min()), float(values.max())
     if high - low < 1e-9 * max(1.0, abs(high)):
         high = low + 1.0
@@ -111,7 +114,7 @@ def _field(
     palette = colormaps[_SHOWN[name]]
     return {
         "name": name.replace("von_mises", "von Mises stress").replace("_", " "),
-        "unit": unit,
+        "unit": plain_unit(scale.unit),
         "low": float(f"{low:.6g}"),
         "high": float(f"{high:.6g}"),
         "palette": [to_hex(palette(i / (_SHADES - 1))) for i in range(_SHADES)],

@@ -34,6 +34,7 @@ from typing import Any, Literal
 
 from castfem.errors import InputError
 from castfem.values import units
+from castfem.values.shown_units import coherent
 
 SUMMARY_NAME = "summary.json"
 _NONE = "-"  # how "no unit" is written
@@ -312,8 +313,8 @@ def si_unit(unit: str) -> str:
 
 
 def _si_shown(unit: str) -> str:
-    """The SI unit, "-" for none."""
-    found = si_unit(unit)
+    """The SI unit by its usual name, "-" for none."""
+    found = coherent(unit)
     return _NONE if found == "1" else found
 
 

@@ -58,7 +58,7 @@ def _neutral_axis(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> N
         inside = "top" if end > 0.0 else "bottom"
         panel.text(0.01, end, name, transform=panel.get_yaxis_transform(), va=inside, fontsize=8.5)
     panel.set_ylim(-(1.0 + _APART) * half, (1.0 + _APART) * half)
-    panel.set_ylabel(axis_label(table, "neutral_axis"))
+    panel.set_ylabel(axis_label(table, "neutral_axis"), gid="neutral_axis")
 
 
 def _stress(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> None:
@@ -66,7 +66,8 @@ def _stress(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> None:
         style = "--" if "extrados" in column else "-"
         panel.plot(abscissa.values, table[column], style, color=colour, linewidth=1.2, label=label)
     panel.axhline(0.0, color="#555555", linewidth=0.7)
-    panel.set_ylabel(axis_label(table, curves(table, "axial_stress")[0][2]))
+    first = curves(table, "axial_stress")[0][2]
+    panel.set_ylabel(axis_label(table, first), gid=first)
 
 
 def draw_bulging(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:

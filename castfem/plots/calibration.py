@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.plots.history import plain_unit
 from castfem.plots.style import new_figure
+from castfem.values.shown_units import plain_unit
 from castfem.values.types import Array
 
 if TYPE_CHECKING:

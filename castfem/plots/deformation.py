@@ -23,6 +23,7 @@ from castfem.plots.section import (
 )
 from castfem.plots.shape import Distortion, von_mises
 from castfem.plots.style import SOLIDUS_COLOUR
+from castfem.values.shown_units import said, scale_of
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -113,13 +114,17 @@ def draw_shape(fields: Fields, steel: Steel | None, *, index: int = -1) -> Figur
 
 
 def stress_levels(largest: float) -> Array:
-    """Round levels [MPa] from 0 to the first above the largest stress."""
+    """Levels [MPa] from 0 to the first above the largest stress, round in the unit shown."""
     from matplotlib.ticker import MaxNLocator
+
+    scale = scale_of("MPa", "von_mises")
+    largest = scale(largest)
 
     locator = MaxNLocator(_BANDS, steps=[1, 2, 2.5, 5, 10])
     ticks = np.asarray(locator.tick_values(0.0, max(largest, 1e-6)), dtype=np.float64)
     ticks = ticks[ticks >= 0.0]
-    return ticks[: int(np.searchsorted(ticks, largest * (1 - 1e-9))) + 1]
+    levels = ticks[: int(np.searchsorted(ticks, largest * (1 - 1e-9))) + 1]
+    return np.asarray(scale.back(levels))
 
 
 def _magnified(fields: Fields, index: int) -> tuple[Distortion, float]:
@@ -231,7 +236,8 @@ def _name_extremes(axes: Axes, distortion: Distortion, factor: float) -> None:
 def _signed(length: float) -> str:
     """A length [mm] with its sign, if it is not nothing."""
     rounded = round(length, 2)
-    return f"{rounded:+.2f} mm".replace("-", "\N{MINUS SIGN}") if rounded else "0.00 mm"
+    words = said(rounded, "mm", "+.2f", "displacement") if rounded else said(0.0, "mm", ".2f")
+    return words.replace("-", "\N{MINUS SIGN}")
 
 
 def _extremes(outward: Array, points: Array) -> set[int]:

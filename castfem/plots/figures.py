@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.output.chosen_units import units_of_run
 from castfem.output.fields import Fields
 from castfem.output.folder import ALL_FIGURES, CASE_NAME, FIGURES_NAME, MAPS_NAME, ROWS_NAME
 from castfem.output.history import HISTORY_NAME, read_history
@@ -20,6 +21,7 @@ from castfem.plots.section import SECTION_FIGURES, Steel
 from castfem.plots.strand import draw_stack
 from castfem.plots.style import Abscissa, look, save
 from castfem.support.atomic_files import saving
+from castfem.values.shown_units import shown_in
 
 if TYPE_CHECKING:
     import pandas
@@ -48,7 +50,7 @@ def draw_figures(folder: Path | str) -> list[Path]:
     path = Path(folder)
     summary = Summary.load(path)
     drawn: list[Path] = []
-    with look():
+    with look(), shown_in(units_of_run(path)):
         if (path / HDF5_NAME).is_file():
             drawn += _draw_section(path, summary)
         if (path / HISTORY_NAME).is_file():

@@ -20,6 +20,7 @@ from castfem.plots.style import (
 from castfem.plots.tensile import draw_tensile
 from castfem.results.registry import find, probe_label
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.shown_units import plain_unit, said
 
 if TYPE_CHECKING:
     import pandas
@@ -102,9 +103,9 @@ def draw_surface_temperature(
                 color=colour,
                 linewidth=0.9,
                 linestyle="--",
-                label=f"{name} {level - ZERO_CELSIUS:.1f} °C",
+                label=f"{name} {said(level - ZERO_CELSIUS, 'degC', '.1f')}",
             )
-    axes.set_ylabel(axis_label(table, surfaces[0][2]))
+    axes.set_ylabel(axis_label(table, surfaces[0][2]), gid=surfaces[0][2])
     dress([axes], abscissa)
     place_legend(axes, 3)
     return figure
@@ -124,7 +125,7 @@ def draw_shell(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
             if lines is solid and has_values(table, cell):
                 _draw_stair(axes, abscissa, table[column], table[cell], colour)
     axes.set_ylim(0.0, axes.get_ylim()[1])
-    axes.set_ylabel(axis_label(table, [*solid, *liquid][0][2]))
+    axes.set_ylabel(axis_label(table, [*solid, *liquid][0][2]), gid=[*solid, *liquid][0][2])
     dress([axes], abscissa)
     place_legend(axes, 2 if len(solid) + len(liquid) > 3 else 1)
     return figure
@@ -148,7 +149,7 @@ def draw_heat(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) 
     figure, axes = new_panels(bool(fluxes) + len(totals), 2.0)
     for label, colour, column in fluxes:
         axes[0].plot(abscissa.values, table[column], color=colour, label=label)
-        axes[0].set_ylabel(axis_label(table, column))
+        axes[0].set_ylabel(axis_label(table, column), gid=column)
     for panel, (label, (values, unit)) in zip(axes[bool(fluxes) :], totals.items(), strict=True):
         style = "steps-pre" if "leaving" in label else "default"
         panel.plot(abscissa.values, values, color="#444444", drawstyle=style)
@@ -194,7 +195,7 @@ def _draw_step(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa, names: 
     values = np.where(table[names[0]] > 0.0, table[names[0]], np.nan)  # none at the meniscus
     panel.step(abscissa.values, values, where="pre", color=_THERMAL, linewidth=1.2)
     _log_scale(panel, values)
-    panel.set_ylabel(axis_label(table, names[0]))
+    panel.set_ylabel(axis_label(table, names[0]), gid=names[0])
 
 
 def _draw_newton(
@@ -256,7 +257,7 @@ def _draw_penetration(
     """How deep the surface lies in the wall."""
     panel.plot(abscissa.values, table[names[0]], color=_MECHANICAL, linewidth=1.2)
     panel.set_ylim(bottom=0.0)
-    panel.set_ylabel(axis_label(table, names[0]))
+    panel.set_ylabel(axis_label(table, names[0]), gid=names[0])
 
 
 def _totals(table: pandas.DataFrame) -> dict[str, tuple[np.ndarray, str]]:
@@ -324,17 +325,6 @@ def axis_label(table: pandas.DataFrame, name: str) -> str:
 def unit_of(table: pandas.DataFrame, name: str) -> str:
     """The unit of a column as figures write it."""
     return plain_unit(str(table.attrs["units"][name]))
-
-
-def plain_unit(unit: str) -> str:
-    """A unit as figures write it."""
-    return (
-        unit.replace("degC", "°C")
-        .replace("^2", "²")
-        .replace("^3", "³")
-        .replace("um", "µm")
-        .replace("percent", "%")
-    )
 
 
 HISTORY_FIGURES: dict[str, Callable[[pandas.DataFrame, Abscissa, Steel | None], Figure | None]] = {

@@ -10,9 +10,10 @@ import numpy as np
 from castfem.errors import InputError
 from castfem.output.fields import Fields
 from castfem.output.layout import UNITS
-from castfem.plots.history import axis_label, plain_unit
+from castfem.plots.history import axis_label
 from castfem.plots.section import section_triangles, shade
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.shown_units import is_chosen, place_said, plain_unit
 
 if TYPE_CHECKING:
     import pandas
@@ -47,12 +48,12 @@ def plot_columns(table: pandas.DataFrame, names: Sequence[str], axes: Axes | Non
     drawn = axes if axes is not None else pyplot.subplots(layout="constrained")[1]
     for name in names:
         drawn.plot(table["position"], table[name], label=name.replace("_", " "))
-    drawn.set_xlabel("position below the meniscus [m]")
-    drawn.set_ylabel(axis_label(table, names[0]))
+    drawn.set_xlabel("position below the meniscus [m]", gid="position")
+    drawn.set_ylabel(axis_label(table, names[0]), gid=names[0])
     if len(names) > 1:
         drawn.set_ylabel(f"[{plain_unit(units.pop())}]")
         drawn.legend()
-    return drawn
+    return _turned(drawn)
 
 
 def plot_field(fields: Fields, name: str, index: int, axes: Axes | None) -> Axes:
@@ -85,7 +86,18 @@ def plot_field(fields: Fields, name: str, index: int, axes: Axes | None) -> Axes
     figure = drawn.figure.get_figure(root=True)
     assert figure is not None
     figure.colorbar(shades, ax=drawn, label=label)
-    drawn.set_title(f"{1e3 * float(fields.positions[index]):.5g} mm below the meniscus")
+    where = place_said(float(fields.positions[index]), near=".5g", beyond=np.inf)
+    drawn.set_title(f"{where} below the meniscus")
     drawn.set_xlabel("x [mm]")
     drawn.set_ylabel("y [mm]")
+    return _turned(drawn)
+
+
+def _turned(drawn: Axes) -> Axes:
+    """The axes, and those of a scale of colours beside them, in the units that were chosen."""
+    figure = drawn.figure.get_figure(root=True)
+    if is_chosen() and figure is not None:
+        from castfem.plots.chosen_units import in_chosen_units
+
+        in_chosen_units(figure)
     return drawn

@@ -16,9 +16,9 @@ from castfem.machine.stations import Stations
 from castfem.output.summary import from_si
 from castfem.output.surface_line import SurfaceLine
 from castfem.output.surface_maps import IN_BAND, SurfaceMap, SurfaceMaps
-from castfem.plots.history import plain_unit
 from castfem.plots.style import Abscissa, dress, new_panels
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.shown_units import plain_unit, scale_of
 from castfem.values.types import Array, Indices
 
 if TYPE_CHECKING:
@@ -140,7 +140,8 @@ def _draw_band(
     inside = maps[IN_BAND][rows].T
     panel.pcolormesh(x, y, inside, cmap=ListedColormap(["white", _RED]), vmin=0, vmax=1, **options)
     low, high = (end - ZERO_CELSIUS for end in maps.heading.band)
-    text = f"{low:.0f} to\n{high:.0f} °C"
+    scale = scale_of("degC", "temperature")
+    text = f"{scale(low):.0f} to\n{scale(high):.0f} {plain_unit(scale.unit)}"
     panel.text(1.02, 0.5, text, color=_RED, transform=panel.transAxes, va="center", fontsize=8.5)
 
 

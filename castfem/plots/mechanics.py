@@ -11,6 +11,7 @@ from castfem.plots.history import axis_label, curves, has_values, unit_of
 from castfem.plots.legend import place_legend
 from castfem.plots.section import Steel
 from castfem.plots.style import Abscissa, dress, new_panels
+from castfem.values.shown_units import said
 
 if TYPE_CHECKING:
     import pandas
@@ -39,7 +40,7 @@ def draw_stress(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None
     if has_values(table, "von_mises_max"):
         axes.plot(abscissa.values, table["von_mises_max"], **_ALL, label="largest in the section")
     name = lines[0][2] if lines else "von_mises_max"
-    axes.set_ylabel(axis_label(table, name))
+    axes.set_ylabel(axis_label(table, name), gid=name)
     axes.set_ylim(bottom=0.0)
     dress([axes], abscissa)
     place_legend(axes)
@@ -64,12 +65,14 @@ def draw_size(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) 
             if lines is sizes:
                 start = float(values[np.isfinite(values)][0])
                 label = label.replace("corner", "diagonal")
-                label += f", from {start:.2f} {unit_of(table, column)}"
+                unit = str(table.attrs["units"][column])
+                label += f", from {said(start, unit, '.2f', column)}"
                 values = values - start
             panel.plot(abscissa.values, values, color=colour, label=label)
         _mark_zero(panel)
         label = axis_label(table, lines[0][2])
-        panel.set_ylabel(f"change of {label}" if lines is sizes else label)
+        words = f"change of {label}" if lines is sizes else label
+        panel.set_ylabel(words, gid=lines[0][2])
     dress(axes, abscissa)
     for panel in axes:
         place_legend(panel)
@@ -91,7 +94,7 @@ def draw_axial(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
         axes[0].set_ylabel("axial strain [%]")
     if loaded:
         axes[-1].plot(abscissa.values, table["axial_force"], color=_SINGLE)
-        axes[-1].set_ylabel(axis_label(table, "axial_force"))
+        axes[-1].set_ylabel(axis_label(table, "axial_force"), gid="axial_force")
     for panel in axes:
         _mark_zero(panel)
     dress(axes, abscissa)
@@ -144,7 +147,7 @@ def _over_surface(
         if has_values(table, largest):
             label = "largest anywhere" + (", over 5 mm" if largest == _MEAN_PRESSURE else "")
             panel.plot(abscissa.values, table[largest], **_ALL, label=label)
-        panel.set_ylabel(axis_label(table, name))
+        panel.set_ylabel(axis_label(table, name), gid=name)
         low, high = panel.get_ylim()
         high = max(high, smallest)
         panel.set_ylim(low if _negative(panel, smallest) else -0.03 * high, high)
@@ -160,7 +163,7 @@ def _single(table: pandas.DataFrame, abscissa: Abscissa, name: str) -> Callable[
         fraction = percent and label.endswith("[-]")  # of older runs
         factor = 100.0 if fraction else 1.0
         panel.plot(abscissa.values, table[name] * factor, color=_SINGLE)
-        panel.set_ylabel(label.replace("[-]", "[%]") if fraction else label)
+        panel.set_ylabel(label.replace("[-]", "[%]") if fraction else label, gid=name)
         if percent:
             panel.set_ylim(0.0, 105.0)
         elif not _negative(panel):
@@ -204,9 +207,10 @@ def draw_extraction(
         ("drive_force", "#1f4e79", "pull of the drives"),
     ):
         axes[0].plot(abscissa.values, table[name], color=colour, label=label)
-    axes[0].set_ylabel(f"sum to here [{unit_of(table, 'roll_resistance')}]")
+    unit = unit_of(table, "roll_resistance")
+    axes[0].set_ylabel(f"sum to here [{unit}]", gid="roll_resistance")
     axes[1].plot(abscissa.values, table["effort"], color=_SINGLE)
-    axes[1].set_ylabel(axis_label(table, "effort"))
+    axes[1].set_ylabel(axis_label(table, "effort"), gid="effort")
     for panel in axes:
         _mark_zero(panel)
     dress(axes, abscissa)

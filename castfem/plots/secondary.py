@@ -72,8 +72,8 @@ def draw_roll_to_roll(table: pandas.DataFrame, abscissa: Abscissa, case: Case) -
                 xytext=(0, 2), textcoords="offset points", ha="center", fontsize=7.5,
             )  # fmt: skip
     axes[0].legend(ncols=3, loc="upper right", fontsize=8)
-    axes[0].set_ylabel(axis_label(table, lines[0][2]))
-    axes[2].set_ylabel(axis_label(table, lines[0][2]))
+    axes[0].set_ylabel(axis_label(table, lines[0][2]), gid=lines[0][2])
+    axes[2].set_ylabel(axis_label(table, lines[0][2]), gid=lines[0][2])
     axes[3].set_xlabel("position below the meniscus [m]")
     for kind in KINDS:
         axes[3].plot([], [], "s", color=_COLOURS[kind], label=_NAMES.get(kind, kind))

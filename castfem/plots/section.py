@@ -13,6 +13,7 @@ from castfem.output.fields import Fields
 from castfem.output.layout import triangulate
 from castfem.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.shown_units import is_chosen, place_said, said
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -186,7 +187,8 @@ def draw_isotherms(
         if values.min() < level < values.max():
             axes.tricontour(mesh, values, levels=[level], colors=["white"], linewidths=[2.4])
             axes.tricontour(mesh, values, levels=[level], colors=[colour], linewidths=[1.2])
-        handles.append(Line2D([], [], color=colour, label=f"{name} {level:.1f} °C"))
+        words = f"{name} {said(level, 'degC', '.1f', name)}"
+        handles.append(Line2D([], [], color=colour, label=words))
     return handles
 
 
@@ -266,10 +268,21 @@ def colour_bar(
 ) -> Colorbar:
     """The scale of the colours, as long as the frame."""
     if not lies:
-        return figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.045, 1)), label=label)
+        return _turned(
+            figure.colorbar(shades, cax=axes.inset_axes((1.03, 0, 0.045, 1)), label=label)
+        )
     height = axes.get_position().height * figure.get_size_inches()[1]
     place = axes.inset_axes((0.0, -(_BELOW + 0.12) / height, 1.0, 0.12 / height))
-    return figure.colorbar(shades, cax=place, orientation="horizontal", label=label)
+    return _turned(figure.colorbar(shades, cax=place, orientation="horizontal", label=label))
+
+
+def _turned(bar: Colorbar) -> Colorbar:
+    """A scale whose ticks stand at round numbers of the unit it is shown in."""
+    if is_chosen():
+        from castfem.plots.chosen_units import turn
+
+        turn(bar.long_axis)
+    return bar
 
 
 def legend_below(figure: Figure, handles: list[Any]) -> None:
@@ -291,8 +304,8 @@ def legend_below(figure: Figure, handles: list[Any]) -> None:
 def when(what: str, fields: Fields, index: int) -> str:
     """The title: what, where and when."""
     position, time = float(fields.positions[index]), float(fields.times[index])
-    where = f"{position:.4g} m" if position > 2.0 else f"{1e3 * position:.4g} mm"
-    return f"{what} at {where} below the meniscus, t = {time:.4g} s"
+    where = place_said(position, near=".4g")
+    return f"{what} at {where} below the meniscus, t = {said(time, 's', '.4g', 'time')}"
 
 
 SECTION_FIGURES: dict[str, Callable[[Fields, Steel | None], Figure | None]] = {

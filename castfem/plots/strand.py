@@ -19,6 +19,7 @@ from castfem.plots.section import Steel, section_triangles, shade
 from castfem.plots.shape import Outline, displacement, magnification, von_mises
 from castfem.plots.style import LIQUIDUS_COLOUR, SOLIDUS_COLOUR, new_figure
 from castfem.values.constants import ZERO_CELSIUS
+from castfem.values.shown_units import plain_unit, scale_of
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -316,10 +317,12 @@ def _draw_edges(axes: Axes, stack: Stack, view: View) -> None:
 
 
 def _ticks(stack: Stack) -> tuple[Array, float, str]:
-    """Round positions below the meniscus in the unit of the scale, that unit in m, its name."""
+    """Round positions below the meniscus as they are shown, how many of these a metre is, unit."""
     from matplotlib.ticker import MaxNLocator
 
-    scale, unit = (1.0, "m") if stack.position[-1] > 2.0 else (1e3, "mm")
+    metres, usual = (1.0, "m") if stack.position[-1] > 2.0 else (1e3, "mm")
+    along = scale_of(usual, "position")
+    scale, unit = metres * along.factor, plain_unit(along.unit)
     start, end = scale * stack.position[0], scale * stack.position[-1]
     ticks = np.asarray(MaxNLocator(7, steps=[1, 2, 5, 10]).tick_values(start, end))
     return ticks[(ticks >= start - 1e-9) & (ticks <= end + 1e-9)], scale, unit

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from castfem.output.summary import Zone
 from castfem.support.atomic_files import replacing
+from castfem.values.shown_units import is_chosen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -166,6 +167,10 @@ def render(figure: Figure) -> Image.Image:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
+    if is_chosen():
+        from castfem.plots.chosen_units import in_chosen_units
+
+        in_chosen_units(figure)
     figure.set_dpi(DPI)
     layout = figure.get_layout_engine()
     if layout is not None:
@@ -234,7 +239,7 @@ def dress(axes: list[Axes], abscissa: Abscissa) -> None:
         low, high = low - 0.5, high + 0.5
     for panel in axes:
         panel.set_xlim(low, high)
-    axes[-1].set_xlabel(abscissa.label)
+    axes[-1].set_xlabel(abscissa.label, gid="position")
     if not abscissa.along:
         return
     strip = _draw_zones(axes, abscissa)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 
 from castfem.output.summary import Quantity
-from castfem.plots.history import plain_unit
+from castfem.values.shown_units import documented, is_chosen, plain_unit, said, scale_of
 
 _FINEST = 1e-4  # an error below is printed with its power of ten
 _SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
-_DECIMALS = {"degC": 1, "K": 1, "mm": 2}
+_MEASURED = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?) (mm|m|degC|MPa)(?![\w/])")
+_BOTH = re.compile(r"x = (\S+), y = (\S+) mm")
+_DECIMALS = {"degC": 1, "K": 1, "degF": 1, "delta_degF": 1, "mm": 2}
 
 
 def shown(value: float, unit: str) -> str:
@@ -54,19 +57,38 @@ def small_gap(value: float, unit: str) -> str | None:
 
 def cells(name: str, quantity: Quantity) -> tuple[str, str]:
     """Value and unit of a quantity as the table of a run prints them."""
-    value, unit, error = quantity.shown, quantity.shown_unit, quantity.shown_error
+    scale = scale_of(quantity.shown_unit, name)
+    value, unit, error = scale(quantity.shown), scale.unit, quantity.shown_error
+    error = None if error is None else scale.factor * error
     if is_gap(name) and (small := small_gap(value, unit)) is not None:
         return with_error(small, None if error is None else 1e3 * error), unit_shown("um")
     return with_error(shown(value, unit), error), unit_shown(unit)
 
 
-def finely(value: float, unit: str) -> str:
-    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it."""
+def finely(value: float, unit: str, name: str = "") -> str:
+    """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it.
+
+    Args:
+        value: In its documented unit.
+        unit: That unit, as figures write it or as files do.
+        name: Of the quantity, where it has one.
+    """
+    scale = scale_of(documented(unit), name)
+    if scale.unit != documented(unit):
+        return f"{shown(scale(value), scale.unit)} {plain_unit(scale.unit)}"
     if (small := small_gap(value, unit)) is not None:
         return f"{small} {unit_shown('um')}"
     if unit == "mm" and abs(value) < 1.0:
         return f"{value:.3f} mm"
     return f"{shown(value, unit)} {unit}"
+
+
+def label_shown(label: str) -> str:
+    """The label of a result, the places and temperatures in it in the units that were chosen."""
+    if not is_chosen():
+        return label
+    label = _BOTH.sub(r"x = \1 mm, y = \2 mm", label)
+    return _MEASURED.sub(lambda found: said(float(found[1]), found[2], ".6g"), label)
 
 
 def unit_shown(unit: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from castfem.output.summary import Quantity, Summary
 from castfem.report.numbers import shown, unit_shown
 from castfem.report.places import Place, places_of, table_names
 from castfem.results.places import quantities_at
+from castfem.values.shown_units import Scale, place_said, scale_of
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -64,9 +66,10 @@ def _blocks(
     """Tables with a row a quantity and a column a place, equally many columns in each."""
     some = {name: next(run[name] for run in runs if name in run) for name in names}
     first = [("quantity", [q.label for q in some.values()])]
-    first.append(("unit", [unit_shown(q.shown_unit) for q in some.values()]))
+    scales = {name: scale_of(q.shown_unit, name) for name, q in some.items()}
+    first.append(("unit", [unit_shown(scale.unit) for scale in scales.values()]))
     columns = [
-        (_heading(place), [_cell(run.get(name)) for name in names])
+        (_heading(place), [_cell(run.get(name), scales[name]) for name in names])
         for place, run in zip(places, runs, strict=True)
     ]
     room = width - sum(_width(*column) for column in first)
@@ -79,12 +82,12 @@ def _blocks(
 def _heading(place: Place) -> str:
     """What stands above a column: the place in words, its position in mm or m."""
     p = place.position
-    at = f"{p:.4g} m" if p >= 10.0 else f"{1e3 * p:.5g} mm"
+    at = place_said(p, near=".5g", beyond=math.nextafter(10.0, 0.0))
     return "\n".join([*place.name.split(" "), at]).strip()
 
 
-def _cell(quantity: Quantity | None) -> str:
-    return "-" if quantity is None else shown(quantity.shown, quantity.shown_unit)
+def _cell(quantity: Quantity | None, scale: Scale) -> str:
+    return "-" if quantity is None else shown(scale(quantity.shown), scale.unit)
 
 
 def _width(header: str, cells: Sequence[str]) -> int:

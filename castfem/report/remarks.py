@@ -22,6 +22,7 @@ from castfem.plots.section import Steel
 from castfem.report.hot_spots import HotSpot, hottest, thinnest
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.same_place import ROUNDING
+from castfem.values.shown_units import documented, place_said, plain_unit, said, scale_of
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -46,12 +47,14 @@ class Remark:
         value: In `unit`.
         unit: As in history.csv.
         where: Place and position, for a reader.
+        name: Of the column, where its unit may be chosen by it.
     """
 
     what: str
     value: float
     unit: str
     where: str
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +163,7 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         where += f"regained at {_mm(first.end)}" if first.regained else "not regained"
         if len(stretches) > 1:
             where += f"; {len(stretches)} times, longest {_mm(longest.start)} to {_mm(longest.end)}"
-        yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where)
+        yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where, column)
     yield from _share(table, position)
     yield from _largest(table, position, "gap", "largest gap", least=OPEN)
     what = "highest contact pressure"
@@ -205,8 +208,8 @@ def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         return
     off_, label, row, name = worst
     where = f"{label}, at {_at(float(position[row]), table)}: its curve has steps, for the solidus"
-    where += f" lies in cells of {table[name].iloc[row]:.2g} mm there"
-    yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where)
+    where += f" lies in cells of {said(float(table[name].iloc[row]), 'mm', '.2g', name)} there"
+    yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where, name)
 
 
 def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
@@ -220,7 +223,9 @@ def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         if moved[row] > _BULGED * across[0]:
             where = f"at {_at(float(position[row]), table)}; nothing holds the shell there, see "
             where += "mechanics.liquid in docs/case_files.md"
-            yield Remark(f"bulge, {label}", float(moved[row]), unit_of(table, column), where)
+            yield Remark(
+                f"bulge, {label}", float(moved[row]), unit_of(table, column), where, column
+            )
 
 
 def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
@@ -254,9 +259,11 @@ def _largest(
     there = [entry for entry in there if np.isfinite(entry[0])]
     unit = unit_of(table, column)
     if there and max(there)[0] > least:
-        where += "; of the probes {1}, {0:.3g}".format(*max(there))
-        where += " mm" if unit == "mm" else ""  # a small gap itself is told in micrometres
-    yield Remark(what, value, unit, where)
+        most, label = max(there)
+        scale = scale_of(documented(unit), column)
+        where += f"; of the probes {label}, {scale(most):.3g}"
+        where += f" {plain_unit(scale.unit)}" if unit == "mm" else ""  # a small gap is told in µm
+    yield Remark(what, value, unit, where, column)
 
 
 def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) -> dict[str, Remark]:
@@ -274,7 +281,7 @@ def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) ->
         if values:
             label = pick(values, key=lambda label: values[label][0])
             value, column = values[label]
-            found[what] = Remark(what, value, unit_of(table, column), f"{label}, {where}")
+            found[what] = Remark(what, value, unit_of(table, column), f"{label}, {where}", column)
     return found
 
 
@@ -301,10 +308,13 @@ def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Rema
     """What holds at a hot spot, and what is worst among the probes."""
     label = probe.where.removesuffix(f", {where}")
     digits = ".4g" if probe.unit == "°C" else ".3g"
-    place = f"x = {1e3 * hot_spot.x:.1f}, y = {1e3 * hot_spot.y:.1f} mm, {where}"
-    return Remark(
-        probe.what, value, probe.unit, f"{place}; of the probes {label}, {probe.value:{digits}}"
-    )
+    beside = scale_of(documented(probe.unit), probe.name)(probe.value)
+    across = scale_of("mm")
+    far = ".1f" if across.unit == "mm" else ".4g"
+    x, y = (across(1e3 * place) for place in (hot_spot.x, hot_spot.y))
+    place = f"x = {x:{far}}, y = {y:{far}} {plain_unit(across.unit)}, {where}"
+    said_ = f"{place}; of the probes {label}, {beside:{digits}}"
+    return Remark(probe.what, value, probe.unit, said_, probe.name)
 
 
 def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
@@ -342,10 +352,10 @@ def _finite(values: Array) -> Array:
 
 def _mm(position: float) -> str:
     """A position below the meniscus."""
-    return f"{position:.2f} m" if position > 2.0 else f"{1e3 * position:.0f} mm"
+    return place_said(position, near=".0f", far=".2f")
 
 
 def _at(position: float, table: pandas.DataFrame) -> str:
     """A position and the time when the slice is there."""
     time = float(np.interp(position, table["position"], table["time"]))
-    return f"{_mm(position)}, t = {time:.3g} s"
+    return f"{_mm(position)}, t = {said(time, 's', '.3g', 'time')}"

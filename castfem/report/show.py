@@ -9,16 +9,35 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError, InputError
+from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import LOG_NAME, MAPS_NAME, ROWS_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.report.headline import ENDS
-from castfem.report.numbers import cells, duration, finely, rounded, shown, unit_shown, with_error
+from castfem.report.numbers import (
+    cells,
+    duration,
+    finely,
+    label_shown,
+    rounded,
+    shown,
+    unit_shown,
+    with_error,
+)
 from castfem.report.place_tables import print_along, print_places
 from castfem.report.remarks import remarks_of
 from castfem.results.labels import last_quantities
 from castfem.values.same_place import ROUNDING
+from castfem.values.shown_units import (
+    Scale,
+    difference_of,
+    place_said,
+    plain_unit,
+    said,
+    scale_of,
+    shown_in,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -52,9 +71,14 @@ def show(
     from rich.console import Console
 
     path = Path(folder)
-    out = console or Console()
     if not path.is_dir():
         raise InputError(f"{path}: no such folder")
+    with shown_in(units_of_run(path)):
+        _show(path, console or Console(), figures=figures, at=at)
+
+
+def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> None:
+    """As `show`, in units that have been chosen."""
     record = RunRecord.load(path)
     summary = Summary.load(path)
     running = record.status == "running" and OutputFolder(path).is_running()
@@ -151,11 +175,7 @@ def _print_summary(out: Console, summary: Summary) -> None:
     for name, terms in summary.balances.items():
         table = _table(f"Balance of {name.replace('_', ' ')}", "term", "value", "unit")
         for quantity in terms.values():
-            table.add_row(
-                quantity.label,
-                shown(quantity.shown, quantity.shown_unit),
-                unit_shown(quantity.shown_unit),
-            )
+            table.add_row(label_shown(quantity.label), *cells("", quantity))
         out.print(table, "", highlight=False)
 
 
@@ -168,7 +188,7 @@ def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
     if not found:
         return
     _print(out, "What to look at", "bold")
-    lines = [(remark, finely(remark.value, remark.unit)) for remark in found]
+    lines = [(remark, finely(remark.value, remark.unit, remark.name)) for remark in found]
     what, value = (
         max(len(text) for text in texts)
         for texts in zip(*((remark.what, text) for remark, text in lines), strict=True)
@@ -238,7 +258,7 @@ def _rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ...]]:
             label = label.replace("mid-face", "both faces") if same else label
         mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
         if all(c.reference.at is not None for c in mine):
-            rows.append((label, *cells(name, quantity), "", "", ""))
+            rows.append((label_shown(label), *cells(name, quantity), "", "", ""))
         rows.extend(_comparison_row(c, label, sources, quantity) for c in mine)
     for comparison in summary.references:
         if comparison.missing:
@@ -264,8 +284,10 @@ def _print_liquid_left(out: Console, summary: Summary) -> None:
         return
     core = found.get("liquid_end")
     ended = core is not None and math.isfinite(core.value)
-    what = f"no longer liquid from {core.value:.4g} m on, mushy" if ended and core else "liquid"
-    _print(out, f"not solid at the end of the run, at {end.value:.4g} m: its core is {what}")
+    from_ = said(core.value, "m", ".4g", "liquid_end") if ended and core else ""
+    what = f"no longer liquid from {from_} on, mushy" if from_ else "liquid"
+    at = said(end.value, "m", ".4g", "position")
+    _print(out, f"not solid at the end of the run, at {at}: its core is {what}")
 
 
 def _same(name: str, one: Quantity, other: Quantity | None) -> bool:
@@ -278,33 +300,42 @@ def _comparison_row(
 ) -> tuple[str, ...]:
     """A row in the unit of the reference; at the end of the run with the error of the quantity."""
     reference = comparison.reference
-    unit = reference.shown_unit
+    scale, usual = scale_of(reference.shown_unit, reference.quantity), reference.shown_unit
+    unit = scale.unit
     if reference.at is not None:
         label += f", at {1e3 * reference.at:.6g} mm"
-    theirs = shown(from_si(reference.value, unit), unit)
-    difference = "met" if comparison.met else _difference(comparison, theirs)
+    theirs = shown(scale(from_si(reference.value, usual)), unit)
+    difference = "met" if comparison.met else _difference(comparison, theirs, scale)
     source = reference.source + (f": {reference.note}" if reference.note else "")
     mark = sources.setdefault(source, f"[{len(sources) + 1}]")
-    ours = shown(from_si(comparison.ours, unit), unit)
+    ours = shown(scale(from_si(comparison.ours, usual)), unit)
     if quantity is not None and quantity.error is not None and reference.at is None:
-        ours = with_error(ours, from_si(quantity.error, unit_of_difference(unit)))
-    return label, ours, unit_shown(unit), SIGNS[reference.kind] + theirs, difference, mark
+        error = from_si(quantity.error, unit_of_difference(usual))
+        ours = with_error(ours, scale.factor * error)
+    return (
+        label_shown(label),
+        ours,
+        unit_shown(unit),
+        SIGNS[reference.kind] + theirs,
+        difference,
+        mark,
+    )
 
 
-def _difference(comparison: Comparison, theirs: str) -> str:
+def _difference(comparison: Comparison, theirs: str, scale: Scale) -> str:
     """How far ours is from theirs, to the digits of theirs; how far a bound is missed."""
     if comparison.reference.changed:
         return UNCHANGED
-    value, relative = comparison.shown_difference, 100 * comparison.relative
+    value, relative = scale.factor * comparison.shown_difference, 100 * comparison.relative
     if not math.isfinite(value):
         return ""
-    unit, digits = comparison.reference.shown_unit, len(theirs.partition(".")[2])
+    digits = len(theirs.partition(".")[2])
     sign, before = "+", ""
     if comparison.met is False:
         sign, before, value, relative = "", "missed by ", abs(value), abs(relative)
     text = f"{value:{sign}.4g}" if "e" in theirs else f"{rounded(value, digits):{sign}.{digits}f}"
-    if unit_of_difference(unit) != unit:
-        text += f" {unit_of_difference(unit)}"
+    if difference_of(scale.unit) != scale.unit:
+        text += f" {plain_unit(difference_of(scale.unit))}"
     if math.isfinite(relative):
         text += f" ({relative:{sign}.1f} %)"
     return before + text
@@ -329,7 +360,8 @@ def _print_last_state(out: Console, path: Path, record: RunRecord) -> None:
     if "time" in record.reached:
         at = f"t = {record.reached['time']:.6g} s"
         if "position" in record.reached:
-            at += f", {1e3 * record.reached['position']:.6g} mm below the meniscus"
+            position = place_said(record.reached["position"], beyond=math.inf)
+            at += f", {position} below the meniscus"
         _print(out, f"last checkpoint at {at}; continue from it with --resume")
 
 

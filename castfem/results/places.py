@@ -13,6 +13,7 @@ from castfem.output.summary import Quantity
 from castfem.results.labels import last_quantities
 from castfem.values import units
 from castfem.values.same_place import ROUNDING
+from castfem.values.shown_units import place_said
 
 if TYPE_CHECKING:
     import pandas
@@ -73,4 +74,4 @@ def quantities_at(
 
 def _mm(position: float) -> str:
     """A position in mm."""
-    return f"{1e3 * position:.6g} mm"
+    return place_said(position, beyond=float("inf"))

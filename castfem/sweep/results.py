@@ -21,6 +21,7 @@ from castfem.support.atomic_files import write_text
 from castfem.sweep.plan import Variant, shortened
 from castfem.sweep.record import Record
 from castfem.values import units
+from castfem.values.shown_units import plain_unit, scale_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -208,8 +209,10 @@ def _main_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     for name in chosen or wanted:
         some = next(q[name] for q in all_of if name in q)
         quantities = [row.quantities.get(name) for row in table]
-        cells = [shown(q.shown, q.shown_unit) if q else "-" for q in quantities]
-        found.append((_header(plain_label(some), f"[{some.shown_unit}]"), cells))
+        scale = scale_of(some.shown_unit, name.partition(" at ")[0])
+        cells = [shown(scale(q.shown), scale.unit) if q else "-" for q in quantities]
+        unit = scale.unit if scale.unit == some.shown_unit else plain_unit(scale.unit)
+        found.append((_header(plain_label(some), f"[{unit}]"), cells))
     return found
 
 

@@ -100,7 +100,7 @@ def test_the_section_shows_the_fields(folder: Path) -> None:
     assert len(found.polygons) == len(cells) and len(found.mirrors) == 4
     first = found.fields[0]
     levels = np.frombuffer(base64.b64decode(first["values"]), dtype="<u2")
-    levels = levels.reshape(len(found.positions), len(cells))[-1]
+    levels = levels.reshape(len(found.places), len(cells))[-1]
     mean = last[cells[:, :4]].mean(axis=1) - 273.15
     shown = first["low"] + (first["high"] - first["low"]) * levels / 65535
     assert shown == pytest.approx(mean, abs=0.05)
@@ -136,7 +136,7 @@ def test_a_page_of_many_runs_stays_small(tmp_path: Path) -> None:
     curves = json.loads(one.text or "")["curves"]
     assert len(curves) == 36 and curves[0]["x"][-1] == pytest.approx(0.6)
     whole, few = section(folder), section(folder, 24)
-    assert whole is not None and few is not None and few.positions == whole.positions[-1:]
+    assert whole is not None and few is not None and few.places == whole.places[-1:]
 
 
 def test_text_of_a_case_ends_no_script(folder: Path, tmp_path: Path) -> None:

@@ -42,7 +42,7 @@
         const y = nearest(curve, x);
         values[i].textContent = y === null ? "-" : String(Number(y.toPrecision(4)));
       });
-      at.textContent = "at " + (1000 * x).toFixed(0) + " mm";
+      at.textContent = "at " + PLACE;
     });
     svg.addEventListener("pointerleave", function () {
       cursor.setAttribute("visibility", "hidden");
@@ -78,7 +78,7 @@
       cells.forEach(function (cell, i) {
         cell.setAttribute("fill", field.palette[Math.min(shades - 1, Math.floor(shades * values[start + i] / 65536))]);
       });
-      told.textContent = (1000 * known.positions[Number(range.value)]).toFixed(0) + " mm";
+      told.textContent = known.places[Number(range.value)];
       figure.querySelector(".low").textContent = field.low;
       figure.querySelector(".high").textContent = field.high + " " + field.unit;
       figure.querySelectorAll(".scale rect").forEach(function (rect, i) { rect.setAttribute("fill", field.palette[i]); });
