@@ -5,6 +5,7 @@
 #   tools/env.sh ruff        the linter too, at the version pyproject.toml pins
 #   tools/env.sh benchmark   the benchmarks' opponent too (pyproject.toml, extra "benchmark")
 #   tools/env.sh browser     what drives a browser in tests (pyproject.toml, extra "browser")
+#   tools/env.sh wheel       what builds wheels (pyproject.toml, extra "wheel")
 #   tools/env.sh docs        what makes the manual too (tools/docs_packages.txt), in .castfem/docs
 #   tools/env.sh packages    print Debian's names of what castfem needs ("packages docs": the manual)
 #   tools/env.sh clean       remove the environments of this checkout and the shared userlands
@@ -215,7 +216,7 @@ case ${1:-ready} in
     ready
     "$1"
     ;;
-  benchmark | browser)
+  benchmark | browser | wheel)
     ready
     extra "$1"
     ;;

@@ -7,7 +7,10 @@ import re
 import sys
 import tomllib
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
+
+import castfem
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -65,7 +68,17 @@ def test_types_and_data_are_shipped() -> None:
         shipped |= {file for pattern in patterns for file in folder.glob(pattern)}
     own = [f for folder in (*CODE, "cases") for f in (ROOT / folder).rglob("*.*") if f.is_file()]
     data = {file for file in own if file.suffix != ".py" and "__pycache__" not in file.parts}
+    data |= set((ROOT / "cases").glob("*/*.py"))  # what makes the tables of a case
     assert data <= shipped
     assert ROOT / "castfem" / "py.typed" in shipped
     packages = {p.parent.relative_to(ROOT).as_posix() for p in (ROOT / "castfem").rglob("*.py")}
     assert {p.replace("/", ".") for p in packages} <= set(setup["packages"])
+
+
+def test_version_is_written_once() -> None:
+    """In the code; packages take it from there, and who cites names the same."""
+    assert PROJECT["project"]["dynamic"] == ["version"]
+    assert PROJECT["tool"]["setuptools"]["dynamic"]["version"] == {"attr": "castfem.__version__"}
+    cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    assert cited is not None and cited[1] == castfem.__version__
+    assert metadata.version("castfem") == castfem.__version__
