@@ -208,9 +208,10 @@ class Study:
         for _ in range(2):
             assert search.noise is not None
             places = vicinity.intervals(model, search.noise.sigma, np.abs(np.nan_to_num(error)))
-            if step >= _WIDEST or not any(i.open_low or i.open_high for i in places):
+            ends = np.array([i.open_low or i.open_high for i in places])
+            if not np.any(ends & (step < _WIDEST)):
                 break
-            step = min(2.0 * step, _WIDEST)
+            step = np.where(ends, np.minimum(2.0 * step, _WIDEST), step)
             model = self._model(outputs, best, step)
         found = Findings(question, outputs, search, best, model, checked, error, self._told)
         front = None
@@ -220,10 +221,11 @@ class Study:
 
     def _surroundings(
         self, search: Search, best: Wanted
-    ) -> tuple[Wanted, vicinity.Quadratic, float]:
+    ) -> tuple[Wanted, vicinity.Quadratic, Array]:
         """Look round a best run; where another one there is better, search on from that."""
         outputs = search.outputs
-        step = float(np.clip(4.0 * search.radius, _STEP, _WIDEST))
+        widths = np.ones(len(self.question.axes))
+        step = float(np.clip(4.0 * search.radius, _STEP, _WIDEST)) * widths
         for _ in range(_TURNS):
             model = self._model(outputs, best, step)
             better = search.best()
@@ -238,7 +240,7 @@ class Study:
             model = self._model(outputs, best, step)
         return best, model, step
 
-    def _model(self, outputs: Outputs, best: Wanted, step: float) -> vicinity.Quadratic:
+    def _model(self, outputs: Outputs, best: Wanted, step: Array) -> vicinity.Quadratic:
         """Quadratics through the runs about a best one, those that it takes to fit them."""
         question = self.question
         centre = question.shares(best)

@@ -30,20 +30,20 @@ class Quadratic:
     """Results near an optimum as quadratics of the variables.
 
     Attributes:
-        centre: The optimum (n,), shares of the ranges. step: The unit of length of the fit.
+        centre: The optimum (n,), shares of the ranges. step: The units of length of the fit (n,).
         weights: (k, 1 + m), of 1, d_i, d_i d_j (i <= j).
         misfit: What the runs scatter about it (1 + m,), SI.
     """
 
     centre: Array
-    step: float
+    step: Array
     weights: Array
     misfit: Array
 
     @classmethod
-    def fit(cls, centre: Array, step: float, shares: Array, values: Array) -> Quadratic:
+    def fit(cls, centre: Array, step: Array, shares: Array, values: Array) -> Quadratic:
         """Fit runs (r, n) with cost and margins (r, 1 + m); those beyond reach do not count."""
-        near = np.max(np.abs(shares - centre), axis=1) <= REACH * step * (1.0 + 1e-9)
+        near = np.max(np.abs(shares - centre) / step, axis=1) <= REACH * (1.0 + 1e-9)
         near &= ~np.isnan(values).any(axis=1)
         columns = _columns(np.asarray((shares[near] - centre) / step))
         weights, _, rank, _ = np.linalg.lstsq(columns, values[near], rcond=1e-8)
@@ -172,17 +172,17 @@ def _sampled(low: Array, high: Array) -> Array:
     return np.asarray(low + points * (high - low))
 
 
-def around(centre: Array, step: float) -> list[Array]:
+def around(centre: Array, step: Array) -> list[Array]:
     """Return the places along each variable through an optimum: two steps to either side.
 
     Where a range ends before, the other side has more of them.
     """
     found: list[Array] = []
     for i in range(len(centre)):
-        below = [k for k in (-1, -2) if centre[i] + k * step >= -1e-9]
-        above = [k for k in (1, 2) if centre[i] + k * step <= 1.0 + 1e-9]
+        below = [k for k in (-1, -2) if centre[i] + k * step[i] >= -1e-9]
+        above = [k for k in (1, 2) if centre[i] + k * step[i] <= 1.0 + 1e-9]
         for k in sorted([*below, *above]):
             place = np.array(centre)
-            place[i] = np.clip(centre[i] + k * step, 0.0, 1.0)
+            place[i] = np.clip(centre[i] + k * step[i], 0.0, 1.0)
             found.append(place)
     return found

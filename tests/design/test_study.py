@@ -106,6 +106,27 @@ def test_numerical_error_widens_the_interval():
     assert found.values[0].high < 4.33
 
 
+def test_a_flat_variable_does_not_blur_the_other():
+    """Runs are taken farther apart along the one whose interval is open; heat bends in the other.
+
+    The bound is met at 20 + 4 artanh 0.5 = 22.197 K, by the finer level at 22.473 K.
+    """
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        speed, superheat = wanted.values
+        scatter = np.random.default_rng([round(1e4 * v) for v in wanted.values]).normal()
+        stress = superheat + 1e-4 * (speed - 3.4) ** 2 + 1e-3 * scatter
+        off = 0.05 if wanted.fidelity == "default" else 0.0
+        return {STRESS: stress, HEAT: 1e6 * (np.tanh((superheat - 20.0) / 4.0) - off)}
+
+    asked = {"constraints": ["heat_removed >= 0.5 MJ/m"], "fidelity": "coarse"}
+    speed, superheat = solve(study(SPEED, SUPERHEAT, **asked), given).values
+    assert speed.open_low or speed.open_high
+    assert superheat.value == pytest.approx(22.197, abs=0.2)  # the last step, 0.5 % of the range
+    assert superheat.checked == pytest.approx(22.473, abs=0.15)
+    assert 21.6 < superheat.low < 22.2 < 22.4 < superheat.high < 23.0
+
+
 @pytest.mark.parametrize("size", [0.01, 0.3])
 def test_noise(size: float):
     """Scatter is measured, widens the interval, and stops the search."""
