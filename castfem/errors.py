@@ -25,7 +25,15 @@ class InputError(CastfemError):
         super().__init__("\n".join(self.problems))
 
 
+class FolderInUse(InputError):
+    """Another run is at work in the folder."""
+
+
 class RunFailure(CastfemError):
     """A run could not be continued; the last good state is on disk."""
 
     exit_status = 2
+
+
+class CannotWrite(RunFailure):
+    """A file cannot be written: a full disk, a folder without rights; the run itself is sound."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from castfem.case import Case
 
 _NOISE_NAME = "sweep.log"
+_PATIENCE = 3.0, 4.0  # s before each further attempt; runs of a killed command end within five
 _LEAN = {"fields": [], "figures": False}
 
 
@@ -107,12 +109,21 @@ class Evaluator(Closing):
             cases: The cases.
             given: What is varied in each, key to value, for its folder's name and tables.
             watcher: Told of the runs.
+
+        Raises:
+            RunFailure: A run was hindered by what is none of its case's: another run at work in its
+                folder for longer than that of a killed command may be, a full disk, the end of
+                its process.
         """
         jobs = [self.store.job(case, keys) for case, keys in zip(cases, given, strict=True)]
         wanted = {job.name: job for job in jobs if self.store.find(job.case) is None}
         lost: dict[str, Evaluation] = {}
+        hindered: list[tuple[Job, Outcome]] = []
 
         def ended(job: Job, outcome: Outcome) -> None:
+            if outcome.obstacle:  # it says nothing of the case: no search may learn from it
+                hindered.append((job, outcome))
+                return
             found = self.store.note(job, outcome)
             if found.folder is None:
                 lost[job.name] = found
@@ -123,7 +134,18 @@ class Evaluator(Closing):
             self._make_folder()
             self.runs += len(wanted)
             self._do(list(wanted.values()), ended, watcher)
+            for wait in _PATIENCE:
+                again = [job for job, outcome in hindered if outcome.obstacle == "in use"]
+                if not again:
+                    break
+                time.sleep(wait)
+                hindered[:] = [one for one in hindered if one[0] not in again]
+                self._do(again, ended, watcher)
             self.store.write_table()
+        if hindered:
+            raise RunFailure(
+                f"{hindered[0][1].message}; the same command goes on with what has been run"
+            )
         return [lost.get(job.name) or self._found(job) for job in jobs]
 
     def _found(self, job: Job) -> Evaluation:

@@ -19,6 +19,7 @@ from castfem.case.portable import portable
 from castfem.errors import CastfemError
 from castfem.output.folder import CASE_NAME, PROPERTIES_NAME, RunRecord
 from castfem.output.summary import Quantity, Summary
+from castfem.support.atomic_files import UNWRITTEN
 from castfem.sweep.plan import Variant, run_name
 from castfem.sweep.record import Record
 from castfem.sweep.results import TABLE_NAME, rows, write_table
@@ -172,8 +173,8 @@ class Store:
         place, entry = self.folder / name, self.record.entries[name]
         try:
             run = RunRecord.load(place)
-            if run.status not in ("finished", "failed"):
-                return None
+            if run.status not in ("finished", "failed") or UNWRITTEN in run.reason:
+                return None  # cut short: a full disk says nothing of the case
             summary = Summary.load(place)
         except CastfemError:
             return None

@@ -33,7 +33,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from castfem.errors import CastfemError, InputError
+from castfem.errors import CastfemError, FolderInUse, InputError
 from castfem.output.checkpoint import CHECKPOINT_NAME
 from castfem.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.output.history import HISTORY_NAME
@@ -263,7 +263,7 @@ class OutputFolder(Closing):
         try:
             locked = taken(lock)
         except Timeout as error:
-            raise InputError(
+            raise FolderInUse(
                 f"{self.path}: another run is writing here; wait for it, or choose another folder"
             ) from error
         if locked:

@@ -19,8 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from castfem.errors import RunFailure
+from castfem.errors import CannotWrite, RunFailure
 
+UNWRITTEN = "cannot be written"  # stands in the reason of a run that ends so
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _NO_RIGHT = (errno.EACCES, errno.EPERM, errno.EROFS)
 
@@ -61,7 +62,7 @@ def saving(path: Path) -> Iterator[None]:
     """Turns any operating system or HDF5 error inside into a RunFailure of one line with the mend.
 
     Raises:
-        RunFailure: The file cannot be written.
+        CannotWrite: The file cannot be written.
     """
     try:
         yield
@@ -69,7 +70,7 @@ def saving(path: Path) -> Iterator[None]:
         if isinstance(error, RunFailure):
             raise
         number, reason = system_reason(error)
-        raise RunFailure(f"{path}: cannot be written ({reason}); {mend_for(number)}") from error
+        raise CannotWrite(f"{path}: {UNWRITTEN} ({reason}); {mend_for(number)}") from error
 
 
 @contextmanager

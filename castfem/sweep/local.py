@@ -138,7 +138,8 @@ class _Worker:
             self.lost = True
         if self.lost:
             self.process.join(_PATIENCE)
-            found = Outcome(_death(self.process.exitcode), time.perf_counter() - self._since)
+            seconds = time.perf_counter() - self._since
+            found = Outcome(_death(self.process.exitcode), seconds, "process")
         if found is not None:
             self.job = None
         return found

@@ -250,7 +250,7 @@ def _varied(table: Sequence[Row]) -> tuple[list[str], list[list[str]]]:
         else:
             headers.append(key)
             columns.append([value.strip("\"'") for value in values])
-    return headers, [list(cells) for cells in zip(*columns, strict=True)]
+    return headers, [[column[row] for column in columns] for row in range(len(table))]
 
 
 def _split(value: str) -> tuple[str, str] | None:

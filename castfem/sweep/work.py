@@ -8,14 +8,17 @@ import time
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from castfem.case import Case
-from castfem.errors import CastfemError
+from castfem.errors import CannotWrite, CastfemError, FolderInUse
 from castfem.support.progress import Progress
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+
+Obstacle = Literal["", "in use", "file", "process"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,10 +47,13 @@ class Outcome:
     Attributes:
         message: Why it failed, one line; empty if it did not.
         seconds: How long it took.
+        obstacle: What hindered it that is none of the case's: another run in its folder, a file
+            that cannot be written, the end of its process; empty for nothing.
     """
 
     message: str = ""
     seconds: float = 0.0
+    obstacle: Obstacle = ""
 
     @property
     def failed(self) -> bool:
@@ -103,7 +109,10 @@ def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Ou
             draw_figures(job.folder)
     except CastfemError as error:
         log.logger.error("%s", error)
-        return Outcome("; ".join(str(error).splitlines()), time.perf_counter() - begun)
+        obstacle: Obstacle = ""
+        if isinstance(error, FolderInUse | CannotWrite):
+            obstacle = "in use" if isinstance(error, FolderInUse) else "file"
+        return Outcome("; ".join(str(error).splitlines()), time.perf_counter() - begun, obstacle)
     except Exception as error:
         log.logger.error("%s", "".join(traceback.format_exception(error)))
         what = str(error).partition("\n")[0]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import errno
+import json
 import os
 import signal
 import subprocess
@@ -15,9 +17,10 @@ from ranks import needs_mpirun, python_on
 from small_case import small, write_small
 
 from castfem.cli.sweeping import Options, sweep_case
-from castfem.design import Evaluator
+from castfem.design import Evaluator, evaluator
 from castfem.design.fidelity import at_level, idealised
-from castfem.errors import InputError
+from castfem.errors import InputError, RunFailure
+from castfem.support import atomic_files
 
 SHORT = {"casting.length": "6 mm"}
 # Colder than the steel's data go: the run ends on its way.
@@ -109,6 +112,38 @@ def test_goes_on_after_a_kill(tmp_path):
     undisturbed = Evaluator(small(), tmp_path / "others")
     for speed, line in zip((3.0, 3.2, 3.4, 3.6), after, strict=True):
         assert undisturbed({"speed": f"{speed} m/min"})["heat_removed"] == float(line)
+
+
+def test_a_folder_in_use_teaches_nothing(tmp_path, monkeypatch):
+    """As a run of a command that was just killed may still be: it is waited for, then told."""
+    from filelock import FileLock
+
+    monkeypatch.setattr(evaluator, "_PATIENCE", (0.0,))
+    with Evaluator(small(SHORT), tmp_path) as evaluate:
+        job = evaluate.store.job(evaluate.case, {})
+        job.folder.mkdir()
+        refused = pytest.raises(RunFailure, match=r"writing here.*the same command goes on")
+        with FileLock(job.folder / ".castfem.lock"), refused:
+            evaluate()
+        assert not evaluate().failed
+
+
+def test_a_full_disk_teaches_nothing(tmp_path, monkeypatch):
+    """The run counts as cut short in this call and later ones, though it could say how it ended."""
+
+    def full(path: Path) -> None:
+        if "checkpoint" in path.name:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    refused = pytest.raises(RunFailure, match=r"No space left on device.*same command goes on")
+    with monkeypatch.context() as patch, refused:
+        patch.setattr(atomic_files, "_force_to_disk", full)
+        Evaluator(small(SHORT), tmp_path / "full")()
+    (run,) = (tmp_path / "full").glob("*/run.json")
+    assert json.loads(run.read_text())["status"] == "failed"
+    later = Evaluator(small(SHORT), tmp_path / "full")
+    undisturbed = Evaluator(small(SHORT), tmp_path / "other")
+    assert later()["heat_removed"] == undisturbed()["heat_removed"]
 
 
 def test_levels(tmp_path):
