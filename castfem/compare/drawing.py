@@ -14,6 +14,7 @@ import numpy as np
 from castfem.compare.figures import Definition, Panel, figures
 from castfem.compare.runs import Run
 from castfem.compare.sections import draw_sections
+from castfem.plots.history import prefix_for
 from castfem.plots.style import Abscissa, dress, look, new_panels, save
 from castfem.results.registry import probe_label
 from castfem.values.shown_units import plain_unit
@@ -186,10 +187,6 @@ def engineering(definition: Definition, panel: Panel) -> tuple[float, str]:
     unit = plain_unit(panel.unit)
     if unit == "-" and definition.quantity in _PERCENT:
         return 100.0, "%"
-    if not unit.startswith(("J", "W")):
-        return 1.0, unit
     largest = max(float(np.nanmax(np.abs(curve.values))) for curve in panel.curves)
-    for size, prefix in ((1e6, "M"), (1e3, "k")):
-        if largest >= size:
-            return 1.0 / size, prefix + unit
-    return 1.0, unit
+    size, prefixed = prefix_for(largest, unit)
+    return 1.0 / size, prefixed

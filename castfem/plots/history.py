@@ -170,12 +170,12 @@ def _below_zero(panel: Axes) -> bool:
 def draw_steps(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None) -> Figure | None:
     """Time step, Newton iterations, errors of energy and forces, penetration of a mould."""
     found = [
-        (draw, [name for name in names if has_values(table, name)])
-        for draw, names in (
-            (_draw_step, ("step",)),
-            (_draw_newton, ("newton", "newton_mechanics")),
-            (_draw_errors, ("energy_error", "force_error")),
-            (_draw_penetration, ("penetration",)),
+        (draw, [name for name in names if there(table, name)])
+        for draw, names, there in (
+            (_draw_step, ("step",), has_values),
+            (_draw_newton, ("newton", "newton_mechanics"), has_values),
+            (_draw_errors, ("energy_error", "force_error"), _is_inexact),
+            (_draw_penetration, ("penetration",), has_values),
         )
     ]
     panels = [(draw, names) for draw, names in found if names]
@@ -188,6 +188,11 @@ def draw_steps(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
             panel.legend(loc="upper right", ncols=2)  # above what is drawn
     dress(axes, abscissa)
     return figure
+
+
+def _is_inexact(table: pandas.DataFrame, name: str) -> bool:
+    """Whether an error is not nothing in every row: only then a logarithmic axis has anything."""
+    return has_values(table, name) and bool((table[name].fillna(0.0) != 0.0).any())
 
 
 def _draw_step(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa, names: list[str]) -> None:
@@ -301,13 +306,18 @@ def _log_scale(panel: Axes, values: np.ndarray) -> None:
 
 def _engineering(values: np.ndarray, unit: str) -> tuple[np.ndarray, str]:
     """Joules and watts with the prefix that suits their size."""
-    if not unit.startswith(("J", "W")):
-        return values, unit
     largest = float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
-    for factor, prefix in ((1e6, "M"), (1e3, "k")):
-        if largest >= factor:
-            return values / factor, prefix + unit
-    return values, unit
+    size, prefixed = prefix_for(largest, unit)
+    return values / size, prefixed
+
+
+def prefix_for(largest: float, unit: str) -> tuple[float, str]:
+    """What to divide by, and the unit then: of joules and watts the one that suits their size."""
+    if unit.startswith(("J", "W")):
+        for size, prefix in ((1e6, "M"), (1e3, "k")):
+            if largest >= size:
+                return size, prefix + unit
+    return 1.0, unit
 
 
 def has_values(table: pandas.DataFrame, name: str) -> bool:

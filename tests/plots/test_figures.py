@@ -130,6 +130,17 @@ def test_without_a_position_time_is_the_axis(finished_run):
     assert figure.axes[-1].get_xlabel() == "time since the meniscus [s]"
 
 
+def test_an_error_that_is_nothing_throughout_has_no_panel(finished_run):
+    """A logarithmic axis would have nothing to span."""
+    table = read_history(finished_run / "history.csv")
+    abscissa = Abscissa(table["time"].to_numpy(), table["position"].to_numpy())
+    labels = [axes.get_ylabel() for axes in draw_steps(table, abscissa, None).axes]
+    exact = table.assign(energy_error=0.0)
+    exact.attrs["units"] = table.attrs["units"]
+    left = [axes.get_ylabel() for axes in draw_steps(exact, abscissa, None).axes]
+    assert left == [label for label in labels if "error" not in label] != labels
+
+
 def test_probes_are_found_by_their_columns(finished_run):
     table = read_history(finished_run / "history.csv")
     assert probes_with(table, "shell") == {"mid_face": "shell_mid_face", "corner": "shell_corner"}
