@@ -111,14 +111,10 @@ def _of_the_whole(section: Any, on: tuple[str, ...] | None) -> str:
 
 def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
     """Yield what a contact law lacks, given the mould there is."""
-    given = [key for key in ("coefficient", "flux") if key in law.model_fields_set]
-    if not given:
-        yield Problem(
-            path, 'coefficient or flux is missing; the heat without a gap, coefficient = "1600 '
-            'W/(m^2 K)" or a measured flux = "2 MW/m^2"'
-        )  # fmt: skip
-    if len(given) > 1:
-        yield Problem(path, "coefficient and flux exclude each other; give one of the two")
+    yield from _one_of(
+        law, ("coefficient", "flux"), path, 'the heat without a gap, coefficient = "1600 '
+        'W/(m^2 K)" or a measured flux = "2 MW/m^2"'
+    )  # fmt: skip
     gapless = law.gap == 0.0 or (law.gap is None and case.mould is None)
     if not gapless and "gap_conductivity" not in law.model_fields_set:
         yield Problem(path, 'a gap needs its gap_conductivity, such as "0.15 W/(m K)"')
@@ -140,6 +136,17 @@ def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[
         )  # fmt: skip
 
 
+def _one_of(
+    law: HeatLaw, keys: tuple[str, str], path: tuple[str | int, ...], samples: str
+) -> Iterator[Problem]:
+    """Yield that none of two keys is given, or both."""
+    one, other = keys
+    if not law.model_fields_set & {*keys}:
+        yield Problem(path, f"{one} or {other} is missing; {samples}")
+    if law.model_fields_set >= {*keys}:
+        yield Problem(path, f"{one} and {other} exclude each other; give one of the two")
+
+
 def _thin_gap(law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
     """Yield a gap so thin that rounding decides on the heat."""
     conductivity, coefficient = law.gap_conductivity, law.coefficient
@@ -157,14 +164,10 @@ def _thin_gap(law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
 
 def _spray(law: Spray, path: tuple[str | int, ...]) -> Iterator[Problem]:
     """Yield a spray without water, or with that of the zone and per area at once."""
-    given = [key for key in ("water", "flow") if key in law.model_fields_set]
-    if not given:
-        yield Problem(
-            path, 'water or flow is missing; water = "5 L/(m^2 s)", or that of the zone, flow = '
-            '"240 L/min"'
-        )  # fmt: skip
-    if len(given) > 1:
-        yield Problem(path, "water and flow exclude each other; give one of the two")
+    yield from _one_of(
+        law, ("water", "flow"), path, 'water = "5 L/(m^2 s)", or that of the zone, flow = '
+        '"240 L/min"'
+    )  # fmt: skip
     if "area" in law.model_fields_set and "flow" not in law.model_fields_set:
         yield Problem((*path, "area"), "is the sprayed area of a flow, which is missing")
 

@@ -18,6 +18,7 @@ from castfem.case.extraction import Extraction
 from castfem.case.problems import Problem
 from castfem.case.section import Strip
 from castfem.values.quantities import Length, Notation
+from castfem.values.table_notation import schema_of_columns
 
 if TYPE_CHECKING:
     from pydantic import GetJsonSchemaHandler
@@ -60,21 +61,13 @@ class RollTable(Notation):
     ) -> dict[str, Any]:
         from castfem.machine.rolls import COLUMNS, KINDS
 
-        column = {"type": "array", "items": {"type": ["number", "string", "boolean"]}}
-        units = {f"{name}_unit": {"type": "string"} for name in COLUMNS if name != "driven"}
-        columns = {
-            "type": "object",
-            "properties": {name: column for name in COLUMNS} | units,
-            "required": [name for name in KINDS if name in ("position", "diameter")],
-            "additionalProperties": False,
-        }
-        file = {
-            "type": "object",
-            "properties": {"file": {"type": "string"}},
-            "required": ["file"],
-            "additionalProperties": False,
-        }
-        return {"anyOf": [{"type": "string"}, file, columns], "description": "rolls, from a file"}
+        ways = schema_of_columns(
+            COLUMNS,
+            [f"{name}_unit" for name in COLUMNS if name != "driven"],
+            needed=[name for name in KINDS if name in ("position", "diameter")],
+            cells=("number", "string", "boolean"),
+        )
+        return {"anyOf": [{"type": "string"}, *ways], "description": "rolls, from a file"}
 
 
 class RollSegment(TableModel):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import Case
-from castfem.cli.drawing import drawing, print_rows
+from castfem.cli.drawing import aligned, drawing, print_rows
 from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def size_lines(found: Drawing, wall: HotWall) -> list[str]:
             for column in (wall.hot[:, 0], wall.hot[:, middle], wall.outer[:, 0])
         ]
         rows.append([f"{1e3 * z:.4g}", *sizes, *(f"{value:.0f}" for value in faces)])
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def _unequal(found: Drawing) -> bool:
@@ -146,7 +146,7 @@ def turn_lines(turns: Sequence[Turn]) -> list[str]:
     hottest = [f"{turn.wall.heated.hottest - ZERO_CELSIUS:.1f}" for turn in turns]
     moved = ["-" if turn.moved != turn.moved else f"{1e6 * turn.moved:.2f}" for turn in turns]
     rows += [["hot face [degC]", *hottest], ["wall moved [um]", *moved]]
-    return _aligned(rows)
+    return aligned(rows)
 
 
 def _changed(turn: Turn) -> str:
@@ -157,14 +157,3 @@ def _changed(turn: Turn) -> str:
         f"hot face at most {hottest:.0f} degC, wall moved by {1e6 * turn.moved:.1f} um, heat by "
         f"{100.0 * turn.heat:+.2f} %"
     )
-
-
-def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  ".join(
-            cell.ljust(width) if i == 0 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import Case
-from castfem.cli.drawing import drawing, print_rows
+from castfem.cli.drawing import aligned, drawing, print_rows
 from castfem.errors import InputError
 from castfem.values.constants import ZERO_CELSIUS
 
@@ -90,14 +90,7 @@ def taper_lines(zones: Iterable[Zone]) -> list[str]:
                 f"{100.0 * zone.taper + 0.0:+.3f}",
             )
         )
-    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-    return [
-        "  ".join(
-            cell.ljust(width) if i == 0 else cell.rjust(width)
-            for i, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]
+    return aligned(rows)
 
 
 _WHERE = {

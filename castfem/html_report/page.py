@@ -13,7 +13,6 @@ from typing import Any
 
 from castfem.compare.runs import Run, alone, read_runs
 from castfem.compare.table import SHARE, Line, cells, lines
-from castfem.errors import InputError
 from castfem.html_report import charts as drawn
 from castfem.html_report.sections import Section, section
 from castfem.output.chosen_units import units_of_run
@@ -278,11 +277,7 @@ def _notes(runs: Sequence[Run]) -> Iterator[str]:
 
 def _remarks(run: Run) -> Iterator[dict[str, str]]:
     """What to look at in a run."""
-    try:
-        found = remarks_of(run.folder, run.summary)
-    except InputError:
-        return
-    for one in found:
+    for one in remarks_of(run.folder, run.summary):
         yield {"what": one.what, "value": finely(one.value, one.unit, one.name), "where": one.where}
 
 

@@ -5,16 +5,14 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from castfem.contact.interaction import NOTHING_ADDED
 from castfem.errors import InputError
 from castfem.mechanics.imposed_axis import UNCHANGED, ImposedAxis
-from castfem.mechanics.planes import Bending, TimeHistory, zero
+from castfem.mechanics.planes import Bending, StepTaken, TimeHistory, zero
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -131,40 +129,26 @@ class BentPlanes:
         started = None if self.effort is None else self.effort.initial(self.position(time))
         return Bending(curvature=self.middle(time), withdrawal=started)
 
-    def bending_after(
-        self,
-        past: Bending,
-        time: float,
-        moment: Callable[[], float],
-        change: Array,
-        temperature: Array,
-        added: tuple[float, float] = NOTHING_ADDED,
-    ) -> Bending:
+    def bending_after(self, past: Bending, step: StepTaken) -> Bending:
         """See `Planes`."""
-        k, now = self.middle(time), moment()
+        k, now = self.middle(step.time), step.moment()
         change_of_k = k - past.curvature
         unchanged = abs(change_of_k) <= UNCHANGED * max(abs(k), abs(past.curvature))
-        axis = None if unchanged else -float(change[0] / change[2])
+        axis = None if unchanged else -float(step.change[0] / step.change[2])
         work = past.work + 0.5 * change_of_k * (past.moment + now)
-        withdrawal = self._withdrawn(past, time, (now, work), temperature, added)
+        withdrawal = self._withdrawn(past, step, now, work)
         return Bending(k, now, work, axis, withdrawal)
 
     def _withdrawn(
-        self,
-        past: Bending,
-        time: float,
-        bent: tuple[float, float],
-        temperature: Array,
-        added: tuple[float, float],
+        self, past: Bending, step: StepTaken, moment: float, work: float
     ) -> Withdrawal | None:
         """What rolls and drives have done after a step."""
         if self.effort is None or past.withdrawal is None:
             return None
         from castfem.extraction.effort import Passing
 
-        moment, work = (self.parts * value for value in bent)
-        passing = Passing(moment, work, temperature, added)
-        return self.effort.after(past.withdrawal, self.position(time), passing)
+        passing = Passing(self.parts * moment, self.parts * work, step.temperature, step.added)
+        return self.effort.after(past.withdrawal, self.position(step.time), passing)
 
     def bending_force(self, now: Bending) -> float:
         """See `Planes`."""

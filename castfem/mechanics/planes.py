@@ -59,6 +59,25 @@ STRAIGHT = Bending()
 """Of a strand that goes straight down."""
 
 
+@dataclass(frozen=True, slots=True)
+class StepTaken:
+    """What planes are told of a step that is kept.
+
+    Attributes:
+        time: At its end, s.
+        moment: Computes M at its end, N m (collective); called only for planes that are bent.
+        change: Of the generalized strains over it (4,).
+        temperature: At its end, at the owned vertices (owned,), K.
+        added: To the forces of the next two pairs of rolls (`BearsRolls.added`), N/m.
+    """
+
+    time: float
+    moment: Callable[[], float]
+    change: Array
+    temperature: Array
+    added: tuple[float, float] = NOTHING_ADDED
+
+
 class Planes(Protocol):
     """What constrains and loads the degrees of freedom of generalized plane strain."""
 
@@ -85,25 +104,8 @@ class Planes(Protocol):
     def initial_bending(self, time: float) -> Bending:
         """The bending of a slice that is cast at `time` (s)."""
 
-    def bending_after(
-        self,
-        past: Bending,
-        time: float,
-        moment: Callable[[], float],
-        change: Array,
-        temperature: Array,
-        added: tuple[float, float] = NOTHING_ADDED,
-    ) -> Bending:
-        """The bending after a step to `time` (s).
-
-        Args:
-            past: Before it.
-            time: At its end, s.
-            moment: Computes M at its end, N m; called only for planes that are bent.
-            change: Of the generalized strains over the step (4,).
-            temperature: At its end, at the owned vertices (owned,), K.
-            added: To the forces of the next two pairs of rolls (`BearsRolls.added`), N/m.
-        """
+    def bending_after(self, past: Bending, step: StepTaken) -> Bending:
+        """The bending after a step, from that before it."""
 
     def bending_force(self, now: Bending) -> float:
         """Axial force that bending has left in the slice, N: N - F where nothing else acts."""
@@ -248,15 +250,7 @@ class PlainPlanes:
         """See `Planes`."""
         return 0.0
 
-    def bending_after(
-        self,
-        past: Bending,
-        time: float,
-        moment: Callable[[], float],
-        change: Array,
-        temperature: Array,
-        added: tuple[float, float] = NOTHING_ADDED,
-    ) -> Bending:
+    def bending_after(self, past: Bending, step: StepTaken) -> Bending:
         """See `Planes`."""
         return past
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from castfem.contact.interaction import NOTHING_ADDED, BearsRolls
 from castfem.fem import reductions
-from castfem.mechanics.planes import loads_at
+from castfem.mechanics.planes import StepTaken, loads_at
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.mechanics.validity import NO_SHELL, Validity
@@ -120,7 +120,13 @@ class MechanicalStepper:
         owned = slice(0, problem.owned)
         rate = np.asarray((displacement[owned] - old.displacement[owned]) / problem.dt)
         interactions = problem.interactions.states()
-        added = next((s.added for s in interactions if isinstance(s, BearsRolls)), NOTHING_ADDED)
+        taken = StepTaken(
+            time,
+            self._moment,
+            residual_state.generalized_strains - old.generalized_strains,
+            temperature,
+            next((s.added for s in interactions if isinstance(s, BearsRolls)), NOTHING_ADDED),
+        )
         return MechanicalState(
             time=time,
             displacement=displacement,
@@ -134,14 +140,7 @@ class MechanicalStepper:
             internal=active.spread(response.state, problem.slice.law.initial_state(points)),
             pressure=problem.pressure,
             interactions=interactions,
-            bending=problem.slice.planes.bending_after(
-                old.bending,
-                time,
-                self._moment,
-                residual_state.generalized_strains - old.generalized_strains,
-                temperature,
-                added,
-            ),
+            bending=problem.slice.planes.bending_after(old.bending, taken),
         )
 
     def _moment(self) -> float:

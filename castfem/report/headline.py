@@ -8,16 +8,19 @@ from collections.abc import Iterable, Mapping
 
 from castfem.output.summary import Quantity
 
-# In the order in which they are shown; what a run does not have is left out.
-HEADLINE = (
-    "liquid_end",
-    "metallurgical_length",
+AT_PROBES = (
     "shell_mid_face",
     "shell_narrow_face",
     "shell_corner",
     "surface_temperature_mid_face",
     "surface_temperature_narrow_face",
     "surface_temperature_corner",
+)
+# In the order in which they are shown; what a run does not have is left out.
+HEADLINE = (
+    "liquid_end",
+    "metallurgical_length",
+    *AT_PROBES,
     "heat_removed",
     "von_mises_max",
     "way_von_mises_max",

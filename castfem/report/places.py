@@ -10,16 +10,11 @@ from pathlib import Path
 from castfem.errors import CastfemError
 from castfem.output.folder import CASE_NAME
 from castfem.output.summary import Quantity, Summary
-from castfem.report.headline import HEADLINE
+from castfem.report.headline import AT_PROBES, HEADLINE
 
 _MOST = 8  # places in the table of a run that was asked for none
 _NAMES = (
-    "shell_mid_face",
-    "shell_narrow_face",
-    "shell_corner",
-    "surface_temperature_mid_face",
-    "surface_temperature_narrow_face",
-    "surface_temperature_corner",
+    *AT_PROBES,
     "heat_flux_mid_face",
     "heat_removed",
     "cooling_power",

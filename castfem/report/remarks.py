@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.errors import InputError
 from castfem.output.field_files import HDF5_NAME
 from castfem.output.fields import Fields
 from castfem.output.history import HISTORY_NAME, read_history
@@ -80,14 +81,16 @@ class Spell:
 def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
     """What is worth a look in the run in a folder, with its fields if it has written some.
 
-    Raises:
-        InputError: It has no history, or a file is damaged.
+    Nothing without a history, or of a damaged one: that is told of where its figures are drawn.
     """
-    table = read_history(folder / HISTORY_NAME)
-    if not (folder / HDF5_NAME).is_file():
-        return remarks(table, summary)
-    with Fields(folder) as fields:
-        return remarks(table, summary, fields)
+    try:
+        table = read_history(folder / HISTORY_NAME)
+        if not (folder / HDF5_NAME).is_file():
+            return remarks(table, summary)
+        with Fields(folder) as fields:
+            return remarks(table, summary, fields)
+    except InputError:
+        return []
 
 
 def remarks(

@@ -181,10 +181,7 @@ def _print_summary(out: Console, summary: Summary) -> None:
 
 def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
     """What is worth a look."""
-    try:
-        found = remarks_of(path, summary)
-    except InputError:  # no history; what is damaged is told of when the figures are drawn
-        return
+    found = remarks_of(path, summary)
     if not found:
         return
     _print(out, "What to look at", "bold")

@@ -111,21 +111,11 @@ class Curve(Notation):
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         single = self.kind.json_schema()
-        cells = {"anyOf": [{"type": "number"}, {"type": "string"}]}
-        column = {"type": "array", "items": cells, "minItems": 2}
-        columns = {
-            "type": "object",
-            "properties": {
-                self.over: column,
-                f"{self.over}_unit": {"type": "string"},
-                "value": column,
-                "unit": {"type": "string"},
-            },
-            "required": [self.over, "value"],
-            "additionalProperties": False,
-        }
+        file, columns = schema_of_columns(
+            (self.over, "value"), (f"{self.over}_unit", "unit"), least=2
+        )
         text = f"{single['description']}; or a table over {self.over}"
-        return {"anyOf": [single, columns, _schema_of_file()], "description": text}
+        return {"anyOf": [single, columns, file], "description": text}
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,31 +150,40 @@ class CurveOr(Curve):
         return known
 
 
-def schema_of_columns(names: Collection[str], others: Collection[str]) -> list[dict[str, Any]]:
+def schema_of_columns(
+    names: Collection[str],
+    others: Collection[str],
+    *,
+    needed: Collection[str] | None = None,
+    cells: Sequence[str] = ("number", "string"),
+    least: int = 0,
+) -> list[dict[str, Any]]:
     """Return the JSON schemas of a table in a file, and of one in columns.
 
     Args:
         names: Of the columns.
         others: Keys that may stand beside them, such as that of a unit.
+        needed: Columns that may not be left out; by default none may.
+        cells: What may stand in a column, by its name in JSON.
+        least: Rows there must be.
     """
-    column = {"type": "array", "items": {"type": ["number", "string"]}}
+    column: dict[str, Any] = {"type": "array", "items": {"type": list(cells)}}
+    if least:
+        column["minItems"] = least
     columns = {
         "type": "object",
         "properties": {name: column for name in names}
         | {key: {"type": "string"} for key in others},
-        "required": list(names),
+        "required": list(names if needed is None else needed),
         "additionalProperties": False,
     }
-    return [_schema_of_file(), columns]
-
-
-def _schema_of_file() -> dict[str, Any]:
-    return {
+    file = {
         "type": "object",
         "properties": {"file": {"type": "string"}},
         "required": ["file"],
         "additionalProperties": False,
     }
+    return [file, columns]
 
 
 def _written(values: Sequence[float], kind: Kind) -> tuple[list[float], str | None]:
