@@ -96,6 +96,20 @@ _TEXT_OR_NUMBER = {"anyOf": [{"type": "string"}, {"type": "number"}]}
 Value = Annotated[str, BeforeValidator(_as_text), WithJsonSchema(_TEXT_OR_NUMBER)]
 
 
+def _checked_range(ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
+    """Refuse what is no range."""
+    if ends is None:
+        return ends
+    if len(ends) != 2:
+        raise ValueError('two values are needed, such as ["0 %/m", "3 %/m"]')
+    (low, unit), (high, other) = (units.parse_any(end) for end in ends)
+    if unit != other:
+        raise ValueError(f"its ends measure different things ({unit} and {other})")
+    if not low < high:
+        raise ValueError("is empty: the first value must lie below the second")
+    return ends
+
+
 class Variable(TableModel):
     """A key of the case whose value is looked for, in a range."""
 
@@ -112,20 +126,7 @@ class Variable(TableModel):
         "idealised mould (302), (303), else the value of the case",
     )
 
-    @field_validator("range")
-    @classmethod
-    def _is_range(cls, ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
-        """Refuse what is no range."""
-        if ends is None:
-            return ends
-        if len(ends) != 2:
-            raise ValueError('two values are needed, such as ["0 %/m", "3 %/m"]')
-        (low, unit), (high, other) = (units.parse_any(end) for end in ends)
-        if unit != other:
-            raise ValueError(f"its ends measure different things ({unit} and {other})")
-        if not low < high:
-            raise ValueError("is empty: the first value must lie below the second")
-        return ends
+    _is_range = field_validator("range")(_checked_range)
 
     @property
     def si(self) -> tuple[float, float, str]:
@@ -137,6 +138,41 @@ class Variable(TableModel):
     def unit(self) -> str:
         """The unit in which the range is written, "" for none."""
         return units.split(self.range[0])[1]
+
+
+class Input(TableModel):
+    """A number that is not known exactly: what it may be, every value as likely as another."""
+
+    key: str = Field(
+        description="dotted key, or, where it is relative, a property of the steel or a parameter "
+        "of the constitutive law or the elasticity",
+        examples=["cooling.mould.surface.0.coefficient", "mechanics.law.strength"],
+    )
+    range: tuple[Value, ...] | None = Field(
+        None,
+        description="lowest and highest value, with unit",
+        examples=[["1500 W/(m^2 K)", "1700 W/(m^2 K)"]],
+    )
+    relative: tuple[Value, ...] | None = Field(
+        None,
+        description="or by how much number or table may be smaller and larger",
+        examples=[["-10 %", "10 %"]],
+    )
+
+    _is_range = field_validator("range")(_checked_range)
+
+    @field_validator("relative")
+    @classmethod
+    def _is_relative(cls, ends: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        """Refuse what are no two shares."""
+        if ends is None:
+            return ends
+        if len(ends) != 2:
+            raise ValueError('two shares are needed, such as ["-10 %", "10 %"]')
+        low, high = (units.parse(end, "1", kind=("change", "10 %")) for end in ends)
+        if not -1.0 < low < high:
+            raise ValueError('is empty, or goes to zero: write it as ["-10 %", "10 %"]')
+        return ends
 
 
 class Front(TableModel):
@@ -176,6 +212,17 @@ class Optimise(TableModel):
     variable: tuple[Variable, ...] = Field(
         min_length=1, description="the keys whose values are looked for"
     )
+    input: tuple[Input, ...] = Field(
+        (), description="what is not known exactly, and spreads the answer"
+    )
+    samples: int | None = Field(
+        None,
+        ge=8,
+        strict=True,
+        description="runs for that spread; by default half as many again as quadratics of "
+        "variables and inputs have coefficients, or a few more",
+        examples=[32],
+    )
     front: Front | None = Field(
         None, description="what is weighed against the result that is to be best"
     )
@@ -198,6 +245,7 @@ def check_optimise(case: Case) -> Iterator[Problem]:
         return
     yield from _objectives(table)
     yield from _front(table)
+    yield from _inputs(table)
     for number, text in enumerate(table.constraints or ()):
         if text is not None:
             yield from _constraint_faults(case, number, bound(text))
@@ -225,6 +273,13 @@ def _unknown(name: str, path: tuple[str, ...]) -> Iterator[Problem]:
     if result_names.unit_of(name) is None:
         near = units.nearest(name, result_names.all_names())
         yield Problem(path, f'("{name}") is no result of a run{near}')
+
+
+def _inputs(table: Optimise) -> Iterator[Problem]:
+    for number, one in enumerate(table.input or ()):
+        if one is not None and (one.range is None) == (one.relative is None):
+            path = ("optimise", "input", number)
+            yield Problem(path, 'one of range and relative is needed, such as ["-10 %", "10 %"]')
 
 
 def _front(table: Optimise) -> Iterator[Problem]:

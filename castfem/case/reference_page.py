@@ -29,7 +29,7 @@ from castfem.case.mechanics import (
 )
 from castfem.case.mould import ContactSettings, Copper, Friction, Mould, Oscillation
 from castfem.case.mould_tube import MouldTube
-from castfem.case.optimise import Front, Optimise, Variable
+from castfem.case.optimise import Front, Input, Optimise, Variable
 from castfem.case.probe import Probe
 from castfem.case.problems import submodels
 from castfem.case.quality import Quality, Range
@@ -143,6 +143,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[[reference]]", Reference),
     ("[optimise]", Optimise),
     ("[[optimise.variable]]", Variable),
+    ("[[optimise.input]]", Input),
     ("[optimise.front]", Front),
     ("[tensile]", Tensile),
     ("[[tensile.segment]]", Segment),

@@ -289,6 +289,16 @@ def load_elasticity(name: str = "elastic_steel", solidity: Solidity | None = Non
     return Elasticity(young, poisson, solidity or Solidity())
 
 
+def given_set(name: str) -> dict[str, Any]:
+    """Return the tables of a shipped set or a file of one's own, of either kind, as written.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    data, _ = _parse(name, Path("."), "young" if name == "elastic_steel" else "law")
+    return data
+
+
 def problems_at(where: str, error: InputError) -> InputError:
     """The problems of a parameter set, told as those of the key that names it."""
     return InputError([f"{where}: {problem.removeprefix('law: ')}" for problem in error.problems])

@@ -26,6 +26,10 @@ class Value:
         range: In which it was looked for.
         at_end: What it lies at: the "lowest" or "highest" of its range, or where "runs fail"; ""
             for none.
+        drawn: Where the optimum is for other inputs, 5 and 95 % of the draws; None where none was
+            asked for.
+        safe: Of the best place that meets all constraints in 95 % of the draws; None where none
+            near does.
     """
 
     key: str
@@ -38,6 +42,47 @@ class Value:
     checked: float | None
     range: tuple[float, float]
     at_end: str = ""
+    drawn: tuple[float, float] | None = None
+    safe: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SpreadRow:
+    """What the inputs do to a result at the optimum, or to a variable's best value.
+
+    Attributes:
+        name: Of the objective, the constraint as written, or the variable.
+        change: From the optimum, 5 and 95 % of the draws, in `unit`.
+        unit: As it is shown, "-" or "" for none.
+        error: Of the quadratics by which it was computed; None of a variable.
+        met: Share of the draws in which the constraint is met; None of anything else.
+        first: Sobol index of the first order of each input. total: Likewise.
+    """
+
+    name: str
+    change: tuple[float, float]
+    unit: str
+    error: float | None
+    met: float | None
+    first: tuple[float, ...]
+    total: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Spreading:
+    """The spread of an optimum by its inputs.
+
+    Attributes:
+        labels: Of the inputs. rows: Results and variables.
+        runs: How many were made for it. failed: Of these.
+        open: Whether draws lead to where the runs about the optimum end.
+    """
+
+    labels: tuple[str, ...]
+    rows: tuple[SpreadRow, ...]
+    runs: int
+    failed: int
+    open: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +170,8 @@ class Optimum:
         spent: Whether the search ended for it had no more runs.
         seconds: That all runs took.
         best: Name of the best run's folder, "" where it was told by others.
+        spread: By inputs that are not known exactly; None where that was not asked for, or where
+            too many of its runs have failed.
         front: Of the objective and what it is weighed against; None where that was not asked for.
     """
 
@@ -144,6 +191,7 @@ class Optimum:
     seconds: float
     best: str = ""
     front: Front | None = None
+    spread: Spreading | None = None
 
     @property
     def binding(self) -> tuple[Kept, ...]:
@@ -192,6 +240,7 @@ class Optimum:
             "spent": self.spent,
             "seconds": self.seconds,
             "best": self.best,
+            **({} if self.spread is None else {"spread": asdict(self.spread)}),
             **({} if self.front is None else {"front": self.front.to_json()}),
         }
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from castfem.case.load import changed, value_of
 from castfem.case.optimise import Bound, Optimise, Variable
+from castfem.design.inputs import Uncertain
 from castfem.errors import InputError
 from castfem.values import units
 from castfem.values.types import Array
@@ -31,11 +32,14 @@ class Wanted:
             lowest in the idealised mould, to which they mean nothing.
         fidelity: How well it is to be computed (`castfem.design.fidelity`).
         ideal: Whether the mould follows the strand.
+        inputs: Values of the uncertain inputs, factors of those that are relative; empty for those
+            of the case.
     """
 
     values: tuple[float, ...]
     fidelity: str
     ideal: bool = False
+    inputs: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +92,12 @@ class Axis:
         return f"{value:.12g} {self.unit}" if self.unit else value
 
 
+def _placed(line: str, where: str) -> str:
+    """A problem with the place in the file that it is about."""
+    line = line.removeprefix("case: ")
+    return line if line.startswith(where) else f"{where}: {line}"
+
+
 class Question:
     """A case with its table [optimise].
 
@@ -96,6 +106,7 @@ class Question:
         table: The table.
         axes: Its variables.
         bounds: Its constraints.
+        inputs: What is not known exactly.
 
     Raises:
         InputError: The case asks for nothing, or a variable is none of its keys.
@@ -113,6 +124,7 @@ class Question:
         self.table: Optimise = case.optimise
         self.axes = tuple(Axis.of(variable) for variable in self.table.variable)
         self.bounds: tuple[Bound, ...] = self.table.bounds
+        self.inputs = tuple(Uncertain.of(one) for one in self.table.input)
         self._check_keys()
 
     def _check_keys(self) -> None:
@@ -126,7 +138,14 @@ class Question:
                 try:
                     changed(self.case, {axis.key: value}, where)
                 except InputError as error:
-                    problems += [line.replace("case: ", f"{where}: ") for line in error.problems]
+                    problems += [_placed(line, where) for line in error.problems]
+        for number, one in enumerate(self.inputs):
+            where = f"{self.origin}: optimise.input.{number}"
+            for end in (one.low, one.high):
+                try:
+                    changed(self.case, one.changes(self.case, end), where)
+                except InputError as error:
+                    problems += [_placed(line, where) for line in error.problems]
         if problems:
             raise InputError(dict.fromkeys(problems))
 
@@ -152,15 +171,19 @@ class Question:
         """The run in the idealised mould, all else as in another one."""
         pairs = zip(self.axes, wanted.values, strict=True)
         values = tuple(axis.low if axis.of_mould else value for axis, value in pairs)
-        return Wanted(values, wanted.fidelity, ideal=True)
+        return Wanted(values, wanted.fidelity, ideal=True, inputs=wanted.inputs)
 
     def changes(self, wanted: Wanted) -> dict[str, Any]:
         """Keys and values of a run, as `Case.with_` takes them."""
-        return {
+        found = {
             axis.key: axis.written(value)
             for axis, value in zip(self.axes, wanted.values, strict=True)
             if not (wanted.ideal and axis.of_mould)
         }
+        if wanted.inputs:
+            for one, value in zip(self.inputs, wanted.inputs, strict=True):
+                found |= one.changes(self.case, value)
+        return found
 
     def start(self, ideal: Evaluation | None) -> Array:
         """Where the search begins, as shares of the ranges (n,).

@@ -10,6 +10,7 @@ print(study.result().changes())
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ from castfem.design.optimum import Optimum
 from castfem.design.outputs import Needs, Obtain, Outputs
 from castfem.design.question import Question, Wanted
 from castfem.design.search import Done, Search
+from castfem.design.spread import spread
 from castfem.design.store import Evaluation
 from castfem.design.verdict import Findings, verdict
 from castfem.errors import InputError
@@ -149,7 +151,11 @@ class Study:
 
     def given(self, wanted: Wanted) -> dict[str, str]:
         """Key to value of what is varied in a run, for names and tables."""
-        found = {key: str(value) for key, value in self.question.changes(wanted).items()}
+        own = replace(wanted, inputs=())
+        found = {key: str(value) for key, value in self.question.changes(own).items()}
+        if wanted.inputs:
+            for one, value in zip(self.question.inputs, wanted.inputs, strict=True):
+                found[one.key] = f"{value:.6g} {one.unit}".strip()
         if wanted.ideal:
             found["mould"] = "idealised"
         if wanted.fidelity != DEFAULT:
@@ -214,10 +220,13 @@ class Study:
             step = np.where(ends, np.minimum(2.0 * step, _WIDEST), step)
             model = self._model(outputs, best, step)
         found = Findings(question, outputs, search, best, model, checked, error, self._told)
+        spread_by = None
+        if question.inputs:
+            spread_by = spread(Outputs(question, self.known, obtain), best, model)
         front = None
         if question.table.front is not None:
             front = Tracer(search, start, self._done).trace(best)
-        return verdict(found, front)
+        return verdict(found, front, spread_by)
 
     def _surroundings(
         self, search: Search, best: Wanted

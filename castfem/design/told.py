@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from castfem.design.front import Front
-from castfem.design.optimum import Kept, Known, Optimum, Value
+from castfem.design.optimum import Kept, Known, Optimum, Spreading, Value
 from castfem.output.summary import unit_of_difference
 from castfem.report.numbers import shown
 
@@ -31,8 +31,33 @@ def told(optimum: Optimum) -> Iterator[Table | str]:
     if optimum.away:
         yield _steps(optimum)
     yield from _remarks(optimum)
+    if optimum.spread is not None:
+        yield from _spread(optimum, optimum.spread)
     if optimum.front is not None:
         yield from _front(optimum.front)
+
+
+def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
+    """What the inputs do, and where it is safe from them."""
+    failed = f", {spread.failed} of them failed" if spread.failed else ""
+    yield f"spread by the inputs, {spread.runs} runs{failed}; Sobol indices: first order / total"
+    heads = ("5 to 95 % of the draws", "error", "met", *spread.labels)
+    found = _table("by the inputs", *heads)
+    for row in spread.rows:
+        unit = "" if row.unit in ("", "-") else f" [{_unit(row.unit)}]"
+        indices = (f"{a:.2f} / {b:.2f}" for a, b in zip(row.first, row.total, strict=True))
+        error = "" if row.error is None else f"{row.error:.2g}"
+        met = "" if row.met is None else f"{100.0 * row.met:.0f} %"
+        ends = f"{row.change[0]:+.3g} to {row.change[1]:+.3g}"
+        found.add_row(f"{row.name}{unit}", ends, error, met, *indices)
+    yield found
+    if not optimum.constraints:
+        return
+    if optimum.values[0].safe is None:
+        yield "no place near the optimum meets all constraints in 95 % of the draws"
+    else:
+        safe = ", ".join(f"{v.key} = {v.safe:g} {v.unit}".rstrip() for v in optimum.values)
+        yield f"best of what meets all constraints in 95 % of the draws: {safe}"
 
 
 def _front(front: Front) -> Iterator[Table | str]:

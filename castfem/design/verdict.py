@@ -9,11 +9,22 @@ import numpy as np
 
 from castfem.design import vicinity
 from castfem.design.front import Front
-from castfem.design.optimum import Away, Kept, Known, Optimum, Status, Value
+from castfem.design.optimum import (
+    Away,
+    Kept,
+    Known,
+    Optimum,
+    Spreading,
+    SpreadRow,
+    Status,
+    Value,
+)  # fmt: skip
 from castfem.design.outputs import Outputs
-from castfem.design.question import Question, Wanted
+from castfem.design.question import Axis, Question, Wanted
 from castfem.design.search import Search
+from castfem.design.spread import Spread
 from castfem.design.store import Evaluation
+from castfem.output.summary import unit_of_difference
 from castfem.values.types import Array
 
 _AT_END = 2.0  # last steps from the end of a range
@@ -47,8 +58,8 @@ class Findings:
         return np.zeros(1 + self.outputs.count) if noise is None else noise.sigma
 
 
-def verdict(found: Findings, front: Front | None = None) -> Optimum:
-    """Return the answer, with the front if one was asked for."""
+def verdict(found: Findings, front: Front | None = None, spread: Spread | None = None) -> Optimum:
+    """Return the answer, with the front and the spread by the inputs if they were asked for."""
     outputs, best = found.outputs, found.best
     given = outputs.seen[best]
     level = found.question.table.fidelity
@@ -59,7 +70,7 @@ def verdict(found: Findings, front: Front | None = None) -> Optimum:
         title=found.question.case.title,
         status="failed" if given.failed else status,
         sense="minimise" if outputs.sense > 0 else "maximise",
-        values=_values(found, places),
+        values=_values(found, places, spread),
         objective=None if given.failed else _known(found, outputs.objective, 0),
         constraints=() if given.failed else tuple(_constraints(found)),
         away=tuple(_away(found)),
@@ -76,6 +87,7 @@ def verdict(found: Findings, front: Front | None = None) -> Optimum:
         seconds=sum(one.seconds for one in found.told.values()),
         best="" if given.folder is None else given.folder.name,
         front=front,
+        spread=None if spread is None else _spread(found, spread),
     )
 
 
@@ -86,7 +98,9 @@ def _intervals(found: Findings) -> list[vicinity.Interval]:
     return vicinity.intervals(found.model, found.noise, error)
 
 
-def _values(found: Findings, places: list[vicinity.Interval]) -> tuple[Value, ...]:
+def _values(
+    found: Findings, places: list[vicinity.Interval], spread: Spread | None
+) -> tuple[Value, ...]:
     shares, last = found.question.shares(found.best), _AT_END * found.search.radius
     moved = None
     if found.model is not None and found.error is not None and found.checked:
@@ -103,14 +117,61 @@ def _values(found: Findings, places: list[vicinity.Interval]) -> tuple[Value, ..
         if not end and (share - below <= last or above - share <= last):
             end = "runs fail"
         low, high = min(low, value), max(high, value)
+        open_low, open_high, drawn, safe = place.open_low, place.open_high, None, None
+        if spread is not None:  # errors that know nothing of one another
+            drawn = _drawn(spread, axis, number)
+            low = max(value - float(np.hypot(value - low, max(value - drawn[0], 0.0))), axis.low)
+            high = min(value + float(np.hypot(high - value, max(drawn[1] - value, 0.0))), axis.high)
+            open_low, open_high = (flag or spread.open[number] for flag in (open_low, open_high))
+            safe = None if spread.safe is None else axis.value(float(spread.safe[number]))
         checked = None if moved is None else axis.value(float(moved[number]))
         values.append(
             Value(
-                axis.key, axis.unit, value, low, high, place.open_low, place.open_high,
-                checked, (axis.low, axis.high), end,
+                axis.key, axis.unit, value, low, high, open_low, open_high,
+                checked, (axis.low, axis.high), end, drawn, safe,
             )
         )  # fmt: skip
     return tuple(values)
+
+
+def _drawn(spread: Spread, axis: Axis, number: int) -> tuple[float, float]:
+    """Values of a variable's optimum below which 5 and 95 % of the draws lie."""
+    low, high = (axis.low + float(s) * (axis.high - axis.low) for s in spread.place[number])
+    return low, high
+
+
+def _spread(found: Findings, spread: Spread) -> Spreading:
+    """What the inputs do, by results and variables, in the units in which they are shown."""
+    outputs, best = found.outputs, found.best
+    rows = []
+    vector = outputs.vector(best)
+    for number, name in enumerate(spread.results):
+        known = _known(found, name, number)
+        ends = [float(end[number] - vector[number]) for end in (spread.low, spread.high)]
+        sign = outputs.sense if number == 0 else outputs.margins(best)[number - 1].sign
+        changes = sorted(known.shown_difference(sign * end) for end in ends)
+        rows.append(
+            SpreadRow(
+                name if number == 0 else outputs.text(number - 1),
+                (changes[0], changes[1]),
+                unit_of_difference(known.shown_unit),
+                known.shown_difference(float(spread.error[number])),
+                None if number == 0 else float(spread.met[number - 1]),
+                tuple(float(x) for x in spread.first[number]),
+                tuple(float(x) for x in spread.total[number]),
+            )
+        )
+    for number, axis in enumerate(found.question.axes):
+        low, high = _drawn(spread, axis, number)
+        rows.append(
+            SpreadRow(
+                axis.key, (low - best.values[number], high - best.values[number]), axis.unit,
+                None, None,
+                tuple(float(x) for x in spread.place_first[number]),
+                tuple(float(x) for x in spread.place_total[number]),
+            )
+        )  # fmt: skip
+    return Spreading(spread.labels, tuple(rows), spread.runs, spread.failed, any(spread.open))
 
 
 def _failing(found: Findings, number: int) -> tuple[float, float]:

@@ -96,7 +96,7 @@ def intervals(model: Quadratic, scatter: Array, error: Array) -> list[Interval]:
     kept = np.zeros(len(places), dtype=bool)
     kept[-1] = True
     for shift in shifts:
-        allowed = _nearest_to_allowed(values[:, 1:] + shift, moved)
+        allowed = nearest_to_allowed(values[:, 1:] + shift, moved)
         least = np.min(values[allowed, 0])
         kept |= allowed & (values[:, 0] <= least + beside)
     found = places[kept]
@@ -123,9 +123,7 @@ def moved_best(model: Quadratic, shift: Array) -> Array:
     """
     places, _, _ = _places(model)
     values = model(places)
-    allowed = _nearest_to_allowed(
-        values[:, 1:] + shift, np.maximum(np.abs(shift), model.misfit[1:])
-    )
+    allowed = nearest_to_allowed(values[:, 1:] + shift, np.maximum(np.abs(shift), model.misfit[1:]))
     return np.asarray(places[allowed][np.argmin(values[allowed, 0])])
 
 
@@ -138,11 +136,11 @@ def binding(model: Quadratic, scatter: Array) -> list[bool]:
     """
     places, _, _ = _places(model)
     values, scale = model(places), scatter[1:] + model.misfit[1:]
-    least = np.min(values[_nearest_to_allowed(values[:, 1:], scale), 0])
+    least = np.min(values[nearest_to_allowed(values[:, 1:], scale), 0])
     found = []
     for i in range(len(scale)):
         others = np.delete(values[:, 1:], i, axis=1)
-        allowed = _nearest_to_allowed(others, np.delete(scale, i))
+        allowed = nearest_to_allowed(others, np.delete(scale, i))
         found.append(bool(np.min(values[allowed, 0]) < least - scatter[0] - model.misfit[0]))
     return found
 
@@ -154,7 +152,7 @@ def _places(model: Quadratic) -> tuple[Array, Array, Array]:
     return np.vstack([_sampled(low, high), model.centre]), low, high
 
 
-def _nearest_to_allowed(margins: Array, scale: Array) -> npt.NDArray[np.bool_]:
+def nearest_to_allowed(margins: Array, scale: Array) -> npt.NDArray[np.bool_]:
     """Which of some places meet all margins (r, m), or miss them least; m may be 0."""
     if not margins.shape[1]:
         return np.ones(len(margins), dtype=bool)

@@ -77,6 +77,16 @@ def load_steel(
     return steel
 
 
+def given_steel(name: str) -> dict[str, Any]:
+    """Return the tables of a shipped steel or a file of one's own, as written.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    path = _locate(name, Path("."), "steel")
+    return _parse(path, _label(path))
+
+
 def _locate(name: str, base: Path, origin: str) -> Path:
     """Return the file of a steel."""
     if name.endswith(".toml") or "/" in name or os.sep in name:
