@@ -12,7 +12,6 @@ from castfem.case.model import Case
 from castfem.case.mould_laws import MOULD, Contact, Flux, ScaledLaw
 from castfem.case.problems import Problem
 from castfem.case.section import Section
-from castfem.case.spray import Spray
 from castfem.support.messages import choices
 from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.values.same_place import ROUNDING
@@ -87,8 +86,6 @@ def _laws(case: Case) -> Iterator[Problem]:
             path = ("cooling", i, "surface", j)
             if isinstance(law, Contact):
                 yield from _contact(case, law, path)
-            if isinstance(law, Spray):
-                yield from _spray(law, path)
             if isinstance(law, ScaledLaw):
                 key = "flux" if isinstance(law, Contact) else "value"
                 yield from _scaled(law, key, path)
@@ -160,16 +157,6 @@ def _thin_gap(law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:
             f"({conductivity:g} W/(m K)): a gap of {1e9 * halving:.3g} nm would halve the "
             "heat, and rounding decide on it; gases and slags have 0.02 to 2 W/(m K)",
         )
-
-
-def _spray(law: Spray, path: tuple[str | int, ...]) -> Iterator[Problem]:
-    """Yield a spray without water, or with that of the zone and per area at once."""
-    yield from _one_of(
-        law, ("water", "flow"), path, 'water = "5 L/(m^2 s)", or that of the zone, flow = '
-        '"240 L/min"'
-    )  # fmt: skip
-    if "area" in law.model_fields_set and "flow" not in law.model_fields_set:
-        yield Problem((*path, "area"), "is the sprayed area of a flow, which is missing")
 
 
 def _scaled(law: ScaledLaw, key: str, path: tuple[str | int, ...]) -> Iterator[Problem]:

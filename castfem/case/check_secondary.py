@@ -12,6 +12,7 @@ import numpy as np
 from castfem.case.machine import thickness_of
 from castfem.case.problems import Path, Problem
 from castfem.case.section import Rectangle
+from castfem.case.water import Supply, largest
 from castfem.support.messages import choices
 from castfem.values.units import format, nearest
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 _TABLE = ("secondary",)
 _SAME = 1e-6  # m: two nozzles at one place
 _MISSING = 0.02  # of the water of a row: what may miss its face without a word
+_DENSITY = 7300.0  # kg/m3, of steel at its solidus
 _POINTS = 401  # across a face, at which its water is looked at
 
 
@@ -300,7 +302,7 @@ def _ranges(case: Case, circuit: Circuit, model: NozzleModel, path: Path) -> Ite
 
     table, rolls = case.secondary, case.machine.pairs() if case.machine is not None else None
     assert table is not None and rolls is not None
-    half = _half(case, circuit)
+    half, supply = _half(case, circuit), _about(case)
     places, total = np.linspace(-half, half, _POINTS), np.zeros(_POINTS)
     for other in table.circuit:  # what falls on the same places besides
         gaps = set(range(*other.rolls)) & set(range(*circuit.rolls))
@@ -308,7 +310,7 @@ def _ranges(case: Case, circuit: Circuit, model: NozzleModel, path: Path) -> Ite
         if not gaps or not shared:
             continue
         its = table.model_of(other)
-        each = WATER_DENSITY * other.largest_flow / other.nozzles()
+        each = WATER_DENSITY * largest(supply.flow(other)) / other.nozzles()
         total += each / footprint(other.stand_off, its.angle_along) * _water(places, other, its)
     most, known = float(total.max()), model.most_water()
     if math.isfinite(known) and most > known:
@@ -325,6 +327,12 @@ def _ranges(case: Case, circuit: Circuit, model: NozzleModel, path: Path) -> Ite
             f"at most {most:.3g} L/(m^2 s) reach the surface, {model.correlation} was measured "
             f"from {least:g} on: below, it falls to zero with the water",
         )
+
+
+def _about(case: Case) -> Supply:
+    """What tells flows, but for the per cents by which steels differ in density."""
+    mass = _DENSITY * case.section.width * case.section.height  # type: ignore[attr-defined]
+    return Supply(mass, case.casting.travel, case.water)
 
 
 def _least(model: NozzleModel) -> float:

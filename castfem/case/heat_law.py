@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from pydantic import Field
 
 from castfem.case.variants import Variants
+from castfem.case.water import Supply, Water, Watered
 from castfem.machine.along import over_time
 from castfem.thermal import flux_laws, mould_flux
 from castfem.thermal.mould_flux import MOULD_FLUXES
@@ -46,12 +47,21 @@ class Surroundings:
         wall: Temperature of the mould's wall as the slice passes it, K, over time in s; None if
             the case gives none.
         extent: Where the law holds; None for one that does not ask (`HeatLaw.asks_extent`).
+        water: Of the whole strand; None where the case does not tell it.
+        supply: Of water; None for a law that does not ask.
     """
 
     steel: Steel
     machine: Machine
     wall: float | Callable[[float], float] | None = None
     extent: Extent | None = None
+    water: Water | None = None
+    supply: Supply | None = None
+
+    def supplied(self, told: Watered) -> float | Table:
+        """Return the flow of water that is told as such, per mass of steel or as a share, m3/s."""
+        assert self.supply is not None, "the law asks for it"
+        return self.supply.flow(told)
 
     def over_time(self, given: str | float | Table) -> mould_flux.Value:
         """Return a number, a table of what the slice meets, or a named flux, over time in s."""

@@ -33,6 +33,7 @@ from castfem.case.secondary import Secondary
 from castfem.case.section import Mesh, Section
 from castfem.case.thermal import Thermal
 from castfem.case.verification import Verification
+from castfem.case.water import Water
 from castfem.errors import InputError
 from castfem.mould.taper import segment_ends
 from castfem.values.tables import Table as TableOfValues
@@ -91,6 +92,11 @@ class Case(TableModel):
     )
     machine: Machine | None = Field(
         None, description="the rolls below the mould; left out: a strand that goes straight down"
+    )
+    water: Water | None = Field(
+        None,
+        description="spray water of the whole strand, of which zones and circuits take shares; "
+        "left out: each tells its own",
     )
     secondary: Secondary | None = Field(
         None, description="cooling from roll to roll below [[cooling]]; left out: none"

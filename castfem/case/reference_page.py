@@ -41,6 +41,7 @@ from castfem.case.thermal import Adaptive, Stepping, Thermal
 from castfem.case.variants import Variants
 from castfem.case.verification import Verification
 from castfem.case.wall_shape import WallShape
+from castfem.case.water import Water
 from castfem.values.curves import CurveOrName
 from castfem.values.quantities import Kind, NameOf
 from castfem.values.shown_units import UnitsNotation
@@ -136,6 +137,7 @@ _TABLES: tuple[tuple[str, type[TableModel]], ...] = (
     ("[secondary.contact]", RollContact),
     ("[[secondary.nozzle]]", NozzleModel),
     ("[[secondary.circuit]]", Circuit),
+    ("[water]", Water),
     ("[quality]", Quality),
     ("[output]", Output),
     ("[[output.probe]]", Probe),

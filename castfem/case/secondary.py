@@ -14,7 +14,7 @@ from pydantic import Field
 from castfem.case.base import TableModel, written
 from castfem.case.coefficient_table import NozzleTable
 from castfem.case.cooling import CoefficientOfTemperature, EmissivityOfTemperature
-from castfem.case.spray import ZoneFlow
+from castfem.case.water import SpecificWater, WaterShare, ZoneFlow
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import (
     HeatTransferCoefficient,
@@ -25,7 +25,6 @@ from castfem.values.quantities import (
     Temperature,
     WaterTemperature,
 )
-from castfem.values.tables import Table
 
 if TYPE_CHECKING:
     from castfem.machine.rolls import Rolls
@@ -120,20 +119,25 @@ class Circuit(TableModel):
     stand_off: Length = Field(
         description="distance of the nozzles from the surface", examples=["210 mm"]
     )
-    flow: ZoneFlow = Field(
+    flow: ZoneFlow | None = Field(
+        None,
         description="water of all its nozzles together, on the whole strand; over the casting "
-        "speed or the time since the slice left the meniscus"
+        "speed or the time since the slice left the meniscus",
+        examples=["445 L/min"],
+    )
+    specific: SpecificWater | None = Field(
+        None,
+        description="instead, per mass of steel that passes; it follows the casting speed",
+        examples=["0.12 L/kg"],
+    )
+    share: WaterShare | None = Field(
+        None, description="instead, its share of [water]", examples=[0.3]
     )
 
     def nozzles(self) -> int:
         """Return how many nozzles share its flow, on the whole strand."""
         faces = sum(any(face.startswith(name) for name in self.on) for face in FACES)
         return faces * len(self.across) * (self.rolls[1] - self.rolls[0])
-
-    @property
-    def largest_flow(self) -> float:
-        """Largest flow that its table has, m3/s."""
-        return max(self.flow.values) if isinstance(self.flow, Table) else self.flow
 
     @property
     def wide(self) -> bool:

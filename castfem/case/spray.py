@@ -7,10 +7,10 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from castfem.case.heat_law import HeatLaw, Surroundings, times
+from castfem.case.heat_law import HeatLaw, Surroundings, kinks_in_time, times
+from castfem.case.water import SpecificWater, WaterShare, ZoneFlow, largest
 from castfem.thermal import flux_laws, mould_flux
 from castfem.thermal.sprays import CORRELATIONS, WATER_DENSITY
-from castfem.values.curves import CurveOverEither
 from castfem.values.quantities import (
     Kind,
     NameOf,
@@ -18,23 +18,15 @@ from castfem.values.quantities import (
     WaterFlow,
     WaterTemperature,
 )
-from castfem.values.tables import Table
 
-ZoneFlow = Annotated[
-    float | Table,
-    CurveOverEither(
-        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
-        "speed",
-        ("time",),
-    ),
-]
 SprayedArea = Annotated[float, Kind("m^2", "m^2", above=0.0)]
 
 
 class Spray(HeatLaw):
     """Water spray: convection with the coefficient of a published correlation.
 
-    Its water is given per area, or as that of the whole zone.
+    Its water is given per area, or as that of the whole zone: its flow, per mass of steel, or as a
+    share of `[water]`.
     """
 
     called: ClassVar[str] = "a spray"
@@ -49,9 +41,19 @@ class Spray(HeatLaw):
         "strand; in a table over the casting speed it follows it, over time is since the meniscus",
         examples=["240 L/min"],
     )
+    specific: SpecificWater | None = Field(
+        None,
+        description="instead of water, that of the zone per mass of steel that passes; it follows "
+        "the casting speed",
+        examples=["0.3 L/kg"],
+    )
+    share: WaterShare | None = Field(
+        None, description="instead of water, the zone's share of [water]", examples=[0.3]
+    )
     area: SprayedArea | None = Field(
         None,
-        description="sprayed area of these faces, with flow; by default all of them in the zone",
+        description="sprayed area of these faces, with the water of the zone; by default all of "
+        "them in it",
         examples=["1.2 m^2"],
     )
     water_temperature: WaterTemperature = Field(
@@ -69,7 +71,7 @@ class Spray(HeatLaw):
     @property
     def asks_extent(self) -> bool:
         """See `HeatLaw.asks_extent`."""
-        return self.flow is not None
+        return self.water is None
 
     def build(self, around: Surroundings) -> flux_laws.Convection | flux_laws.Sprayed:
         """See `HeatLaw.build`."""
@@ -79,18 +81,21 @@ class Spray(HeatLaw):
                 correlation.coefficient, water, self.water_temperature, self.machine_factor
             )
             return flux_laws.Convection(coefficient=coefficient, ambient=self.water_temperature)
-        assert isinstance(self.flow, Table)
-        most = max(self.flow.values) * self._per_flow(around)
+        most = largest(around.supplied(self)) * self._per_flow(around)
         return flux_laws.Sprayed(
             correlation, water, most, self.water_temperature, self.machine_factor
         )
 
     def _water(self, around: Surroundings) -> mould_flux.Value:
         """Return the water per area, kg/(m2 s): one number, or over time in s."""
-        if self.flow is None:
-            assert self.water is not None, "the case has been checked"
+        if self.water is not None:
             return self.water
-        return times(self._per_flow(around), around.over_time(self.flow))
+        return times(self._per_flow(around), around.over_time(around.supplied(self)))
+
+    def milestones(self, around: Surroundings) -> tuple[float, ...]:
+        """See `HeatLaw.milestones`; a share of a flow bends where that does."""
+        total = None if self.share is None or around.water is None else around.water.flow
+        return (*super().milestones(around), *kinks_in_time(total, around))
 
     def _per_flow(self, around: Surroundings) -> float:
         """Water per area for a flow of the zone, kg/m3 over m2."""

@@ -17,6 +17,7 @@ from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting, Sta
 from castfem.case.check_cooling import check_cooling, in_mm, is_complete, unknown_groups
 from castfem.case.check_output import check_output
 from castfem.case.check_secondary import check_secondary
+from castfem.case.check_water import check_water
 from castfem.case.defects import check_defects
 from castfem.case.extraction import check_extraction
 from castfem.case.machine import check_machine
@@ -48,6 +49,7 @@ def check(case: Case) -> Iterator[Problem]:
     yield from check_defects(case)
     yield from check_bending(case)
     yield from check_secondary(case)
+    yield from check_water(case)
     yield from check_extraction(case)
     yield from _output(case)
     yield from _references(case)

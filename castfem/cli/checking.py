@@ -15,6 +15,7 @@ from castfem.values.units import convert
 if TYPE_CHECKING:
     from castfem.constitutive.base import Law
     from castfem.materials import Steel
+    from castfem.meshes import SectionMesh
 
 
 def problems_of(
@@ -115,7 +116,7 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
     from castfem.cli.drawing import build_mesh
 
     assert steel is not None
-    return describe(name, case, steel, len(build_mesh(case).cells))
+    return describe(name, case, steel, build_mesh(case))
 
 
 def describe_test(name: str, case: TensileCase) -> str:
@@ -138,7 +139,7 @@ def _speed(speed: float | Table) -> str:
     return f"{min(speed.values) * 60.0:.4g} to {max(speed.values) * 60.0:.4g} m/min"
 
 
-def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
+def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
     """Return a few lines on a sound case: what is cast, how long, through which zones."""
     casting = case.casting
     solidus = convert(steel.solidus, "K", "degC")
@@ -148,7 +149,7 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
         f"  {case.title}",
         f"  {casting.length:g} m at {_speed(casting.speed)}, {casting.duration:.4g} s",
         f"  steel {steel.name}: solidus {solidus:.6g} degC, liquidus {liquidus:.6g} degC",
-        f"  mesh of {cells} cells",
+        f"  mesh of {len(mesh.cells)} cells",
     ]
     if case.mechanics is not None:
         from castfem.constitutive.parameters import law_carbon
@@ -164,4 +165,14 @@ def describe(name: str, case: Case, steel: Steel, cells: int) -> str:
         laws = ", ".join(law.tag for _, law in span.laws) or "insulated"
         laws = "from roll to roll" if span.roll_to_roll else laws
         lines.append(f"  {span.start:7.3f} - {span.end:7.3f} m  {span.name}: {laws}")
+    if has_water(case):
+        from castfem.cli.spray_water import water_lines
+
+        lines += [f"  {line}" for line in water_lines(case, steel, mesh)]
     return "\n".join(lines)
+
+
+def has_water(case: Case) -> bool:
+    """Whether anything is sprayed."""
+    circuits = case.secondary is not None and case.secondary.circuit
+    return bool(circuits) or any(law.tag == "spray" for z in case.cooling for law in z.surface)

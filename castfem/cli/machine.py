@@ -51,7 +51,7 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
     print("\n".join(roll_lines(rolls, thickness)))
     if case.secondary is not None and case.secondary.circuit:
         print()
-        print("\n".join(circuit_lines(case.secondary, rolls, thickness)))
+        print("\n".join(circuit_lines(case, case.secondary, rolls, thickness)))
     with drawing(picture):
         draw(
             rolls, thickness, picture, mould_end=case.mould_exit(), solid_at=solid,
@@ -80,17 +80,27 @@ def _sprays(case: Case, rolls: Rolls, thickness: float) -> list[Spray]:
     return found
 
 
-def circuit_lines(table: Secondary, rolls: Rolls, thickness: float) -> list[str]:
+def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) -> list[str]:
     """Return the table of the circuits of water, at their largest flows."""
+    from castfem.case.water import PER_LITRE_AND_KG, Supply, largest, steel_per_length
+    from castfem.cli.drawing import build_mesh
     from castfem.machine.sprays import footprint, gap_below, longest_spray
+    from castfem.materials import load_steel
 
+    steel = load_steel(
+        case.steel.name, Path.cwd(), composition=case.steel.composition,
+        overrides=case.steel.overrides,
+    )  # fmt: skip
+    mass = steel_per_length(build_mesh(case), steel)
+    supply = Supply(mass, case.casting.travel, case.water)
     head = (
-        "circuit", "on", "rolls", "nozzles", "most flow [L/min]", "each [L/min]", "width [mm]",
+        "circuit", "on", "rolls", "nozzles", "most flow [L/min]", "[L/kg]", "each [L/min]",
+        "width [mm]",
         "length [mm]", "at most [mm]",
     )  # fmt: skip
     rows = [head]
     for circuit in table.circuit:
-        model, flow = table.model_of(circuit), 6e4 * circuit.largest_flow
+        model, flow = table.model_of(circuit), 6e4 * largest(supply.flow(circuit))
         gaps = [gap_below(rolls, number, thickness) for number in range(*circuit.rolls)]
         free = min(longest_spray(g.clear, circuit.stand_off, g.diameter) for g in gaps) if (
             circuit.wide
@@ -102,6 +112,7 @@ def circuit_lines(table: Secondary, rolls: Rolls, thickness: float) -> list[str]
                 f"{circuit.rolls[0]} to {circuit.rolls[1]}",
                 str(circuit.nozzles()),
                 f"{flow:.4g}",
+                f"{PER_LITRE_AND_KG * supply.specific(circuit):.3g}",
                 f"{flow / circuit.nozzles():.3g}",
                 f"{1e3 * footprint(circuit.stand_off, model.angle):.0f}",
                 f"{1e3 * footprint(circuit.stand_off, model.angle_along):.1f}",

@@ -16,6 +16,7 @@ from castfem.case.heat_law import Extent, Surroundings
 from castfem.errors import InputError
 from castfem.fem import reductions
 from castfem.machine.along import OverTime
+from castfem.simulation.water import water_supply
 from castfem.thermal import flux_laws
 from castfem.thermal.boundary import Cooling, Patch, Surface
 from castfem.values.tables import Table
@@ -50,7 +51,9 @@ class Zones:
         self.starts = [machine.time_at(span.start) for span in self.spans]
         self._end = machine.time_at(self.spans[-1].end)
         self._surface = surface
-        self._case, self._around = case, Surroundings(steel, machine, wall_over_time(case, machine))
+        self._case = case
+        wall = wall_over_time(case, machine)
+        self._around = Surroundings(steel, machine, wall, water=case.water)
         self._coolings = [self._make(i) for i in range(len(self.spans))]
         tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
         self._secondary = self._below(case, machine, steel)
@@ -163,7 +166,9 @@ class Zones:
         zone, length = self._case.cooling[index], self._case.casting.length
         end = length if zone.to is None else zone.to
         extent = Extent(self.spans[index].start, end, self._length(self._surface.patch(tags)))
-        return replace(self._around, extent=extent)
+        around = self._around
+        supply = water_supply(self._case, around.steel, self._surface.section)
+        return replace(around, extent=extent, supply=supply)
 
     def _make(self, index: int) -> Cooling:
         span = self.spans[index]

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.case.water import largest
 from castfem.errors import InputError
 from castfem.machine.along import over_time
 from castfem.machine.sprays import Kind, Row, Stretch, footprint
+from castfem.simulation.water import water_supply
 from castfem.thermal.boundary import Cooling, Surface
 from castfem.thermal.flux_laws import Convection, Radiation, SurfaceLaw
 from castfem.thermal.spray_water import RollShare, Share, SprayWater, water_across
@@ -64,6 +66,7 @@ class SecondaryCooling:
         start: float,
         rows: tuple[Row, ...] | None = None,
     ) -> None:
+        supply = water_supply(case, steel, surface.section)
         table, rolls = case.secondary, None if case.machine is None else case.machine.pairs()
         assert table is not None and rolls is not None
         self._table = table
@@ -74,7 +77,9 @@ class SecondaryCooling:
             self._run_off = Convection(table.run_off, table.water_temperature)
         rows = rows_of(case) if rows is None else rows
         circuits = {circuit.name: circuit for circuit in table.circuit}
-        self._flows = {name: over_time(one.flow, machine) for name, one in circuits.items()}
+        told = {name: supply.flow(one) for name, one in circuits.items()}
+        self._most = {name: largest(flow) for name, flow in told.items()}
+        self._flows = {name: over_time(flow, machine) for name, flow in told.items()}
         end = max(case.casting.length, table.contacts(rolls)[-1][1] + 1.0)
         faces = []
         for name in surface.section.outer_groups:
@@ -138,7 +143,7 @@ class SecondaryCooling:
         each = WATER_DENSITY * row.share / circuit.nozzles() / (row.end - row.start)
         water = each * water_across(places, circuit.across, width, model.edge)
         h = model.coefficient(self._table.water_temperature)
-        return Share(water, self._flows[row.circuit], circuit.largest_flow, h)
+        return Share(water, self._flows[row.circuit], self._most[row.circuit], h)
 
     @property
     def water_temperature(self) -> float:

@@ -13,8 +13,10 @@ from small_case import small
 
 import castfem
 from castfem.case.mould import Oscillation
+from castfem.cli.spray_water import water_lines
 from castfem.errors import InputError
-from castfem.simulation.simulation import build
+from castfem.meshes import build as build_mesh
+from castfem.simulation.simulation import build, case_steel
 from castfem.thermal import flux_laws
 from castfem.thermal.sprays import CORRELATIONS
 
@@ -82,13 +84,74 @@ def test_the_slope_of_water_that_changes() -> None:
     assert law.least_rise(grid, 0.0) == law.flux(grid, 2.0)[1].min()
 
 
+def steel_passing() -> float:
+    """Mass per length of the whole section at the density of the solidus, kg/m."""
+    case = small()
+    mesh, steel = build_mesh(**case.mesh_parameters()), case_steel(case)
+    return float(mesh.multiplicity * mesh.exact_area * steel.density(steel.solidus, "below"))
+
+
+def test_water_per_mass_of_steel_is_the_flow_over_what_passes() -> None:
+    litres = 2.0 * steel_passing() * 3.6  # a minute, of 2 L/kg at 3.6 m/min
+    by_flow = heat({"flow": f"{litres!r} L/min"}, casting__speed="3.6 m/min")
+    by_mass = heat({"specific": "2 L/kg"}, casting__speed="3.6 m/min")
+    assert by_mass == pytest.approx(by_flow, rel=1e-12)
+
+
+def test_water_per_mass_of_steel_follows_the_speed() -> None:
+    """As a table of flows through zero does, while the speed rises."""
+    ramp = {"time": [0, 1], "time_unit": "s", "value": [2, 4], "unit": "m/min"}
+    litres = [0.0, 2.0 * steel_passing() * 4.0]
+    table = {"speed": [0, 4], "speed_unit": "m/min", "value": litres, "unit": "L/min"}
+    by_flow = heat({"flow": table}, casting__speed=ramp)
+    assert heat({"specific": "2 L/kg"}, casting__speed=ramp) == pytest.approx(by_flow, rel=1e-9)
+
+
+def test_shares_of_a_total() -> None:
+    alone = heat({"specific": "2 L/kg"})
+    assert heat({"share": 1.0}, water__specific="2 L/kg") == pytest.approx(alone, rel=1e-12)
+    bent = {"time": [0, 0.2, 0.4], "time_unit": "s", "value": [1, 3, 2], "unit": "L/min"}
+    simulation = build(
+        small({SURFACE: [SPRAY | {"share": 1.0}], "water.flow": bent}), MPI.COMM_SELF
+    )
+    assert {0.2, 0.4} <= set(simulation.zones.changes)
+    simulation.destroy()
+    halves = [SPRAY | {"share": 0.5, "on": [name]} for name in ("wide_face", "narrow_face")]
+    with pytest.raises(InputError, match=r"make 0\.5, not 1"):
+        small({SURFACE: halves[:1], "water.specific": "2 L/kg"})
+    small({SURFACE: halves, "water.specific": "2 L/kg"})
+
+
+def test_the_check_tells_litres_per_kilogram() -> None:
+    case = small({SURFACE: [SPRAY | {"specific": "2 L/kg"}]})
+    lines = water_lines(case, case_steel(case), build_mesh(**case.mesh_parameters()))
+    assert all(line.split()[-2:] == ["2", "L/kg"] for line in lines[1:])
+    assert lines[-1].split()[:2] == ["in", "all"]
+
+
+@pytest.mark.parametrize(
+    ("water", "message"),
+    [
+        ({}, "neither is given; exactly one of specific"),
+        ({"specific": "1 L/kg", "flow": "1 L/min"}, "both are given"),
+        ({"specific": "1 L/kg"}, "no zone and no circuit takes a share"),
+    ],
+)
+def test_a_total_that_is_not_said(water: dict[str, str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        small({"water": water})
+
+
 @pytest.mark.parametrize(
     ("law", "message"),
     [
-        ({}, "water or flow is missing"),
+        ({}, "water, flow, specific or share is missing; one of water = "),
         ({"water": "5 L/(m^2 s)", "flow": "100 L/min"}, "water and flow exclude each other"),
-        ({"water": "5 L/(m^2 s)", "area": "1 m^2"}, "the sprayed area of a flow, which is missing"),
+        ({"water": "5 L/(m^2 s)", "area": "1 m^2"}, "the sprayed area of the water of a zone"),
         ({"flow": "5 L/(m^2 s)"}, "water flow is needed"),
+        ({"specific": "5 L/min"}, "water per mass of steel is needed, such as .0.8 L/kg"),
+        ({"specific": "1 L/kg", "share": 0.3}, "specific and share exclude each other"),
+        ({"share": 1.0}, r"is a share of \[water\], which is missing"),
     ],
 )
 def test_water_that_is_not_said(law: dict[str, str], message: str) -> None:

@@ -1,0 +1,111 @@
+"""Spray water by what it cools: per mass of steel, or as shares of a total; it follows the speed.
+
+The steel that passes has the mass per length of the section as cast, at the density of the solidus:
+with that the shell is formed, and by it the strand keeps its mass while it shrinks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Protocol
+
+from pydantic import Field
+
+from castfem.case.base import TableModel
+from castfem.values.curves import CurveOverEither
+from castfem.values.quantities import Kind
+from castfem.values.tables import Table
+
+if TYPE_CHECKING:
+    from castfem.machine.travel import Travel
+    from castfem.materials import Steel
+    from castfem.meshes import SectionMesh
+
+Flow = float | Table
+ZoneFlow = Annotated[
+    float | Table,
+    CurveOverEither(
+        Kind("m^3/s", "L/min", least=0.0, label="water flow", sample="240 L/min"),
+        "speed",
+        ("time",),
+    ),
+]
+SpecificWater = Annotated[
+    float,
+    Kind("m^3/kg", "L/kg", least=0.0, label="water per mass of steel", sample="0.8 L/kg"),
+]
+WaterShare = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="0.3")]
+PER_LITRE_AND_KG = 1e3  # L/kg in a m3/kg
+
+
+class Water(TableModel):
+    """Spray water of the whole strand, of which zones and circuits take shares; one of the two."""
+
+    specific: SpecificWater | None = Field(
+        None,
+        description="water per mass of steel; its flow follows the casting speed",
+        examples=["0.8 L/kg"],
+    )
+    flow: ZoneFlow | None = Field(None, description="instead, its flow", examples=["1200 L/min"])
+
+
+class Watered(Protocol):
+    """A spray of a zone, or a circuit: what tells its water."""
+
+    flow: Flow | None
+    specific: float | None
+    share: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """Turns what is told of water into its flow.
+
+    Attributes:
+        mass: Of the strand per length, kg/m.
+        travel: Has the casting speed.
+        total: Water of the whole strand; None where the case does not tell it.
+    """
+
+    mass: float
+    travel: Travel
+    total: Water | None
+
+    def flow(self, told: Watered) -> Flow:
+        """Return the flow, m3/s: a number, or a table over casting speed or time."""
+        if told.share is not None:
+            assert self.total is not None, "the case has been checked"
+            whole = self._of(self.total.flow, self.total.specific)
+            return _times(told.share, whole)
+        return self._of(told.flow, told.specific)
+
+    def specific(self, told: Watered) -> float:
+        """Return the water per mass of steel, m3/kg, of the largest flow at the fastest speed."""
+        return largest(self.flow(told)) / (self.mass * self.travel.fastest)
+
+    def _of(self, flow: Flow | None, specific: float | None) -> Flow:
+        if flow is not None:
+            return flow
+        assert specific is not None, "the case has been checked"
+        fastest = self.travel.fastest
+        most = specific * self.mass * fastest
+        if not self.travel.kinks:
+            return most
+        return Table("speed", (0.0, fastest), (0.0, most))
+
+
+def steel_per_length(mesh: SectionMesh, steel: Steel) -> float:
+    """Return the mass of the whole strand per length, kg/m."""
+    area = mesh.multiplicity * mesh.exact_area
+    return area * float(steel.density(steel.solidus, "below"))
+
+
+def largest(flow: Flow) -> float:
+    """Return the largest flow of a table, m3/s, or the one there is."""
+    return max(flow.values) if isinstance(flow, Table) else flow
+
+
+def _times(share: float, flow: Flow) -> Flow:
+    if isinstance(flow, Table):
+        return Table(flow.over, flow.arguments, tuple(share * value for value in flow.values))
+    return share * flow

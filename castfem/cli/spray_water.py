@@ -1,0 +1,69 @@
+"""The spray water of a case as a plant tells it: of each zone and circuit, L/min and L/kg."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.case.check_cooling import law_groups
+from castfem.case.spray import Spray
+from castfem.case.water import PER_LITRE_AND_KG, Supply, largest, steel_per_length
+from castfem.thermal.sprays import WATER_DENSITY
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.materials import Steel
+    from castfem.meshes import SectionMesh
+
+LITRES_A_MINUTE = 6e4  # in a m3/s
+
+
+def water_flows(case: Case, supply: Supply, mesh: SectionMesh) -> list[tuple[str, float]]:
+    """Return name and flow, m3/s, of all zones and circuits with sprays, each at its largest.
+
+    Args:
+        case: A sound case.
+        supply: Of water.
+        mesh: Of its section.
+    """
+    found: list[tuple[str, float]] = []
+    start = 0.0
+    for zone in case.cooling:
+        end = case.casting.length if zone.to is None else zone.to
+        sprays = [law for law in zone.surface if isinstance(law, Spray)]
+        if sprays:
+            flows = [_flow(case, supply, mesh, law, end - start) for law in sprays]
+            found.append((zone.name, sum(flows)))
+        start = end
+    circuits = () if case.secondary is None else case.secondary.circuit
+    return [*found, *((c.name, largest(supply.flow(c))) for c in circuits)]
+
+
+def _flow(case: Case, supply: Supply, mesh: SectionMesh, law: Spray, length: float) -> float:
+    """Water of a spray in its whole zone, m3/s."""
+    if law.water is None:
+        return largest(supply.flow(law))
+    groups = law_groups(case.section, law)
+    mine = [mesh.groups[group] in groups for group in mesh.facet_group]
+    ends = mesh.points[mesh.facets[mine]]
+    perimeter = mesh.multiplicity * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
+    return law.water / WATER_DENSITY * float(perimeter) * length
+
+
+def water_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
+    """Return the table of the water, flows and what they are per mass of steel, and the sum.
+
+    They are the largest flows, over the steel that passes at the fastest casting speed.
+    """
+    supply = Supply(steel_per_length(mesh, steel), case.casting.travel, case.water)
+    found = water_flows(case, supply, mesh)
+    cast = supply.mass * supply.travel.fastest
+    rows = [*found, ("in all", sum(flow for _, flow in found))]
+    widest = max(len(name) for name, _ in rows)
+    lines = [f"spray water at most, of {3.6 * cast:.4g} t/h of steel:"]
+    for name, flow in rows:
+        per_mass = PER_LITRE_AND_KG * flow / cast
+        flows = f"{LITRES_A_MINUTE * flow:8.4g} L/min  {per_mass:7.3g} L/kg"
+        lines.append(f"  {name:{widest}}  {flows}")
+    return lines

@@ -1,0 +1,18 @@
+"""What the spray water of a case is shared from, and the steel that it cools."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from castfem.case.water import Supply, steel_per_length
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.fem.section import Section
+    from castfem.materials import Steel
+
+
+def water_supply(case: Case, steel: Steel, section: Section) -> Supply:
+    """Return what turns water per mass of steel, or shares, into flows (collective)."""
+    mass = None if section.source is None else steel_per_length(section.source, steel)
+    return Supply(section.comm.bcast(mass), case.casting.travel, case.water)
