@@ -52,6 +52,19 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     raise ValueError(f"no table of the case has a key of this name{near}")
 
 
+def all_keys(root: type[TableModel], data: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the dotted names of all keys that the tables of a case have, written or not.
+
+    Args:
+        root: Model of the whole case.
+        data: The case as a document; what is no table where one should be is left out.
+    """
+    yield from (
+        name for name in root.model_fields if not submodels(root.model_fields[name].annotation)
+    )
+    yield from (_written(data, path) for path in _keys(root, root, data, ()))
+
+
 def _keys(
     root: type[TableModel], model: type[TableModel], data: Mapping[str, Any], path: Keys
 ) -> Iterator[Keys]:

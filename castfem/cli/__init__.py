@@ -45,6 +45,10 @@ def execute(arguments: Sequence[str] | None = None) -> int:
         os.environ["PETSC_OPTIONS"] = f"{options} -no_signal_handler".strip()
     import click
 
+    from castfem.cli import completion
+
+    if completion.VARIABLE in os.environ:
+        return completion.answer()
     from castfem.cli.app import app
 
     try:

@@ -384,3 +384,13 @@ def schema(
     from castfem.case.reference_page import markdown_page
 
     sys.stdout.write(markdown_page() if markdown else schema_text())
+
+
+@app.command()
+def completion(
+    shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")],
+) -> None:
+    """Print what lets a shell complete commands, names of cases and keys of --set."""
+    from castfem.cli.completion import script
+
+    print(script(shell))

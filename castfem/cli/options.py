@@ -8,12 +8,24 @@ from typing import Annotated
 
 import typer
 
+from castfem.cli import completion
+
 CaseName = Annotated[
-    str, typer.Argument(metavar="CASE", help="A case file, or the name of a shipped case.")
+    str,
+    typer.Argument(
+        metavar="CASE",
+        help="A case file, or the name of a shipped case.",
+        click_type=completion.CaseName(),
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Change a key, e.g. casting.length='20 m'."),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Change a key, e.g. casting.length='20 m'.",
+        click_type=completion.Assignment(),
+    ),
 ]
 At = Annotated[
     list[str] | None,

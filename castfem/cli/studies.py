@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from castfem.cli import completion
 from castfem.cli.options import At, CaseName, Overrides, Quiet
 from castfem.errors import InputError
 
@@ -19,6 +20,7 @@ def sweep(
             "--set",
             metavar="KEY=VALUE,...",
             help="Values of a key; several keys: all combinations.",
+            click_type=completion.Assignment(),
         ),
     ] = None,
     table: Annotated[
@@ -156,6 +158,7 @@ def calibrate(
         typer.Option(
             metavar="KEY=LOW..HIGH",
             help='A key to fit, e.g. casting.speed="2..4 m/min"; repeatable.',
+            click_type=completion.Assignment(),
         ),
     ],
     output: Annotated[

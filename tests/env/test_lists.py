@@ -14,7 +14,8 @@ SCRIPTS = sorted((ROOT / "tools").glob("*.sh"))
 FILES = [
     *SCRIPTS,
     *(ROOT / name for name in ("tools/packages.txt", "tools/docs_packages.txt", "tools/probe.py")),
-    *(ROOT / name for name in ("Makefile", "Dockerfile", "environment.yml", ".ci/run")),
+    *(ROOT / name for name in ("Makefile", "Dockerfile", "apptainer.def", ".ci/run")),
+    *(ROOT / name for name in ("environment.yml", "pixi.toml")),
 ]
 
 # conda-forge's names where they are not Debian's without "python3-"; None: part of another package.
@@ -46,6 +47,56 @@ def test_conda_and_debian_name_the_same_things() -> None:
         None
     }
     assert translated == set(conda_names()) - ONLY_CONDA
+
+
+def conda_specs() -> dict[str, tuple[str, str]]:
+    """Name to version and build."""
+    lines = (ROOT / "environment.yml").read_text().split("dependencies:")[1].splitlines()
+    entries = [line.removeprefix("  - ").split(maxsplit=1) for line in lines if "  - " in line]
+    found = {}
+    for name, *rest in entries:
+        version, _, build = rest[0].removeprefix("=").partition("=") if rest else ("*", "", "")
+        if rest and not rest[0].startswith("="):
+            version, build = rest[0], ""
+        found[name] = version, build or "*"
+    return found
+
+
+def test_pixi_and_conda_name_the_same_things() -> None:
+    listed = tomllib.loads((ROOT / "pixi.toml").read_text())["dependencies"]
+    whole = {n: v if isinstance(v, dict) else {"version": v} for n, v in listed.items()}
+    specs = {n: (v["version"], v.get("build", "*")) for n, v in whole.items()}
+    assert specs == conda_specs()
+    assert specs["petsc"] == ("*", "real*") and specs["python"] == (">=3.11", "*")
+
+
+def commands(text: str) -> list[str]:
+    """Commands of a shell, one by one, without breaks of lines."""
+    joined = re.sub(r"\\\n", " ", text)
+    parts = [part for line in joined.splitlines() for part in line.split("&&")]
+    return [" ".join(part.split()) for part in parts if part.strip()]
+
+
+def test_apptainer_takes_the_steps_of_the_dockerfile() -> None:
+    docker = re.sub(r"^#.*\n", "", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
+    text = (ROOT / "apptainer.def").read_text()
+    parts = dict(re.findall(r"^%(\w+)\n((?:(?!%).*\n)*)", text, re.MULTILINE))
+    assert f"From: {re.findall(r'^FROM (.*)', docker, re.MULTILINE)[0]}" in text
+    runs = re.findall(r"^RUN ((?:.*\\\n)*.*\n)", docker, re.MULTILINE)
+    assert commands(parts["post"]) == [command for run in runs for command in commands(run)]
+    copied = set()
+    for line in re.findall(r"^COPY (.*)", docker, re.MULTILINE):
+        *names, target = line.split()
+        copied |= {(n, target + (n if target.endswith("/") else "")) for n in names}
+    assert {tuple(line.split()) for line in parts["files"].splitlines() if line} == copied
+    settings = commands(re.findall(r"^ENV ((?:.*\\\n)*.*\n)", docker, re.MULTILINE)[0])[0].split()
+    exported = [line.split()[1] for line in parts["environment"].splitlines() if line]
+    assert exported and set(exported) <= set(settings)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    folders = set(project["tool"]["setuptools"]["package-dir"].values())
+    assert folders | {"pyproject.toml", project["project"]["readme"]} <= {
+        name for name, _ in copied
+    }
 
 
 def test_no_name_stands_twice() -> None:

@@ -1,0 +1,110 @@
+"""What a shell completes: commands, names of cases, keys of --set; without heavy imports."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from castfem.cli import execute
+from castfem.cli.completion import VARIABLE
+
+HEAVY = ("dolfinx", "petsc4py", "mpi4py", "numba", "scipy", "matplotlib", "pandas", "h5py")
+
+
+@pytest.fixture
+def completed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> Callable[..., list[str]]:
+    """What is offered behind some words, the last of them begun."""
+    monkeypatch.chdir(tmp_path)
+
+    def offered(*words: str) -> list[str]:
+        monkeypatch.setenv(VARIABLE, "bash_complete")
+        monkeypatch.setenv("COMP_WORDS", "\n".join(("castfem", *words)))
+        monkeypatch.setenv("COMP_CWORD", str(len(words)))
+        assert execute([]) == 0
+        return capsys.readouterr().out.split()
+
+    return offered
+
+
+def test_commands_and_options(completed: Callable[..., list[str]]) -> None:
+    assert completed("opt") == ["plain,optimise"]
+    assert completed("run", "--ac") == ["plain,--accuracy"]
+
+
+def test_names_of_cases_and_files(completed: Callable[..., list[str]], tmp_path: Path) -> None:
+    (tmp_path / "billets.toml").touch()
+    found = completed("run", "billet")
+    assert found[0] == "plain,billets.toml" and "plain,billet125/thermal" in found
+    assert completed("check", "copper200/") == ["plain,copper200/round"]
+    assert completed("run", "somewhere/mine") == ["file,somewhere/mine"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "billet125/thermal", "--set"),
+        ("run", "billet125/thermal", "--set", 'casting.speed="3 m/min"', "--set"),
+        ("sweep", "billet125/thermal", "--set"),
+        ("calibrate", "billet125/thermal", "--free"),
+    ],
+)
+def test_keys_are_those_of_the_case(completed: Callable[..., list[str]], words: str) -> None:
+    assert "plain,casting.length=" in completed(*words, "casting.le")
+    assert "plain,cooling.mould.to=" in completed(*words, "cooling.mould.t")
+    assert completed(*words, "mould.") == []  # a case without it
+    assert completed(*words, "casting.length=2") == []
+
+
+def test_keys_of_a_case_that_is_none(completed: Callable[..., list[str]]) -> None:
+    assert completed("run", "no_such_case", "--set", "casting.") == []
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_each_shell_has_its_part(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["completion", shell]) == 0
+    text = capsys.readouterr().out
+    assert f"{VARIABLE}={shell}_complete" in text
+    assert ("nospace" in text) is (shell == "bash") and ("-S ''" in text) is (shell == "zsh")
+
+
+def test_another_shell_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["completion", "csh"]) == 1
+    assert capsys.readouterr().err == "castfem: csh: no such shell; there are bash, zsh, fish\n"
+
+
+def test_bash_fills_in_what_is_offered(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In bash itself, with a castfem that offers a key."""
+    assert execute(["completion", "bash"]) == 0
+    (tmp_path / "part").write_text(capsys.readouterr().out)
+    offers = tmp_path / "castfem"
+    offers.write_text("#!/bin/sh\necho plain,casting.length=\n")
+    offers.chmod(0o755)
+    lines = (
+        "complete() { :; }; compopt() { echo option $2; }; . ./part",
+        "COMP_WORDS=(castfem run); COMP_CWORD=1; _castfem_completion ./castfem",
+        'echo "${COMPREPLY[@]}"',
+    )
+    said = subprocess.run(
+        ["bash", "-c", "\n".join(lines)], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert said.stdout.splitlines() == ["option nospace", "casting.length="], said.stderr
+
+
+def test_nothing_heavy_is_imported() -> None:
+    asked = {VARIABLE: "bash_complete", "COMP_CWORD": "4"}
+    asked["COMP_WORDS"] = "castfem\nrun\nbillet125/thermal\n--set\ncasting.le"
+    code = (
+        "import sys; from castfem.cli import execute; execute([]);"
+        f"print([name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **asked}, capture_output=True, text=True
+    )
+    assert done.stdout.split() == ["plain,casting.length=", "[]"], done.stderr
