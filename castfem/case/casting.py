@@ -143,6 +143,13 @@ class Output(TableModel):
         strict=True,
         description="steps between two checkpoints (for --resume); 0 for none",
     )
+    smooth: bool | None = Field(
+        None,
+        strict=True,
+        description="compute the smooth twin of the largest von Mises stress, von_mises_smooth; "
+        "`castfem optimise` does where it is named there",
+        examples=[True],
+    )
     units: Annotated[ShownUnits, UnitsNotation()] | None = Field(
         None,
         description="in which units tables, figures and the report show numbers: plant (mm, degC, "

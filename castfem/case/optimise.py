@@ -233,6 +233,13 @@ class Optimise(TableModel):
         return tuple(bound(text) for text in self.constraints)
 
     @property
+    def names(self) -> set[str]:
+        """The results that are looked at."""
+        front = set() if self.front is None else {self.front.objective[0]}
+        bounded = {one.quantity for one in self.bounds}
+        return {name for name, _ in self.objectives} | bounded | front
+
+    @property
     def objectives(self) -> tuple[tuple[str, float], ...]:
         """What is to be best: result, and 1 where it is to be small, -1 where large."""
         return (*((n, 1.0) for n in self.minimise), *((n, -1.0) for n in self.maximise))

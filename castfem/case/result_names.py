@@ -35,6 +35,7 @@ WHOLE = {
     "temperature_max": "degC",
     "von_mises_max": "MPa",
     "way_von_mises_max": "MPa",
+    "von_mises_smooth": "MPa",
     "axial_strain": "1",
     "colder_than_data": "percent",
     "hotter_than_data": "percent",
@@ -107,6 +108,10 @@ COLUMNS = {
 """Columns of history.csv that are no results, with a unit of each; at probes without their names.
 
 Plain numbers and percentages, which have no other unit, are left out."""
+
+
+SMOOTH = {"von_mises_smooth": "von_mises_max"}
+"""Smooth twins of maxima, which are computed where they are asked for, and what they are of."""
 
 
 def unit_of(name: str) -> str | None:

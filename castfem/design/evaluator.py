@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from castfem.case.load import changed, from_document
+from castfem.case.result_names import SMOOTH
 from castfem.design.fidelity import DEFAULT, at_level, idealised
 from castfem.design.store import Evaluation, Store
 from castfem.errors import InputError, RunFailure
@@ -218,6 +219,8 @@ def lean(case: Case) -> Case:
     tables.pop("optimise", None)
     tables.pop("reference", None)
     tables.setdefault("output", {}).update(_LEAN)
+    if case.optimise is not None and case.optimise.names & set(SMOOTH):
+        tables["output"]["smooth"] = True
     return from_document(tables, case.title)
 
 

@@ -94,6 +94,7 @@ class Known:
         value: At the best run.
         noise: Scatter between runs that differ by next to nothing.
         numerical: Difference to the level of fidelity that checks it; NaN where that run failed.
+        twin: Of a smooth one the maximum that it stands for, and that at the best run; else None.
     """
 
     name: str
@@ -102,6 +103,7 @@ class Known:
     value: float
     noise: float
     numerical: float
+    twin: tuple[str, float] | None = None
 
     def shown(self, value: float) -> float:
         """A value in the unit in which it is shown."""
@@ -268,4 +270,5 @@ def _known(known: Known) -> dict[str, Any]:
         "value": known.shown(known.value),
         "noise": known.shown_difference(known.noise),
         "numerical": known.shown_difference(known.numerical),
+        **({} if known.twin is None else {known.twin[0]: known.shown(known.twin[1])}),
     }

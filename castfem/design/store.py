@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from castfem.case import Case
 
 _NO_RESULT = ("title", "reference", "verification", "optimise")
+_RESULT = ("every", "smooth")
 _DIGITS = 10  # of the key in the name of a run
 
 
@@ -74,7 +75,9 @@ def key_of(text: str, files: Mapping[str, bytes]) -> str:
     tables: dict[str, Any] = tomllib.loads(text)
     for name in _NO_RESULT:
         tables.pop(name, None)
-    tables["output"] = {"every": tables.get("output", {}).get("every")}
+    output = tables.get("output", {})  # of which few keys change the results
+    tables["output"] = {key: output[key] for key in _RESULT if key in output}
+    tables["output"].setdefault("every", None)
     hashes = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     content = json.dumps([tables, hashes], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()

@@ -211,6 +211,12 @@ def _remarks(optimum: Optimum) -> Iterator[str]:
         yield f"as good as can be told, elsewhere: {some}"
     objective = optimum.objective
     assert objective is not None
+    for known in {k.name: k for k in (objective, *(c.known for c in optimum.constraints))}.values():
+        if known.twin is not None:
+            name, value = known.twin
+            apart = _number(known, value - known.value)
+            unit = _unit(known.shown_unit)
+            yield f"{known.name} lies {apart} {unit} below {name}, its maximum"
     span = [abs(step.objective) for step in optimum.away if math.isfinite(step.objective)]
     if span and max(span) <= _SIGMAS * objective.noise:
         yield "all about it the objective changes by no more than its noise: it is flat here"

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from castfem.case.result_names import SMOOTH
 from castfem.design import vicinity
 from castfem.design.front import Front
 from castfem.design.optimum import (
@@ -200,7 +201,9 @@ def _known(found: Findings, name: str, place: int) -> Known:
     if check is not None and name in check.quantities:
         numerical = abs(check[name] - quantity.value)
     noise = float(found.noise[place])
-    return Known(name, quantity.label, quantity.shown_unit, quantity.value, noise, numerical)
+    of = SMOOTH.get(name)
+    twin = None if of is None else (of, outputs.seen[best][of])
+    return Known(name, quantity.label, quantity.shown_unit, quantity.value, noise, numerical, twin)
 
 
 def _constraints(found: Findings) -> list[Kept]:

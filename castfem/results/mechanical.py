@@ -23,11 +23,14 @@ from castfem.results.sample import MechanicalSample
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from castfem.fem.section import Section
 
 
 SQRT2 = 2.0**0.5
 HARDLY = 0.05  # share of the section that is solid before its shell is spoken of
+SMOOTH_ORDER = 32  # of the smooth twin: ratio of the integrals of stress^32 and stress^31
 INSTANT = 1e-3  # s: over which the generalized strains are differentiated
 FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
 LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
@@ -39,11 +42,18 @@ class MechanicalSampler:
     Args:
         stepper: Its mechanics. probes: Lines inward from its surface.
         centred: Those of them that end in the centre of the section.
+        smooth: Compute the smooth twin of the largest stress.
     """
 
     def __init__(
-        self, stepper: MechanicalStepper, probes: LineProbes, centred: tuple[str, ...]
+        self,
+        stepper: MechanicalStepper,
+        probes: LineProbes,
+        centred: tuple[str, ...],
+        *,
+        smooth: bool = False,
     ) -> None:
+        self._smooth = smooth
         self.problem, self.probes, self._centred = stepper.problem, probes, centred
         self.section: Section = self.problem.section
         self._outward = {
@@ -93,7 +103,12 @@ class MechanicalSampler:
             axial_stress=self._axial(recovered),
             bending=state.bending,
             bending_force=self.problem.slice.planes.bending_force(state.bending),
+            smooth_peak=self._smoothed(stress) if self._smooth else None,
         )
+
+    def _smoothed(self, stress: Array) -> float:
+        """Smooth twin of the largest of stresses at the deviator's points (collective)."""
+        return smooth_peak(self.section.comm, stress, self.problem.points.deviator.volume)
 
     def _load(self, state: MechanicalState) -> float:
         """External axial force, N, that of rolls and drives in it."""
@@ -227,6 +242,23 @@ class MechanicalSampler:
         strain[:, 1] += across
         strain[:, 2] += a0 + a1 * x + a2 * y
         return np.asarray(strain)
+
+
+def smooth_peak(comm: MPI.Comm, stress: Array, area: Array) -> float:
+    """Return the ratio of the integrals of stress^32 and stress^31 (collective).
+
+    Args:
+        comm: All ranks.
+        stress: Not negative, at points (n,), Pa.
+        area: That belongs to each point (n,).
+    """
+    peak = float(reductions.largest(comm, stress))
+    if not peak > 0.0:
+        return 0.0
+    share = stress / peak
+    weight = area * share ** (SMOOTH_ORDER - 1)
+    above, below = reductions.totals(comm, [weight @ share, weight.sum()])
+    return float(peak * above / below)
 
 
 def in_components(values: Array) -> Array:

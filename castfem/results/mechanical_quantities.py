@@ -65,6 +65,23 @@ def way_von_mises_max(sample: Sample) -> float:
     return sample.largest_stress.stress
 
 
+@quantity(
+    "von_mises_smooth",
+    unit="MPa",
+    label="smooth twin of the largest von Mises stress",
+    column=False,
+    needs=("smooth",),
+)
+def von_mises_smooth(sample: Sample) -> float:
+    """Mean over the section weighted by the stress to the power of 31; below `von_mises_max`.
+
+    It has no kink where the largest stress moves from one place to another.
+    """
+    found = sample.strained.smooth_peak
+    assert found is not None, "of a quantity that needs smooth"
+    return found
+
+
 @quantity("von_mises", unit="MPa", label="von Mises stress, {}", each="probe", needs=("mechanics",))
 def von_mises(sample: Sample, probe: str) -> float:
     """Von Mises stress at the surface."""

@@ -38,6 +38,9 @@ Each = Literal["", "probe", "centred_probe"]
 # What a quantity may need of a simulation. A mould goes with mechanics, friction with a mould.
 NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     "mechanics": lambda simulation: simulation.mechanics is not None,
+    "smooth": lambda simulation: (
+        simulation.mechanics is not None and bool(simulation.case.output.smooth)
+    ),
     "law_data": lambda simulation: (
         simulation.mechanics is not None and simulation.mechanics.problem.slice.law.data is not None
     ),

@@ -46,6 +46,7 @@ class MechanicalSample:
         bending: By the machine's curvature. bending_force: Axial force that bending has left, N:
             the rolls turn it with the strand, and the drives pay for the work. With `load` and
             `withdrawal_resistance` it is the force of the stress where the neutral axis is free.
+        smooth_peak: Smooth twin of `peak`, Pa; None where it is not asked for.
     """
 
     newton: int
@@ -66,6 +67,7 @@ class MechanicalSample:
     axial_stress: dict[str, float]
     bending: Bending
     bending_force: float
+    smooth_peak: float | None = None
 
 
 @dataclass(slots=True)

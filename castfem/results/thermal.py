@@ -66,7 +66,10 @@ class Sampler:
             from castfem.results.mechanical import MechanicalSampler
 
             self.mechanics = MechanicalSampler(
-                self.simulation.mechanics, self.simulation.probes, self.simulation.centred_probes
+                self.simulation.mechanics,
+                self.simulation.probes,
+                self.simulation.centred_probes,
+                smooth=bool(self.simulation.case.output.smooth),
             )
         if self.simulation.case.mould is not None:
             self.extremes = MouldExtremes(self.simulation.case.mould.length)

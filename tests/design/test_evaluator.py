@@ -16,9 +16,12 @@ import pytest
 from ranks import needs_mpirun, python_on
 from small_case import small, write_small
 
+from castfem.case.portable import portable
 from castfem.cli.sweeping import Options, sweep_case
 from castfem.design import Evaluator, evaluator
+from castfem.design.evaluator import lean
 from castfem.design.fidelity import at_level, idealised
+from castfem.design.store import key_of
 from castfem.errors import InputError, RunFailure
 from castfem.support import atomic_files
 
@@ -154,6 +157,20 @@ def test_levels(tmp_path):
     assert at_level(case, "default") is case
     with pytest.raises(InputError, match=r'"corse" is not known; .*did you mean coarse'):
         at_level(case, "corse")
+
+
+def test_a_smooth_twin_is_computed_where_it_is_named():
+    """By the search's own runs; a case that does not name it has none, nor another key."""
+    from castfem.api import load
+
+    case = load("billet125/optimum_single")
+    asked = lean(case.with_({"optimise.minimise": "von_mises_smooth"}))
+    assert asked.output.smooth
+    assert idealised(asked).output.smooth
+    plain = lean(case)
+    assert plain.output.smooth is None
+    keys = {key_of(*portable(one, "properties")) for one in (asked, plain)}
+    assert len(keys) == 2
 
 
 def test_idealised_mould():

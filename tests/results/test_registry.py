@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pandas
 import pytest
 from ranks import needs_mpirun, python_on
@@ -30,6 +31,7 @@ from castfem.plots.history import axis_label, probes_with
 from castfem.report.headline import HEADLINE
 from castfem.results import registry
 from castfem.results.labels import last_quantities
+from castfem.results.mechanical import smooth_peak
 from castfem.results.reference_table import written
 from castfem.results.registry import QuantityDefinition, declared, find, in_summary_order, quantity
 from castfem.results.sample import Sample
@@ -39,6 +41,7 @@ from castfem.time_loop.loop import TimeLoop
 
 ROOT = Path(__file__).parents[2]
 OSCILLATION = ("mould.oscillation.stroke=6 mm", "mould.oscillation.frequency=150 1/min")
+SMOOTH = "output.smooth=true"
 OTHERS = {"bending", "quality", "extraction", "bulging"}  # what a billet in its mould has not
 FRICTION = ("mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "casting.length=150 mm")
 THIN = (
@@ -69,7 +72,12 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, 
     thin = write_small(tmp_path_factory.mktemp("thin"))
     curved = drawn(quality={"critical_strain": 0.01}, casting__length="0.7 m")
     rolled = slab(mechanics__bulging="elastic", casting__length="0.95 m")
-    cases = (billet("taper_1", *FRICTION, *OSCILLATION), load_case(thin, THIN), curved, rolled)
+    cases = (
+        billet("taper_1", *FRICTION, *OSCILLATION, SMOOTH),
+        load_case(thin, THIN),
+        curved,
+        rolled,
+    )
     simulations = [build(case, MPI.COMM_SELF) for case in cases]
     yield tuple(TimeLoop(simulation).run() for simulation in simulations)
     for simulation in simulations:
@@ -99,6 +107,24 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
         assert "{" not in result.label
         if not d.shown:
             assert d.in_unit(value) == pytest.approx(result.shown, rel=1e-14, abs=1e-30)
+
+
+def test_the_smooth_twin_of_the_largest_stress(samples: tuple[Sample, ...]) -> None:
+    """Below the maximum and near to it; exact where all is even; no kink where two peaks swap."""
+    strained, *_, rolled = samples
+    assert 0.85 * strained.strained.peak < (strained.strained.smooth_peak or 0.0)
+    assert (strained.strained.smooth_peak or 0.0) < strained.strained.peak
+    assert rolled.strained.smooth_peak is None  # not asked for
+    comm, area = MPI.COMM_SELF, np.array([1.0, 2.0, 1.0])
+    assert smooth_peak(comm, np.full(3, 7e6), area) == pytest.approx(7e6, rel=1e-14)
+    assert smooth_peak(comm, np.zeros(3), area) == 0.0
+
+    def swapped(t: float) -> float:
+        return smooth_peak(comm, np.array([10.0 + t, 3.0, 10.0 - t]), area)
+
+    slopes = [(swapped(t + 1e-5) - swapped(t - 1e-5)) / 2e-5 for t in (-1e-3, 0.0, 1e-3)]
+    assert np.abs(slopes) == pytest.approx(np.zeros(3), abs=0.02)  # the maximum's: -1 and 1
+    assert swapped(3.0) == pytest.approx(13.0, rel=1e-6)
 
 
 def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, ...]) -> None:
