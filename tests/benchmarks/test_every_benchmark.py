@@ -38,6 +38,7 @@ SLOW = {
     "lost_roll": "a minute; tests/bulging/test_ode_strip.py and test_uneven.py have its parts",
     "shell3d": "tests/bulging/test_shell3d.py has two of its slabs",
     "moving_strip": "two minutes; tests/bulging/test_moving_strip.py has coarse ones",
+    "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
     "optimum": "some 150 billets; tests/design drives the search by results that are known",
