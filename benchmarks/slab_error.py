@@ -71,6 +71,7 @@ class Setting:
 
 DEFAULT = Setting(5.0, 50.0)
 FINE_CELLS, FINE_WINDOWS = Setting(2.5, 50.0), Setting(5.0, 25.0)
+GROWING = ("coupling.growth=8",)
 SETTINGS = (
     Setting(7.5, 100.0),
     Setting(7.5, 50.0),
@@ -78,6 +79,8 @@ SETTINGS = (
     DEFAULT,
     FINE_WINDOWS,
     FINE_CELLS,
+    Setting(5.0, 25.0, "growing", GROWING),
+    Setting(5.0, 25.0, "growing, 3e-5", (*GROWING, "coupling.strain_error=3e-5")),
 )
 LENGTH = 18.44  # m, of the shipped case
 _FINE = ("coupling.interval=5 mm", "casting.length=1.8 m")

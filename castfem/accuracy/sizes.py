@@ -15,6 +15,7 @@ from typing import Any
 
 from castfem.case import Case
 from castfem.case.mechanics import Way
+from castfem.coupling.step_control import ALLOWED_STRAIN
 from castfem.design.fidelity import LEVELS
 from castfem.errors import InputError
 from castfem.support.messages import choices
@@ -26,7 +27,14 @@ _LOCAL = {"sdirk2": 3, "backward_euler": 2}  # power of the step that its error 
 _ALIKE = 0.02  # relative; two factors that differ by less are one
 _SIZES = {
     "mesh": CELLS,
-    "coupling": ("interval", "mechanical_step", "settled", "window_error"),
+    "coupling": (
+        "interval",
+        "mechanical_step",
+        "settled",
+        "window_error",
+        "growth",
+        "strain_error",
+    ),
 }
 
 
@@ -107,11 +115,17 @@ def _coupling(case: Case, factor: float) -> dict[str, Any]:
         if isinstance(given.interval, Way)
         else _text(factor * given.interval, "s")
     )
-    found = {"coupling.interval": scaled, "coupling.settled": _text(factor * given.settled, "K")}
+    found: dict[str, Any] = {
+        "coupling.interval": scaled,
+        "coupling.settled": _text(factor * given.settled, "K"),
+    }
     if given.mechanical_step is not None:
         found["coupling.mechanical_step"] = _text(factor * given.mechanical_step, "s")
     if given.window_error is not None:
         found["coupling.window_error"] = _text(factor * given.window_error, "K")
+    if (given.growth or 1.0) > 1.0:  # that of a window is of second order in its length
+        allowed = given.strain_error or ALLOWED_STRAIN
+        found["coupling.strain_error"] = factor**2 * allowed
     return found
 
 

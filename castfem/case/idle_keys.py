@@ -28,6 +28,8 @@ def _coupling(case: Case) -> Iterator[Problem]:
         for name in given:
             yield Problem(("coupling", name), "has no effect without [mechanics]")
         return
+    if "strain_error" in given and (table.growth or 1.0) == 1.0:
+        yield Problem(("coupling", "strain_error"), "has no effect without coupling.growth")
     for name in (n for n in _REPEATED if n in given):
         if case.mould is None:
             reason = "without [mould]: no gap opens, and a window is not repeated"

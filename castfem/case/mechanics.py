@@ -32,6 +32,7 @@ _DISTANCE = Kind("m", "mm")
 Share = Annotated[float, Kind("1", least=0.0, most=1.0, label="share", sample="1")]
 Ratio = Annotated[float, Kind("1", above=0.0, most=1.0, label="ratio", sample="1e-5")]
 Solid = Annotated[float, Kind("1", least=0.0, most=0.99, label="solid fraction", sample="0.5")]
+Growth = Annotated[float, Kind("1", least=1.0, most=100.0, label="growth", sample="8")]
 Tolerance = Annotated[float, Kind("1", above=0.0, most=0.1, label="tolerance", sample="1e-8")]
 Force = Annotated[
     float | Table,
@@ -304,6 +305,19 @@ class Coupling(TableModel):
         "window with more is cut back, to 0.1 s or a twentieth of the interval at most; by default "
         "2 K",
         examples=["2 K"],
+    )
+    growth: Growth | None = Field(
+        None,
+        description="how many times `interval` a window may grow to between events (rolls, ends of "
+        "zones, edges of sprays, kinks of the speed), after each of which it begins with "
+        "`interval`; by default it does not grow",
+        examples=[8.0],
+    )
+    strain_error: Tolerance | None = Field(
+        None,
+        description="error of the axial strain at the surface allowed in a window that has grown; "
+        "by default 1e-5",
+        examples=[1e-5],
     )
     follow_shape: bool = Field(
         True,

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from castfem.coupling.step_control import StepControl
+from castfem.coupling.step_control import ALLOWED_STRAIN, StepControl
 from castfem.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
 from castfem.errors import RunFailure
 from castfem.fem import reductions
@@ -37,6 +37,7 @@ UNEVEN = 1.0 / 6.0  # of what a change of flux does: left where it comes evenly,
 ORDER = 1.5  # of this error in the length of the window
 ALLOWED = 2.0  # K: of it, where the case gives none
 FINE = 0.1  # s: a window this short is not cut back for its error, however long others may be
+GROWN = 1.0 + 1e-9  # times the window of the case: one that has grown
 BEYOND = 4.0  # times the error allowed: such a window is cut back before its gap has converged
 
 
@@ -50,12 +51,15 @@ class StrandState:
             owned vertices (owned,), J/m3; empty without.
         trend: Rate of temperature in the last window (owned,), K/s: what mechanics that go first
             know of the next; empty where they do not.
+        strain_rate: Of the generalized strains a0, a1, a2 in the last window (3,), 1/s, 1/(m s):
+            what the next one is compared with; empty where windows do not grow.
     """
 
     thermal: ThermalState
     mechanical: MechanicalState | None
     heating: Array
     trend: Array = field(default_factory=lambda: np.zeros(0))
+    strain_rate: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def time(self) -> float:
@@ -171,6 +175,8 @@ class StaggeredCoupling:
         max_iterations: Of the coupling, in one window.
         tolerance: The gap has converged when the one that was computed would change the
             temperature of the surface by less, K.
+        strain_error: Of the axial strain, allowed in a window that has grown.
+        reach: Largest |x| and |y| of the section, m; None where windows do not grow.
         order: "thermal_first", or "mechanics_first": strained as if it went on cooling as in the
             window before, and held its temperature in the first (297)-(299), Fig. 84.
     """
@@ -186,10 +192,13 @@ class StaggeredCoupling:
         max_iterations: int = 1,
         tolerance: float = 1.0,
         order: str = "thermal_first",
+        strain_error: float = ALLOWED_STRAIN,
+        reach: tuple[float, float] | None = None,
     ) -> None:
         self.thermal, self.mechanics, self.dissipation = thermal, mechanics, dissipation
         self.surface, self.gap, self.window = surface, gap, window
         self.max_iterations, self.tolerance, self.order = max_iterations, tolerance, order
+        self.strain_error, self.reach = strain_error, reach
 
     def take(self, old: StrandState, end: float, allowed: float = np.inf) -> CouplingWindow:
         """One window from `old` to `end` (s); `old` is left untouched.
@@ -254,7 +263,11 @@ class StaggeredCoupling:
         if first is not None:
             cooled = substeps.state.point.temperature - old.thermal.point.temperature
             trend = np.asarray(cooled / duration)
-        state = StrandState(substeps.state, result.state, self._heating(result), trend)
+        rate: Array = np.zeros(0)
+        if self.reach is not None:
+            moved = result.state.generalized_strains - old.mechanical.generalized_strains
+            rate = np.asarray(moved[:3] / duration)
+        state = StrandState(substeps.state, result.state, self._heating(result), trend, rate)
         return CouplingWindow(True, state, substeps, result, 1)
 
     def _follow_shape(self, state: MechanicalState) -> None:
@@ -299,6 +312,18 @@ class StaggeredCoupling:
         work = self.mechanics.stepper.problem.points.to_vertices(result.dissipation)
         return np.asarray(self.dissipation * work / problem.area)
 
+    def curved(self, old: StrandState, new: StrandState) -> float:
+        """How far the axial strain of a window is from straight, over what is allowed.
+
+        Half of what it would have been off, had it gone on as in the window before: that is the
+        error of a backward step, by the corner of the section that is worst off.
+        """
+        if self.reach is None or not old.strain_rate.size:
+            return 0.0
+        changes = np.abs(new.strain_rate - old.strain_rate)
+        off = float(changes @ np.array([1.0, *self.reach])) * (new.time - old.time)
+        return 0.5 * off / self.strain_error
+
     def start(self, thermal: ThermalState) -> StrandState:
         """The slice as it begins: undeformed and free of stress."""
         mechanical = self.mechanics.stepper.initial(thermal.time, thermal.point.temperature)
@@ -320,6 +345,7 @@ def take_window(
             nothing is there to bear a load.
     """
     failed = cut = 0
+    begins = control.at_milestone(state.time)  # the rate before is not that after
     while True:
         end = control.propose(state.time)
         taken = end - state.time
@@ -328,6 +354,9 @@ def take_window(
         allowed = np.inf if fine else control.tolerance
         learnt = coupling.thermal.control.step
         attempt = coupling.take(state, end, allowed)
+        if attempt.converged and taken > GROWN * control.base and not begins:
+            curved = coupling.curved(state, attempt.state) * control.tolerance
+            attempt = replace(attempt, error=max(attempt.error, curved))
         if attempt.converged and attempt.error > allowed:
             log.logger.debug(
                 "t = %.6g s: coupling window %.3g s: error %.3g K", state.time, taken, attempt.error

@@ -13,6 +13,7 @@ SAFETY = 0.9
 GROWTH = 2.0
 SHRINK = 0.2
 FAILED = 0.25  # what is left of the step when the solver fails
+ALLOWED_STRAIN = 1e-5  # error of the axial strain of a window that has grown, by default
 _NEARLY = 1e-6  # of the smallest step: how far rounding takes a step from it
 
 
@@ -43,6 +44,7 @@ class StepControl:
         tolerance: Error (K) allowed in a fixed step, which is cut back for it; None: any.
         order: Power of the step that the error estimate follows.
         longest: Of a step that begins at a time, s; None for no other limit than these.
+        most: How many times such a step, fixed or longest, one may grow to between milestones.
     """
 
     def __init__(
@@ -55,6 +57,7 @@ class StepControl:
         tolerance: float | None = None,
         order: float = 3,
         longest: Callable[[float], float] | None = None,
+        most: float = 1.0,
     ) -> None:
         if (fixed is None) == (adaptive is None):
             raise ValueError("give a fixed step or an adaptive one")
@@ -69,21 +72,30 @@ class StepControl:
         self.step = fixed if fixed is not None else adaptive.first  # type: ignore[union-attr]
         self.smallest = adaptive.smallest if adaptive is not None else 1e-6 * self.step
         self._longest, self._clipped = longest, False
+        self.most, self.growth, self.base = most, 1.0, self.step
 
     def next_stop(self, time: float) -> float:
         """The first milestone after `time`, or the end."""
         return self._stops[min(bisect_right(self._stops, time + self._tiny), len(self._stops) - 1)]
 
+    def at_milestone(self, time: float) -> bool:
+        """Whether a milestone, or the beginning, is at `time` (s)."""
+        before = bisect_right(self._stops, time + self._tiny) - 1
+        return time - (self._stops[before] if before >= 0 else 0.0) <= self._tiny
+
     def propose(self, time: float, limit: float | None = None) -> float:
         """End of the step to try from `time`, never past the next milestone or `limit`, s."""
+        if self.most > 1.0 and self.at_milestone(time):
+            self.growth = 1.0
         stop = self.next_stop(time)
         stop = stop if limit is None else min(stop, limit)
         left = stop - time
         step = self.step if self._longest is None else min(self.step, self._longest(time))
+        self.base, step = step, step * self.growth
         self._clipped = left <= step * (1 + 1e-9)
         if self._clipped:
             return stop
-        if self._adaptive is not None and left < 2 * step:
+        if (self._adaptive is not None or self.growth > 1.0) and left < 2 * step:
             return time + 0.5 * left  # two even steps rather than a crumb at the end
         return time + step
 
@@ -98,6 +110,11 @@ class StepControl:
             RunFailure: If the error of the smallest step is too large.
         """
         ratio = self.tolerance / max(error, 1e-300)
+        if self.most > 1.0 and (self.accepts(error) or self.growth > 1.0):
+            scale = min(max(SHRINK, SAFETY * ratio**self._exponent), GROWTH)
+            self.growth = min(max(taken / self.base * scale, 1.0), self.most)
+            if not self.accepts(error):
+                return
         if self._adaptive is None and self.accepts(error):
             grown = min(GROWTH, SAFETY * ratio**self._exponent)
             grown = max(grown, 1.0) if self._clipped else grown
@@ -134,6 +151,9 @@ class StepControl:
         Raises:
             RunFailure: If the step is already the smallest.
         """
+        if self.growth > 1.0:
+            self.growth = max(taken * FAILED / self.base, 1.0)
+            return
         shorter = self._shorter(taken, taken * FAILED if wanted is None else wanted)
         if shorter is None:
             raise RunFailure(f"the solver fails at the smallest step ({taken:.3g} s): {reason}")

@@ -75,7 +75,8 @@ class Recorded:
 
     Attributes:
         state: The committed state. sample: Taken of it. counts: So far.
-        step: Of `Simulation.control`, s. substep: Of the thermal steps, s.
+        step: Of `Simulation.control`, s; growth: How many times that. substep: Of the thermal
+            steps, s.
         zone: Index of the cooling.
         memory: Of the sampler. snapshots: Results at the references' positions.
         quality: Crack indexes; None in a case without [quality].
@@ -85,6 +86,7 @@ class Recorded:
     sample: Sample
     counts: Counts
     step: float
+    growth: float
     substep: float
     zone: int
     memory: dict[str, float | None]
@@ -161,6 +163,7 @@ class RunState:
             sample,
             replace(self.counts),
             simulation.control.step,
+            simulation.control.growth,
             simulation.steps.control.step,
             self.zone,
             self.sampler.memory(),
@@ -175,6 +178,7 @@ class RunState:
             return False
         self.state, self.sample, self.counts = good.state, good.sample, good.counts
         simulation.control.step, simulation.steps.control.step = good.step, good.substep
+        simulation.control.growth = good.growth
         self.zone, self.snapshots = good.zone, good.snapshots
         self.sampler.recall(good.memory)
         if self.sampler.quality is not None and good.quality is not None:

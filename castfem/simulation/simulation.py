@@ -14,8 +14,9 @@ import numpy as np
 from castfem.case.build_machine import build_machine
 from castfem.case.mechanics import Way
 from castfem.coupling.staggered import ALLOWED, ORDER, StaggeredCoupling
-from castfem.coupling.step_control import Adaptive, StepControl
+from castfem.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
 from castfem.coupling.subcycling import MechanicalSteps, ThermalSteps
+from castfem.fem import reductions
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.root import on_root
 from castfem.fem.section import Section
@@ -162,9 +163,11 @@ def _probe_lines(case: Case, section: Section) -> dict[str, tuple[Array, Array]]
 def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepControl:
     """Choice of the coupling windows, of equal times or of equal lengths of strand."""
     duration, given = case.casting.duration, case.coupling.interval
-    allowed = case.coupling.window_error or ALLOWED
+    allowed, most = case.coupling.window_error or ALLOWED, case.coupling.growth or 1.0
     if not isinstance(given, Way):
-        return StepControl(duration, milestones, fixed=given, tolerance=allowed, order=ORDER)
+        return StepControl(
+            duration, milestones, fixed=given, tolerance=allowed, order=ORDER, most=most
+        )
     length = given.length
     return StepControl(
         duration,
@@ -173,6 +176,7 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
         tolerance=allowed,
         order=ORDER,
         longest=lambda time: machine.window(time, length),
+        most=most,
     )
 
 
@@ -196,7 +200,16 @@ def _coupling(
     return StaggeredCoupling(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
         duration, given.passes, given.settled, given.order,
+        given.strain_error or ALLOWED_STRAIN,
+        _reach(mechanics.problem.section) if (given.growth or 1.0) > 1.0 else None,
     )  # fmt: skip
+
+
+def _reach(section: Section) -> tuple[float, float]:
+    """Largest |x| and |y| of the section, m (collective)."""
+    place = np.abs(section.vertex_space.tabulate_dof_coordinates()[: section.owned, :2])
+    x, y = (reductions.largest(section.comm, values) for values in place.T)
+    return x, y
 
 
 def _mechanics(

@@ -57,6 +57,9 @@ def description(run: RunState) -> dict[str, Any]:
     }
     if run.mechanical_checkpoint is not None and mechanical is not None:
         found["mechanical"] = run.mechanical_checkpoint.description(mechanical)
+    if run.simulation.control.most > 1.0:
+        found["growth"] = run.simulation.control.growth
+        found["strain_rate"] = run.state.strain_rate.tolist()
     if run.sampler.quality is not None:
         found["quality"] = run.sampler.quality.memory()
     return found
@@ -83,7 +86,9 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
         np.asarray(by_node[name])[nodes] if name in by_node else np.zeros(0)
         for name in ("heating", "trend")
     )
-    run.state = StrandState(thermal, mechanical, heating, trend)
+    rate = np.asarray(meta.get("strain_rate", []), float)
+    run.state = StrandState(thermal, mechanical, heating, trend, rate)
+    run.simulation.control.growth = meta.get("growth", 1.0)
     run.counts = Counts.restored(meta["counts"])
     run.simulation.control.step = meta["step"]
     run.simulation.steps.control.step = meta["substep"]

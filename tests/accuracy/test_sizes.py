@@ -50,6 +50,9 @@ def test_windows_and_the_steps_within_are_parted() -> None:
 def test_a_window_that_is_a_length_stays_one() -> None:
     case = load_case(CASES / "slab1200" / "bending.toml")
     assert sizes.changes(case, {"coupling": 0.5})["coupling.interval"] == "50 mm"
+    growing = case.with_({"coupling.growth": 4.0})
+    assert sizes.changes(growing, {"coupling": 0.5})["coupling.strain_error"] == 2.5e-6
+    assert sizes.key(growing.with_({"coupling.strain_error": 1e-6})) == sizes.key(growing)
     assert sizes.window(case) == pytest.approx(5.0)
 
 

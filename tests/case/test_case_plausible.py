@@ -241,6 +241,7 @@ SLABS = TAPERED.parents[1] / "slab1200"
             'coupling.settled: has no effect with order = "mechanics_first"',
         ),
         (SLABS / "bulging.toml", ("coupling.passes=3",), "passes: has no effect without [mould]"),
+        (SLABS / "bulging.toml", ("coupling.strain_error=1e-6",), "without coupling.growth"),
         (SLABS / "thermal.toml", ("coupling.interval=1 s",), "no effect without [mechanics]"),
         (
             SLABS / "reference.toml",

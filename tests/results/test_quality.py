@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -252,6 +253,32 @@ def test_no_rate_is_told_of_a_window_of_no_length(tmp_path: Path) -> None:
         with pytest.raises(RunFailure, match="power"):
             loop.run(near_a_roll(), broken, comm=MPI.COMM_SELF)
     loop.run(near_a_roll(), broken, comm=MPI.COMM_SELF, resume=True)
+    for name in (MAPS_NAME, "history.csv"):
+        assert (broken / name).read_bytes() == (whole / name).read_bytes(), name
+
+
+def test_windows_grow_where_the_strain_goes_on_evenly(tmp_path: Path) -> None:
+    """From each kink of the curvature on; with less error allowed they do so less.
+
+    A run that is cut off goes on with the windows that it had.
+    """
+    coupling: dict[str, Any] = {"interval": "25 mm", "growth": 6.0}
+    whole, broken, strict = (tmp_path / name for name in ("whole", "broken", "strict"))
+    case = judged(WIDE, coupling=coupling)
+    loop.run(case, whole, comm=MPI.COMM_SELF)
+    at = read_history(whole / "history.csv")["position"].to_numpy()
+    kinks = [int(np.argmin(np.abs(at - place))) for place in (0.1, 0.6, 1.35)]
+    assert at[kinks] == pytest.approx([0.1, 0.6, 1.35], abs=1e-9)
+    assert np.diff(at)[kinks] == pytest.approx([0.025] * 3, abs=1e-9)
+    assert np.diff(at).max() == pytest.approx(0.15, abs=1e-9)
+    loop.run(judged(WIDE, coupling=coupling | {"strain_error": 1e-9}), strict, comm=MPI.COMM_SELF)
+    uniform = len(read_history(strict / "history.csv"))
+    assert len(at) < 0.6 * uniform
+    with pytest.MonkeyPatch.context() as patch:
+        break_off(patch, 8)
+        with pytest.raises(RunFailure, match="power"):
+            loop.run(case, broken, comm=MPI.COMM_SELF)
+    loop.run(case, broken, comm=MPI.COMM_SELF, resume=True)
     for name in (MAPS_NAME, "history.csv"):
         assert (broken / name).read_bytes() == (whole / name).read_bytes(), name
 

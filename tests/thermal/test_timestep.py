@@ -71,6 +71,33 @@ def test_a_fixed_step_is_cut_for_its_error_and_grows_back() -> None:
     assert free.step == 1.0
 
 
+def test_a_step_grows_between_milestones_and_begins_anew_at_each() -> None:
+    control = StepControl(40.0, [20.0], fixed=1.0, tolerance=2.0, order=1.5, most=6.0)
+    times = steps_of(control, 1e-9, 99)
+    steps = [b - a for a, b in pairwise(times)]
+    assert steps == pytest.approx([1.0, 2.0, 4.0, 6.0, 3.5, 3.5] * 2)  # no crumb at the end
+    assert 20.0 in times and control.at_milestone(20.0) and not control.at_milestone(19.0)
+
+
+def test_a_step_that_has_grown_is_cut_no_shorter_than_it_was_given() -> None:
+    """For its error by its order, for a failure to a quarter; what was given stays."""
+    control = StepControl(100.0, fixed=1.0, tolerance=2.0, order=1.5, most=6.0)
+    for start, taken in ((0.0, 1.0), (1.0, 2.0), (3.0, 4.0)):
+        assert control.propose(start) - start == pytest.approx(taken)
+        control.learn(taken, 1e-9)
+    assert control.propose(7.0) - 7.0 == pytest.approx(6.0)
+    control.learn(6.0, 4.0)
+    assert control.propose(7.0) - 7.0 == pytest.approx(6.0 * 0.9 / 2.0 ** (1.0 / 1.5))
+    control.learn(3.4, 1e9)
+    assert control.propose(7.0) - 7.0 == 1.0 and control.step == 1.0
+    control.learn(1.0, 1e-9)
+    control.propose(8.0)
+    control.failed(2.0, "no reason")
+    assert control.propose(8.0) - 8.0 == 1.0
+    control.failed(1.0, "no reason")
+    assert control.propose(8.0) - 8.0 == pytest.approx(0.25)
+
+
 def test_large_error_is_rejected_and_cut() -> None:
     control = StepControl(10.0, adaptive=BOUNDS)
     assert not control.accepts(8.0)
