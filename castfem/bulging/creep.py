@@ -68,6 +68,12 @@ class Pitch:
     curvature: Array
     change: float = np.inf
 
+    def sheared(self, span: Span, yields: float) -> Pitch:
+        """The same that yields to shear as well, by a slope over shear force, m/N."""
+        slope = yields * span.pressure * (0.5 * span.length - self.z)
+        more = np.stack([yields * (self.moment - self.moment[0]), slope])
+        return replace(self, deflection=self.deflection + more)
+
     @property
     def size(self) -> float:
         """Largest deflection to either side, m."""
@@ -81,17 +87,26 @@ class CreepingStrip:
     A law that hardens by accumulated strain has no periodic state, since each pitch hardens it
     further: the strip is then what `pitches` pitches make of virgin steel.
 
+    It may yield to shear besides, elastically: M' is the shear force, and its slope S M' goes on
+    top of that of bending, which alone is continuous at a roll.
+
     Attributes:
         law: Of the steel.
         steps: In a pitch; even.
         layers: Points through the thickness; even.
         pitches: Of virgin steel with a law that cannot become periodic.
+        shear: Whether it yields to shear.
     """
 
     law: Law
     steps: int = STEPS
     layers: int = LAYERS
     pitches: int = VIRGIN_PITCHES
+    shear: bool = False
+
+    def compliance(self, layers: Layers) -> float:
+        """Slope over shear force per metre of width, m/N; 0 without shear."""
+        return layers.stiffness.shear if self.shear else 0.0
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:
         """See `BulgingModel`."""
@@ -102,6 +117,8 @@ class CreepingStrip:
         guess = None if accumulates(self.law) else coarse
         fine, periodic = self.periodic(layers, span, self.steps, guess)
         force = np.array([span.pressure * span.length])
+        if yields := self.compliance(layers):
+            coarse, fine = (one.sheared(span, yields) for one in (coarse, fine))
         bulge = replace(extrapolated(coarse, fine, layers), roll_force=force)
         if periodic or accumulates(self.law):
             return replace(bulge, periodic=periodic)

@@ -18,11 +18,15 @@ NODES = 41
 class ElasticStrip:
     """w = p z^2 (L - z)^2 / 24 D, at most p L^4 / 384 D, without memory or speed.
 
+    Shear adds S p z (L - z) / 2, S its compliance: all pitches being alike, no moment changes.
+
     Attributes:
         elasticity: Of the steel.
+        shear: Whether the strip yields to shear.
     """
 
     elasticity: Elasticity
+    shear: bool = False
 
     def bulge(self, span: Span, shell: Shell) -> Bulge:
         """See `BulgingModel`."""
@@ -30,11 +34,12 @@ class ElasticStrip:
         z = evenly(length, NODES)
         load = p / stiff.bending
         inside: Array = np.asarray(z * (length - z))
+        yields = p * stiff.shear if self.shear else 0.0
         moment: Array = np.asarray(0.5 * p * inside - p * length**2 / 12.0)
         return Bulge(
             z=z,
-            deflection=np.asarray(load * inside**2 / 24.0),
-            slope=np.asarray(load * inside * (length - 2.0 * z) / 12.0),
+            deflection=np.asarray(load * inside**2 / 24.0 + 0.5 * yields * inside),
+            slope=np.asarray((load * inside / 12.0 + 0.5 * yields) * (length - 2.0 * z)),
             moment=moment,
             curvature=np.asarray(moment / stiff.bending),
             axial_strain=np.zeros(NODES),

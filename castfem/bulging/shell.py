@@ -105,10 +105,13 @@ class Stiffness:
         bending: D, moment per unit width over curvature, N m; E h^3 / (12 (1 - nu^2)) where E is
             the same everywhere.
         neutral: Depth of the neutral axis, m.
+        shear: Slope that a shear force per unit width makes, over it, m/N; 6/5 / (G h) where G is
+            the same everywhere.
     """
 
     bending: float
     neutral: float
+    shear: float
 
 
 def stiffness(elasticity: Elasticity, points: Points) -> Stiffness:
@@ -124,8 +127,26 @@ def stiffness(elasticity: Elasticity, points: Points) -> Stiffness:
             [(stiff * poisson * arm).sum(), (stiff * arm).sum(), (stiff * arm * arm).sum()],
         ]
     )
-    _, axial, bent = np.linalg.solve(matrix, [0.0, 0.0, 1.0])
-    return Stiffness(float(1.0 / bent), float(0.5 * points.thickness + axial / bent))
+    across, axial, bent = np.linalg.solve(matrix, [0.0, 0.0, 1.0])
+    stress = stiff / points.weight * (axial + bent * arm + poisson * across)
+    flow = _below(points.weight, stress)  # of shear, of a unit of it
+    return Stiffness(
+        float(1.0 / bent),
+        float(0.5 * points.thickness + axial / bent),
+        float((points.weight * flow**2 / shear).sum()),
+    )
+
+
+def _below(weight: Array, values: Array) -> Array:
+    """Integral from the surface to each of the points of values at them, linear in a sublayer."""
+    half = weight[::2]
+    one, other = values[::2], values[1::2]
+    mean, slope = 0.5 * (one + other), 0.5 * (other - one) / _GAUSS
+    whole = np.concatenate([[0.0], np.cumsum(2.0 * half * mean)[:-1]])
+    parts = [
+        whole + half * (mean * (t + 1.0) + 0.5 * slope * (t**2 - 1.0)) for t in (-_GAUSS, _GAUSS)
+    ]
+    return np.stack(parts, axis=1).ravel()
 
 
 def _at(depth: Array, values: npt.ArrayLike) -> Array:

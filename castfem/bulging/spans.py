@@ -108,6 +108,7 @@ class _Spans:
         self._hats = np.array([np.interp(z, places, row) for row in np.eye(len(places))])
         j = np.clip(np.searchsorted(places, z, side="right") - 1, 0, len(places) - 2)
         self._parabola = 0.5 * rolls.pressure * (z - places[j]) * (places[j + 1] - z)
+        self._yields, self._span_of = strip.compliance(layers), j
 
     def _sunk(self, curvature: Array) -> tuple[Array, Array]:
         """Slope and deflection that curvatures (..., n) take from a straight line."""
@@ -117,6 +118,18 @@ class _Spans:
         turned = np.concatenate([zero, np.cumsum(0.5 * (now + then) * dz, axis=-1)], axis=-1)
         area = 0.5 * (turned[..., 1:] + turned[..., :-1]) * dz - dz**2 / 12.0 * (now - then)
         return turned, np.concatenate([zero, np.cumsum(area, axis=-1)], axis=-1)
+
+    def _sheared(self, moments: Array, moment: Array) -> Array:
+        """Deflection and slope by shear (2, n); over a roll the slope is the mean of both sides."""
+        if not self._yields:
+            return np.zeros((2, len(moment)))
+        rolls, j = self._rolls, self._span_of
+        pitch, places = np.array(rolls.pitches), np.asarray(rolls.positions)
+        half, rise = 0.5 * rolls.pressure * pitch, np.diff(moments) / pitch
+        force = (rise + half)[j] - rolls.pressure * (self._z - places[j])
+        inner = self._at[:-1]
+        force[inner] = 0.5 * (rise[1:] + half[1:] + rise[:-1] - half[:-1])
+        return self._yields * np.stack([moment - moment[0], force])
 
     def _advanced(self, unknown: Array) -> tuple[Pitch, Array]:
         """The strip with inner moments and a slope at the first roll; by what it misses rolls."""
@@ -128,10 +141,9 @@ class _Spans:
         curvature = self._in.curvature[0] + history.curvature
         turned, sunk = self._sunk(curvature)
         w = rolls.offsets[0] + unknown[-1] * (z - z[0]) - sunk
-        found = Pitch(
-            z, moment, history, self._in.start, np.stack([w, unknown[-1] - turned]), curvature
-        )
-        return found, w[self._at] - np.asarray(rolls.offsets[1:])
+        bent = np.stack([w, unknown[-1] - turned]) + self._sheared(moments, moment)
+        found = Pitch(z, moment, history, self._in.start, bent, curvature)
+        return found, bent[0, self._at] - np.asarray(rolls.offsets[1:])
 
     def _slopes(self, history: LayerHistory) -> Array:
         """Derivative of what is missed by the unknowns, from the compliance of each step."""
@@ -140,7 +152,7 @@ class _Spans:
         creep = np.cumsum((history.compliance - elastic) * hats[:, 1:], axis=1)
         by_moment = elastic * hats
         by_moment[:, 1:] += creep
-        rows = -self._sunk(by_moment)[1][:, self._at]
+        rows = (self._yields * hats - self._sunk(by_moment)[1])[:, self._at]
         return np.vstack([rows, self._z[self._at] - self._z[0]]).T
 
     def solved(self, guess: tuple[Array, Array] | None = None) -> tuple[Pitch, tuple[Array, Array]]:

@@ -51,6 +51,13 @@ class Bulging(TableModel):
         "shell between the edges of the wide faces",
     )
 
+    shear: bool | None = Field(
+        None,
+        description="whether the strip yields to shear, elastically, by the moduli of its own "
+        "section (not the thesis' plate); by default it does not",
+        examples=[True],
+    )
+
     @property
     def bears(self) -> bool:
         """Whether rolls bear the wide faces."""
@@ -112,6 +119,8 @@ def check_bulging(case: Case) -> Iterator[Problem]:
             )
     if table.largest is not None and table.model != "thesis":
         yield Problem((*_KEY, "largest"), f'is for model = "thesis", not "{table.model}"')
+    if table.shear and table.model == "thesis":
+        yield Problem((*_KEY, "shear"), 'is for a strip, not for model = "thesis"')
     pairs = case.machine.pairs()
     if pairs is not None and len(pairs.pairs) < 2:
         yield Problem(_KEY, "needs two pairs of rolls at least")

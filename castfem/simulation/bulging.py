@@ -298,10 +298,10 @@ def _model(table: Bulging, law: Law, width: float) -> tuple[Callable[[float], Bu
     from castfem.bulging.elastic import NODES
 
     if table.model == "creep":
-        strip = CreepingStrip(law)
+        strip = CreepingStrip(law, shear=bool(table.shear))
         return lambda middle: strip, strip.steps // 2 + 1
     if table.model == "elastic":
-        elastic = ElasticStrip(law.elasticity)
+        elastic = ElasticStrip(law.elasticity, bool(table.shear))
         return lambda middle: elastic, NODES
     if table.largest is None:
         plate = ThesisPlate(law.elasticity, width)

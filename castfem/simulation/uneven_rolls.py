@@ -45,7 +45,8 @@ def build_uneven_rolls(
         if rolls.pairs[i].offset:
             marks |= {k - 1, k} & set(range(len(there) - 1))
     places = [pair.position for pair in normal.pairs]
-    strip = CreepingStrip(law if table.model == "creep" else ThermoElastic(law.elasticity))
+    steel = law if table.model == "creep" else ThermoElastic(law.elasticity)
+    strip = CreepingStrip(steel, shear=bool(table.shear))
     return UnevenRolls(
         strip,
         np.array([rolls.pairs[i].position for i in there]),

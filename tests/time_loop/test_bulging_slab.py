@@ -15,7 +15,7 @@ from billet_runs import Kept, run_in_memory
 from interrupted import Interrupted
 from small_case import small
 
-from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span
+from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span, stiffness
 from castfem.case import Case
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.contact.roll_support import RollSupportState
@@ -137,15 +137,17 @@ def test_the_bulge_is_that_of_the_strip_with_the_shell_of_the_slice(creeping: Ke
 
 
 def test_elastic_and_thesis_are_the_closed_forms() -> None:
-    elastic, thesis = (
+    elastic, thesis, sheared = (
         entered(run_in_memory(slab(mechanics__bulging=model, casting__length="0.95 m")), 0)
-        for model in ("elastic", "thesis")
+        for model in ("elastic", "thesis", {"model": "elastic", "shear": True})
     )
     length, memory = ROLLS[1] - ROLLS[0], rolls_of(elastic).memory
     shell, law = shell_of(elastic)
     span = Span(length, float(memory["load"][0]) / length, 0.02)
     exact = ElasticStrip(law.elasticity).bulge(span, shell).largest
     assert memory["largest"][0] == pytest.approx(exact, rel=1e-6)
+    more = span.pressure * length**2 / 8.0 * stiffness(law.elasticity, shell.points()).shear
+    assert rolls_of(sheared).memory["largest"][0] == pytest.approx(exact + more, rel=1e-6)
     ratio = (0.4 / length) ** 2
     plate = 384.0 * 4.0 * ratio**2 / (12.0 * np.pi**4 * (ratio**2 + 2.0 / 3.0 * ratio + 1.0))
     assert rolls_of(thesis).memory["largest"][0] / exact == pytest.approx(plate, rel=1e-6)
@@ -288,6 +290,10 @@ def test_it_resumes_byte_for_byte(tmp_path: Path, steps: int) -> None:
         (
             {"mechanics__bulging": {"model": "creep", "largest": "1 mm"}},
             r'mechanics\.bulging\.largest: is for model = "thesis", not "creep"',
+        ),
+        (
+            {"mechanics__bulging": {"model": "thesis", "shear": True}},
+            r'bulging\.shear: is for a strip, not for model = "thesis"',
         ),
         (
             {"mechanics__bulging": {"model": "none", "axial_strain": True}},
