@@ -33,6 +33,9 @@ CONTACT_FIELDS: tuple[FieldName, ...] = get_args(ContactField)
 TemperatureOverDepth = Annotated[float | Table, Curve(Kind("K", "degC"), over="depth")]
 
 
+_ROUNDED = 1e-6  # of a per cent
+
+
 class Start(TableModel):
     """Where and with what a run begins."""
 
@@ -125,6 +128,20 @@ class Steel(TableModel):
     )
 
 
+def _whole_percent(fraction: float | None) -> float | None:
+    """Refuse what has no name of two digits, and the solidus, whose shell is there anyway."""
+    if fraction is not None and abs(100.0 * fraction - round(100.0 * fraction)) > _ROUNDED:
+        raise ValueError("whole per cents are needed, such as 0.7")
+    if fraction is not None and not 0.005 < fraction < 0.995:
+        raise ValueError("must lie between 0 and 1; at 0 it is liquidus_depth, at 1 the shell")
+    return fraction
+
+
+WholePercent = Annotated[
+    float, Kind("1", label="solid fraction", sample="0.7"), AfterValidator(_whole_percent)
+]
+
+
 class Output(TableModel):
     """What a run writes, and how often."""
 
@@ -157,6 +174,12 @@ class Output(TableModel):
         "with system for all others ([output.md](output.md#units)); files keep their documented "
         "units; left out: plant",
         examples=["si"],
+    )
+    shell_at: tuple[WholePercent, ...] = Field(
+        (),
+        description="solid fractions, whole per cents, to which the shell is told besides that of "
+        "the solidus: 0.7 gives the columns fs70_mid_face, fs70_corner ...",
+        examples=[[0.3, 0.7]],
     )
     probe: tuple[Probe, ...] = ()
 

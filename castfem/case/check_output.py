@@ -16,6 +16,9 @@ def check_output(case: Case) -> Iterator[Problem]:
     if case.output and case.output.units is not None:
         for key, text in faults(case.output.units):
             yield Problem(("output", "units", key), text)
+    fractions = [f for f in (case.output and case.output.shell_at) or () if f is not None]
+    if len({round(100.0 * f) for f in fractions}) < len(fractions):
+        yield Problem(("output", "shell_at"), "has a solid fraction twice")
     names: list[str] = []
     for index, probe in enumerate((case.output and case.output.probe) or ()):
         path = ("output", "probe", index)

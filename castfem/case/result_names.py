@@ -6,6 +6,7 @@ one; tests hold this list against runs.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from castfem.values import units
@@ -118,9 +119,11 @@ def unit_of(name: str) -> str | None:
     """Return a unit that measures a result, "1" for a plain number; None if there is none."""
     if name in WHOLE:
         return WHOLE[name]
-    for result, unit in AT_PROBES.items():
+    at_fraction = re.match(r"fs[1-9]\d?_", name)
+    known = AT_PROBES if at_fraction is None else {at_fraction[0][:-1]: "mm"}
+    for result, unit in known.items():
         probe = name.removeprefix(f"{result}_")
-        if probe != name and any(f"{probe}_".startswith(f"{known}_") for known in PROBES):
+        if probe != name and any(f"{probe}_".startswith(f"{one}_") for one in PROBES):
             return unit
     return None
 

@@ -186,6 +186,9 @@ def _ordered(grouped: dict[str, list[Panel]]) -> list[tuple[Definition, list[Pan
     for name in names:
         plain = name.replace("_", " ")
         definition = known.get(name, Definition(name, plain.capitalize(), plain))
+        if name.startswith("fs") and name[2:].isdigit():
+            title = f"Depth below the surface to fs = {int(name[2:]) / 100:g}"
+            definition = Definition(name, title, "depth", zero=True)
         panels = sorted(grouped[name], key=lambda panel: panel.place in _LAST)
         found.append((definition, _different(panels)))
     return found

@@ -18,7 +18,7 @@ from castfem.plots.style import (
     probe_colours,
 )
 from castfem.plots.tensile import draw_tensile
-from castfem.results.registry import find, probe_label
+from castfem.results.registry import AT_FRACTION, find, probe_label
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.shown_units import plain_unit, said
 
@@ -117,7 +117,11 @@ def draw_shell(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
     if not solid and not liquid:
         return None
     figure, (axes,) = new_panels(1, 3.4)
-    for lines, kind, style in ((solid, "solidus (shell)", "-"), (liquid, "liquidus", "--")):
+    between = dict.fromkeys(found[1] for c in table if (found := AT_FRACTION.fullmatch(str(c))))
+    chosen = [(curves(table, f"fs{p}"), f"fs = {int(p) / 100:g}", ":") for p in between]
+    for lines, kind, style in (
+        (solid, "solidus (shell)", "-"), *chosen, (liquid, "liquidus", "--"),
+    ):  # fmt: skip
         for probe, colour, column in lines:
             label = f"{probe}, {kind}"
             axes.plot(abscissa.values, table[column], color=colour, linestyle=style, label=label)
@@ -127,7 +131,7 @@ def draw_shell(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
     axes.set_ylim(0.0, axes.get_ylim()[1])
     axes.set_ylabel(axis_label(table, [*solid, *liquid][0][2]), gid=[*solid, *liquid][0][2])
     dress([axes], abscissa)
-    place_legend(axes, 2 if len(solid) + len(liquid) > 3 else 1)
+    place_legend(axes, 2 if len(axes.lines) > 3 else 1)
     return figure
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from castfem.output.summary import Quantity
+from castfem.results.registry import AT_FRACTION
 
 AT_PROBES = (
     "shell_mid_face",
@@ -63,9 +64,12 @@ def headline(runs: Iterable[Mapping[str, Quantity]]) -> list[str]:
     The narrow face is left out where it is in every run as the mid-face.
     """
     everything = list(runs)
+    chosen = [n for run in everything for n in run if AT_FRACTION.fullmatch(n)]
+    shells = HEADLINE.index("shell_corner") + 1
+    names = (*HEADLINE[:shells], *dict.fromkeys(chosen), *HEADLINE[shells:], *FROM_HISTORY)
     found = [
         name
-        for name in (*HEADLINE, *FROM_HISTORY)
+        for name in names
         if any(name in run and _to_show(name, run[name]) for run in everything)
     ]
     return [

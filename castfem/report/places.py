@@ -11,6 +11,7 @@ from castfem.errors import CastfemError
 from castfem.output.folder import CASE_NAME
 from castfem.output.summary import Quantity, Summary
 from castfem.report.headline import AT_PROBES, HEADLINE
+from castfem.results.registry import AT_FRACTION
 
 _MOST = 8  # places in the table of a run that was asked for none
 _NAMES = (
@@ -86,7 +87,8 @@ def table_names(runs: Sequence[Mapping[str, Quantity]], *, everything: bool = Fa
     names = list(dict.fromkeys(name for run in runs for name in run))
     if everything:
         return names
-    named = [name for name in (*_NAMES, *HEADLINE) if name in names]
+    chosen = [name for name in names if AT_FRACTION.fullmatch(name)]
+    named = [name for name in (*_NAMES[:3], *chosen, *_NAMES[3:], *HEADLINE) if name in names]
     return [name for name in dict.fromkeys(named) if not _says_nothing_new(name, runs)]
 
 

@@ -15,13 +15,13 @@ from castfem.output.summary import si_unit
 from castfem.output.surface_line import SurfaceLine
 from castfem.output.surface_maps import Heading, SurfaceMap
 from castfem.results.crack_index import CrackIndex, SliceStep, declared_indexes
+from castfem.results.fraction_depths import temperature_at
 from castfem.results.quality_quantities import POOL
 from castfem.results.registry import NEEDS
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.coupling.staggered import StrandState
-    from castfem.materials import Steel
     from castfem.results.mechanical import MechanicalSampler
     from castfem.simulation.simulation import Simulation
 
@@ -35,7 +35,6 @@ Where two events lie close together, a roll and the end of a zone 14 um below it
 of milliseconds between them. What jumps there, as does the bed of a pitch by 4e-7 of strain, would
 be a rate as large as any in it.
 """
-_HALVINGS = 60  # of the mushy zone, to find the temperature of a solid fraction
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,17 +351,3 @@ def _plain(worst: Mapping[str, Worst]) -> dict[str, list[float]]:
 def _named(stored: Mapping[str, list[float]]) -> dict[str, Worst]:
     """The inverse of `_plain`."""
     return {name: Worst(*numbers) for name, numbers in stored.items()}
-
-
-def temperature_at(steel: Steel, fraction: float) -> float:
-    """Temperature at which so much is solid, K: the highest one, at 1 the solidus."""
-    if fraction >= 1.0:
-        return steel.solidus
-    low, high = steel.solidus, steel.liquidus
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if float(steel.solid_fraction(middle)) >= fraction:
-            low = middle
-        else:
-            high = middle
-    return low

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -66,6 +67,8 @@ _MODULES = tuple(
     f"castfem.results.{name}_quantities"
     for name in ("thermal", "mechanical", "mould", "bulging", "quality")
 )
+AT_FRACTION = re.compile(r"fs([1-9]\d?)_(\w+)")
+"""Names of the shell to a solid fraction in percent, at a probe (`output.shell_at`)."""
 _APART = {
     "castfem.results.bulging_quantities": "bulging",
     "castfem.results.quality_quantities": "quality",
@@ -199,7 +202,17 @@ def declared(simulation: Simulation | None = None) -> list[QuantityDefinition]:
         if simulation is None or need is None or NEEDS[need](simulation):
             importlib.import_module(module)
     order = {module: i for i, module in enumerate(_MODULES)}
-    return sorted(_declared.values(), key=lambda d: order.get(d.compute.__module__, len(order)))
+    found = sorted(_declared.values(), key=lambda d: order.get(d.compute.__module__, len(order)))
+    return found if simulation is None else [*found, *_fraction_depths(simulation)]
+
+
+def _fraction_depths(simulation: Simulation) -> list[QuantityDefinition]:
+    """The shell to the solid fractions that the case asks for."""
+    if not simulation.case.output.shell_at:
+        return []
+    from castfem.results.fraction_depths import depth_of
+
+    return [depth_of(round(100.0 * fraction)) for fraction in simulation.case.output.shell_at]
 
 
 def columns_of(simulation: Simulation) -> Iterator[tuple[QuantityDefinition, str]]:
@@ -251,6 +264,10 @@ def find(name: str) -> tuple[QuantityDefinition, str] | None:
     for d in everything.values():
         if d.each and name.startswith(f"{d.name}_"):
             return d, name.removeprefix(f"{d.name}_")
+    if (chosen := AT_FRACTION.fullmatch(name)) is not None:
+        from castfem.results.fraction_depths import depth_of
+
+        return depth_of(int(chosen[1])), chosen[2]
     return None
 
 
