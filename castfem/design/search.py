@@ -26,7 +26,7 @@ from castfem.values.types import Array
 
 _NEIGHBOURS = 5  # runs by which noise is measured
 _APART = 1e-3  # of the ranges: how far apart they are
-FIRST, LAST = 0.1, 0.005  # of the ranges: first step, and the smallest worth taking
+FIRST, LAST = 0.1, 0.002  # of the ranges: first step, and the smallest worth taking
 _LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
 _FAILED = 10.0  # of a failed run's missing way, in scales of the other constraints
 _ROUNDING = 1e-9  # of a bound: what misses it by less has met it
