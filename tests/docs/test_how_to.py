@@ -1,0 +1,195 @@
+"""What the how-tos and "Getting started" show is run: files are written, commands executed.
+
+By default on coarse cells and short strands (`QUICK`); then output is compared only where a page
+needs no such change. `MANUAL=as_written` runs everything as it stands and compares all output.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from castfem.case import load_case
+from castfem.case.shipped_cases import find
+from castfem.cli import execute
+from castfem.sweep import local
+from castfem.sweep.work import Job, work
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGES = ["getting_started.md", *sorted(f"how_to/{p.name}" for p in DOCS.glob("how_to/*.md"))]
+BLOCK = re.compile(r"((?:^[^\n`]*\n|^[^\n]*`[^\n]*\n)?)\n```(\w*)\n(.*?)^```$", re.M | re.S)
+AS_WRITTEN = os.environ.get("MANUAL") == "as_written"
+# By page and a word of the command: keys that make its runs short. Their output is not compared.
+COARSE = {
+    "mesh.surface_size": "4 mm",
+    "mesh.surface_depth": "8 mm",
+    "mesh.face_size": "10 mm",
+    "mesh.core_size": "12 mm",
+    "thermal.time.adaptive.tolerance": "50 K",
+    "thermal.time.adaptive.largest": "10 s",
+    "output.every": "1 h",
+}
+SHORT = {"casting.length": "24 mm", "output.every": "1 h"}
+QUICK = {
+    ("getting_started.md", "billet125/taper_1"): SHORT,
+    ("how_to/asymmetric_cooling.md", "run"): COARSE,
+    ("how_to/calibrate.md", "calibrate"): COARSE,
+    ("how_to/cluster.md", "sweep"): COARSE | SHORT,
+    ("how_to/error.md", "error"): COARSE | SHORT,
+    ("how_to/locked_roll.md", "run"): SHORT,
+    ("how_to/my_billet.md", "run"): COARSE | {"casting.length": "5 m"},
+    ("how_to/report.md", "run"): COARSE | {"casting.length": "1 m"},
+    ("how_to/slab.md", "run"): {
+        "mesh.face_size": "100 mm",
+        "mesh.surface_size": "10 mm",
+        "thermal.time.adaptive.tolerance": "20 K",
+    },
+    ("how_to/spray_water.md", "sweep"): COARSE,
+    ("how_to/taper.md", "sweep"): SHORT
+    | {
+        "mesh.surface_size": "4 mm",
+        "mesh.corner_size": "4 mm",
+        "mesh.face_size": "12 mm",
+        "mesh.core_size": "15 mm",
+        "coupling.interval": "0.2 s",
+    },
+}
+# What belongs to the machine: an environment that is there, a batch system that is not.
+NOT_HERE = ("make env", "export PATH=$PWD/.castfem/bin:$PATH")
+# The case that a piece of a case file is of.
+PIECES = {"how_to/locked_roll.md": "slab1200/reference"}
+
+
+def blocks(page: str) -> Iterator[tuple[str, str, str]]:
+    """Kind, file it stands for, if any, and text of each block of a page."""
+    for before, kind, text in BLOCK.findall((DOCS / page).read_text(encoding="utf-8")):
+        named = re.findall(r"`(\w+\.(?:toml|csv))`", before if kind in ("toml", "csv") else "")
+        yield kind, named[-1] if named else "", text
+
+
+def commands(text: str) -> Iterator[list[str]]:
+    """Words of each command; for a script that is submitted those of the sweep that it does."""
+    before: list[str] = []
+    for line in text.replace("\\\n", " ").splitlines():
+        words = shlex.split(line, comments=True)
+        if words == ["sbatch", "job.sh"]:
+            assert before[-2:] == ["--slurm", "job.sh"]
+            words = before[:-2]
+        if words and line not in NOT_HERE:
+            yield words
+        before = words
+
+
+class Here:
+    """Does the runs of a sweep in this process: what spares its start-up is tested elsewhere."""
+
+    def __init__(self, processes: int, noise: Path) -> None:
+        pass
+
+    def run(self, jobs: Sequence[Job], begun: Any, ended: Any, tick: Any) -> None:
+        for job in jobs:
+            begun(job)
+            ended(job, work(job))
+        tick()
+
+    def close(self) -> None:
+        pass
+
+
+def run_here(
+    jobs: Sequence[Job], processes: int, noise: Path, begun: Any, ended: Any, tick: Any
+) -> None:
+    Here(processes, noise).run(jobs, begun, ended, tick)
+
+
+def shortened(page: str, words: list[str]) -> tuple[list[str], bool]:
+    """A command with other values of keys where it runs a case, and whether its numbers change."""
+    if not AS_WRITTEN and words[1] == "compare":
+        return [*words, "--no-figures"], False
+    if AS_WRITTEN or words[1] not in ("run", "sweep", "error", "calibrate"):
+        return words, False
+    changes = {k: v for (where, word), keys in QUICK.items() if where == page and word in words
+               for k, v in keys.items()}  # fmt: skip
+    kept, rest = [], iter(words)
+    for word in rest:
+        pair = next(rest) if word == "--set" else ""
+        if pair.split("=")[0] not in changes:
+            kept += [word, pair] if pair else [word]
+    every = {"output.figures": "false", **changes}
+    more = [x for key, value in every.items() for x in ("--set", f"{key}={value}")]
+    return [*kept, *more], bool(changes)
+
+
+def inline(value: object) -> str:
+    """A value in one line of TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {inline(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(inline, value)) + "]"
+    return json.dumps(value)
+
+
+def added(piece: dict[str, object], above: str = "") -> Iterator[str]:
+    """What --set takes to put a piece of a case file into a case: keys of its tables."""
+    for key, value in piece.items():
+        if isinstance(value, dict):
+            yield from added(value, f"{above}{key}.")
+        else:
+            yield f"{above}{key}={inline(value)}"
+
+
+def test_every_how_to_is_a_page() -> None:
+    assert len(PAGES) == 13
+    assert {page for page, _ in QUICK} <= set(PAGES)
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_does_what_it_says(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Commands end well, files are sound, and the lines of an output are among those printed."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr(local, "run_locally", run_here)
+    monkeypatch.setattr(local, "Team", Here)
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "SLURM_PROCID"):
+        monkeypatch.delenv(name, raising=False)
+    for kind, name, text in blocks("how_to/my_billet.md"):
+        if kind == "toml":
+            Path(name).write_text(text, encoding="utf-8")
+    printed, status, other, code = "", 0, False, dict[str, object]()
+    for kind, name, text in blocks(page):
+        if kind in ("toml", "csv") and name:
+            Path(name).write_text(text, encoding="utf-8")
+        elif kind == "toml":
+            load_case(find(PIECES[page]), list(added(tomllib.loads(text))))
+        elif kind == "sh":
+            printed = ""
+            for words in commands(text):
+                assert words[0] == "castfem", words
+                words, changed = shortened(page, words)
+                other = other or changed
+                status = execute(words[1:])
+                said = capsys.readouterr()
+                printed += said.out + said.err
+                assert status == 0 or words[1] == "check", said.err
+        elif kind == "python":
+            exec(compile(text, page, "exec"), code)
+        elif kind == "":
+            assert (status == 1) == text.startswith("castfem:")
+            if not other:
+                found = {" ".join(line.split()) for line in printed.splitlines()}
+                missing = [x for x in text.splitlines() if " ".join(x.split()) not in found]
+                assert not missing, printed
+            status = 0
+        else:
+            assert kind == "{toctree}", kind
+    assert status == 0
