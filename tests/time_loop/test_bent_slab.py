@@ -15,7 +15,12 @@ from castfem.case.load import from_document
 from castfem.results.sample import Sample
 
 CASE = Path(__file__).parents[2] / "cases" / "slab1200" / "bending.toml"
-COARSE = ("output.fields=[]", "output.figures=false")
+COARSE = (
+    "coupling.interval=300 mm",
+    "thermal.time.adaptive.tolerance=4 K",
+    "output.fields=[]",
+    "output.figures=false",
+)
 BENDER, STRAIGHTENER = (2.3225, 4.110086), (14.272438, 16.832438)  # m: rolls 8 to 15, 49 to 57
 HALF = 0.11  # m: of the thickness
 STRAIGHT = {"position": ["0.87 m", "30 m"], "diameter": ["130 mm", "130 mm"]}

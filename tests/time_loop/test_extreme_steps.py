@@ -106,7 +106,7 @@ def test_a_failed_run_goes_on_from_its_last_good_state(
     The failed attempts have found states, of contact and friction too: none is in the checkpoint.
     """
     case = billet(
-        "casting.length=150 mm", "coupling.interval=0.25 s", "mould.friction.law=coulomb",
+        "casting.length=105 mm", "coupling.interval=0.25 s", "mould.friction.law=coulomb",
         "mould.friction.coefficient=0.2", f"mechanics.liquid={liquid}",
         f"mechanics.ferrostatic={'full' if liquid == 'fed' else 'proportional'}", name="taper_0",
     )  # fmt: skip
