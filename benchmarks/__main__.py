@@ -51,6 +51,7 @@ BENCHMARKS = {
     "slabs": "benchmarks.slabs",
     "slab_bending": "benchmarks.slab_bending",
     "slab_error": "benchmarks.slab_error",
+    "slab_cells": "benchmarks.slab_cells",
     "slab_sprays": "benchmarks.slab_sprays",
     "stated_error": "benchmarks.stated_error",
 }
@@ -87,6 +88,7 @@ PAGES = {
     "slabs": "slab.md",
     "slab_bending": "slab.md",
     "slab_error": "slab.md",
+    "slab_cells": "slab.md",
     "slab_sprays": "slab.md",
     "stated_error": "accuracy.md",
 }

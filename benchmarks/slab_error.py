@@ -7,7 +7,6 @@ of the shipped setting, added up.  Writes tables and a figure of docs/slab.md.
 
 from __future__ import annotations
 
-import resource
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -84,11 +83,11 @@ SETTINGS = (
 )
 LENGTH = 18.44  # m, of the shipped case
 _FINE = ("coupling.interval=5 mm", "casting.length=1.8 m")
-_THICK = (
+THICK = (
     'casting.start={ at = "mould_exit", profile = { depth = [0, 20, 50, 80, 110], '
     'depth_unit = "mm", value = [930, 1100, 1320, 1488, 1522], unit = "degC" } }'
 )
-STEPS = {"as it leaves the mould": _FINE, "the shell that it has at #50": (*_FINE, _THICK)}
+STEPS = {"as it leaves the mould": _FINE, "the shell that it has at #50": (*_FINE, THICK)}
 ROLLS = {"bender": (8, 15), "straightener": (49, 57)}
 FACES = ("mid_face_intrados", "corner_intrados", "corner_extrados")
 
@@ -157,7 +156,7 @@ def _speed(folder: Path) -> list[dict[str, Any]]:
         row = {"what": what, "windows": windows, "newton": newton, "ms": 1e3 * seconds / windows}
         way = case.casting.length - 0.8
         row["whole"] = seconds / 60.0 * (LENGTH - 0.8) / way
-        rows.append(row | {"memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0})
+        rows.append(row)
         print(f"  {row}", flush=True)
     return rows
 
@@ -263,9 +262,9 @@ def show(output: Output) -> None:
     """The tables, from the data."""
     head = {
         "what": "600 cells, windows of 5 mm", "windows": "windows", "newton": "Newton iterations a "
-        "window", "ms": "a window, ms", "whole": "to #62, min", "memory": "memory, MB",
+        "window", "ms": "a window, ms", "whole": "to #62, min",
     }  # fmt: skip
-    forms = {"newton": ".2f", "ms": ".0f", "whole": ".1f", "memory": ".0f"}
+    forms = {"newton": ".2f", "ms": ".0f", "whole": ".1f"}
     if rows := output.rows("slab_speed"):
         output.insert("slab speed", table(rows, head, forms))
     told = _told(output)
