@@ -193,8 +193,9 @@ def gather(
     found: dict[str, Entry] = {}
     liquidus = results[base.name].quantities.get("liquidus")
     poured = case.casting.temperature or math.nan
-    if case.casting.superheat is not None and liquidus is not None:
-        poured = liquidus.value + case.casting.superheat
+    superheat = case.casting.poured_superheat
+    if superheat is not None and liquidus is not None:
+        poured = liquidus.value + superheat
     for name, quantity in results[base.name].quantities.items():
         if not math.isfinite(quantity.shown):
             continue

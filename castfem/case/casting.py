@@ -10,7 +10,7 @@ from castfem.case.base import TableModel, written
 from castfem.case.probe import Probe
 from castfem.machine.travel import Changing, Steady, Travel
 from castfem.values import units
-from castfem.values.quantities import Kind, Length, Percent, Superheat, Temperature, Time
+from castfem.values.quantities import Kind, Length, Percent, Temperature, Time
 from castfem.values.shown_units import ShownUnits, UnitsNotation
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
@@ -36,8 +36,14 @@ TemperatureOverDepth = Annotated[float | Table, Curve(Kind("K", "degC"), over="d
 _ROUNDED = 1e-6  # of a per cent
 
 
+Instant = Annotated[float, Kind("s", "s", least=0.0)]
+SuperheatOverTime = Annotated[
+    float | Table, Curve(Kind("K", "K", difference=True, least=0.0), over="time")
+]
+
+
 class Start(TableModel):
-    """Where and with what a run begins."""
+    """Where, when and with what a run begins."""
 
     at: Literal["meniscus", "mould_exit"] = Field(
         "meniscus",
@@ -58,6 +64,13 @@ class Start(TableModel):
         examples=["8 mm"],
     )
 
+    time: Instant | None = Field(
+        None,
+        description="when the slice leaves the meniscus, on the clock by which the tables over "
+        "time of casting.speed, casting.superheat and of water go; left out: at 0 s",
+        examples=["120 s"],
+    )
+
     @field_validator("profile")
     @classmethod
     def _is_table(cls, profile: float | Table | None) -> float | Table | None:
@@ -73,14 +86,17 @@ class Casting(TableModel):
     """How the strand is cast. Exactly one of `superheat` and `temperature` is given."""
 
     speed: SpeedOverTime = Field(
-        description="casting speed, in a table over the time since the slice left the meniscus",
+        description="casting speed, or over time; the slice leaves the meniscus at time 0, or at "
+        "casting.start.time",
         examples=["3.6 m/min"],
     )
     length: Length = Field(
         description="length that is followed, from the meniscus", examples=["600 mm"]
     )
-    superheat: Superheat | None = Field(
-        None, description="temperature of the steel at the meniscus, above the liquidus"
+    superheat: SuperheatOverTime | None = Field(
+        None,
+        description="temperature of the steel at the meniscus, above the liquidus; over time a "
+        "slice has that of its own start, casting.start.time",
     )
     temperature: Temperature | None = Field(
         None,
@@ -103,8 +119,19 @@ class Casting(TableModel):
     def travel(self) -> Travel:
         """The way of the slice over time."""
         if isinstance(self.speed, Table):
-            return Changing(self.speed.arguments, self.speed.values)
+            return Changing([t - self.clock for t in self.speed.arguments], self.speed.values)
         return Steady(self.speed)
+
+    @property
+    def clock(self) -> float:
+        """When the slice leaves the meniscus, on the clock of the tables over time, s."""
+        return 0.0 if self.start is None or self.start.time is None else self.start.time
+
+    @property
+    def poured_superheat(self) -> float | None:
+        """Superheat that the slice has at the meniscus, K; None where its temperature is given."""
+        table = self.superheat
+        return float(table(self.clock)) if isinstance(table, Table) else table
 
     @property
     def duration(self) -> float:

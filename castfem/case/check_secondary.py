@@ -332,7 +332,7 @@ def _ranges(case: Case, circuit: Circuit, model: NozzleModel, path: Path) -> Ite
 def _about(case: Case) -> Supply:
     """What tells flows, but for the per cents by which steels differ in density."""
     mass = _DENSITY * case.section.width * case.section.height  # type: ignore[attr-defined]
-    return Supply(mass, case.casting.travel, case.water)
+    return Supply(mass, case.casting.travel, case.water, case.casting.clock)
 
 
 def _least(model: NozzleModel) -> float:

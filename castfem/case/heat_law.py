@@ -49,6 +49,7 @@ class Surroundings:
         extent: Where the law holds; None for one that does not ask (`HeatLaw.asks_extent`).
         water: Of the whole strand; None where the case does not tell it.
         supply: Of water; None for a law that does not ask.
+        clock: When the slice leaves the meniscus, on the clock of flows over time, s.
     """
 
     steel: Steel
@@ -57,6 +58,7 @@ class Surroundings:
     extent: Extent | None = None
     water: Water | None = None
     supply: Supply | None = None
+    clock: float = 0.0
 
     def supplied(self, told: Watered) -> float | Table:
         """Return the flow of water that is told as such, per mass of steel or as a share, m3/s."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from castfem.case.extraction import COUPLED
 from castfem.case.problems import Problem
+from castfem.values.tables import Table
 
 if TYPE_CHECKING:
     from castfem.case.model import Case
@@ -18,6 +19,22 @@ def idle_keys(case: Case) -> Iterator[Problem]:
     """Yield keys that were given and have no effect, with the reason."""
     yield from _coupling(case)
     yield from _extraction(case)
+    yield from _clock(case)
+
+
+def _clock(case: Case) -> Iterator[Problem]:
+    """Yield a start by the clock, where nothing goes by it."""
+    if case.casting.clock == 0.0:
+        return
+    water = [] if case.water is None else [case.water.flow]
+    water += [getattr(law, "flow", None) for zone in case.cooling for law in zone.surface]
+    water += [] if case.secondary is None else [c.flow for c in case.secondary.circuit]
+    given = (case.casting.speed, case.casting.superheat, *water)
+    if not any(isinstance(value, Table) and value.over == "time" for value in given):
+        yield Problem(
+            ("casting", "start", "time"),
+            "has no effect: neither speed, nor superheat, nor a flow of water is over time",
+        )
 
 
 def _coupling(case: Case) -> Iterator[Problem]:

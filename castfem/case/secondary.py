@@ -122,7 +122,7 @@ class Circuit(TableModel):
     flow: ZoneFlow | None = Field(
         None,
         description="water of all its nozzles together, on the whole strand; over the casting "
-        "speed or the time since the slice left the meniscus",
+        "speed, or the time by the clock of casting.start.time",
         examples=["445 L/min"],
     )
     specific: SpecificWater | None = Field(

@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from castfem.case.heat_law import HeatLaw, Surroundings, kinks_in_time, times
-from castfem.case.water import SpecificWater, WaterShare, ZoneFlow, largest
+from castfem.case.water import SpecificWater, WaterShare, ZoneFlow, largest, seen_by_slice
 from castfem.thermal import flux_laws, mould_flux
 from castfem.thermal.sprays import CORRELATIONS, WATER_DENSITY
 from castfem.values.quantities import (
@@ -38,7 +38,8 @@ class Spray(HeatLaw):
     flow: ZoneFlow | None = Field(
         None,
         description="instead of water, that of the zone on all faces of this law, of the whole "
-        "strand; in a table over the casting speed it follows it, over time is since the meniscus",
+        "strand; in a table over the casting speed it follows it, over time goes by "
+        "the clock of casting.start.time",
         examples=["240 L/min"],
     )
     specific: SpecificWater | None = Field(
@@ -94,8 +95,9 @@ class Spray(HeatLaw):
 
     def milestones(self, around: Surroundings) -> tuple[float, ...]:
         """See `HeatLaw.milestones`; a share of a flow bends where that does."""
-        total = None if self.share is None or around.water is None else around.water.flow
-        return (*super().milestones(around), *kinks_in_time(total, around))
+        shared = self.share is not None and around.water is not None
+        flow = around.water.flow if shared and around.water is not None else self.flow
+        return () if flow is None else kinks_in_time(seen_by_slice(flow, around.clock), around)
 
     def _per_flow(self, around: Surroundings) -> float:
         """Water per area for a flow of the zone, kg/m3 over m2."""

@@ -65,11 +65,13 @@ class Supply:
         mass: Of the strand per length, kg/m.
         travel: Has the casting speed.
         total: Water of the whole strand; None where the case does not tell it.
+        clock: When the slice leaves the meniscus, on the clock of flows over time, s.
     """
 
     mass: float
     travel: Travel
     total: Water | None
+    clock: float = 0.0
 
     def flow(self, told: Watered) -> Flow:
         """Return the flow, m3/s: a number, or a table over casting speed or time."""
@@ -85,13 +87,22 @@ class Supply:
 
     def _of(self, flow: Flow | None, specific: float | None) -> Flow:
         if flow is not None:
-            return flow
+            return seen_by_slice(flow, self.clock)
         assert specific is not None, "the case has been checked"
         fastest = self.travel.fastest
         most = specific * self.mass * fastest
         if not self.travel.kinks:
             return most
         return Table("speed", (0.0, fastest), (0.0, most))
+
+
+def seen_by_slice(flow: Flow, clock: float) -> Flow:
+    """Return a flow over time by a clock as one over the time of a slice that starts at `clock`."""
+    if not isinstance(flow, Table) or flow.over != "time" or clock == 0.0:
+        return flow
+    later = [(t - clock, v) for t, v in zip(flow.arguments, flow.values, strict=True) if t > clock]
+    rows = [(0.0, float(flow(clock))), *later]
+    return Table("time", tuple(t for t, _ in rows), tuple(v for _, v in rows))
 
 
 def steel_per_length(mesh: SectionMesh, steel: Steel) -> float:

@@ -92,7 +92,7 @@ def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
         overrides=case.steel.overrides,
     )  # fmt: skip
     mass = steel_per_length(build_mesh(case), steel)
-    supply = Supply(mass, case.casting.travel, case.water)
+    supply = Supply(mass, case.casting.travel, case.water, case.casting.clock)
     head = (
         "circuit", "on", "rolls", "nozzles", "most flow [L/min]", "[L/kg]", "each [L/min]",
         "width [mm]",

@@ -56,7 +56,8 @@ def water_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
 
     They are the largest flows, over the steel that passes at the fastest casting speed.
     """
-    supply = Supply(steel_per_length(mesh, steel), case.casting.travel, case.water)
+    casting = case.casting
+    supply = Supply(steel_per_length(mesh, steel), casting.travel, case.water, casting.clock)
     found = water_flows(case, supply, mesh)
     cast = supply.mass * supply.travel.fastest
     rows = [*found, ("in all", sum(flow for _, flow in found))]

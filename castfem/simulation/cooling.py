@@ -53,7 +53,9 @@ class Zones:
         self._surface = surface
         self._case = case
         wall = wall_over_time(case, machine)
-        self._around = Surroundings(steel, machine, wall, water=case.water)
+        self._around = Surroundings(
+            steel, machine, wall, water=case.water, clock=case.casting.clock
+        )
         self._coolings = [self._make(i) for i in range(len(self.spans))]
         tags = [t for span in self.spans for names, _ in span.laws for t in self._tags(names)]
         self._secondary = self._below(case, machine, steel)

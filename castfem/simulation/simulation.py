@@ -268,7 +268,7 @@ def starting_temperature(case: Case, steel: Steel) -> float:
     """Temperature of the steel at the meniscus, K."""
     if case.casting.temperature is not None:
         return case.casting.temperature
-    return steel.liquidus + (case.casting.superheat or 0.0)
+    return steel.liquidus + (case.casting.poured_superheat or 0.0)
 
 
 def stations(case: Case) -> list[float]:

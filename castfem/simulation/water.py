@@ -14,5 +14,6 @@ if TYPE_CHECKING:
 
 def water_supply(case: Case, steel: Steel, section: Section) -> Supply:
     """Return what turns water per mass of steel, or shares, into flows (collective)."""
+    casting = case.casting
     mass = None if section.source is None else steel_per_length(section.source, steel)
-    return Supply(section.comm.bcast(mass), case.casting.travel, case.water)
+    return Supply(section.comm.bcast(mass), casting.travel, case.water, casting.clock)

@@ -208,7 +208,6 @@ WaterTemperature = Annotated[
     Kind("K", "degC", least=273.15, most=373.15, label="temperature of water", sample="25 degC"),
 ]
 PositiveDifference = Annotated[float, Kind("K", "K", difference=True, above=0.0)]
-Superheat = Annotated[float, Kind("K", "K", difference=True, least=0.0)]
 HeatTransferCoefficient = Annotated[float, Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0)]
 Conductivity = Annotated[float, Kind("W/(m K)", "W/(m K)", above=0.0)]
 PositiveNumber = Annotated[float, Kind("1", above=0.0)]
