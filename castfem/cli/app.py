@@ -212,15 +212,18 @@ def report(
             "--output", "-o", help="File; by default report.html in the run, or beside the runs."
         ),
     ] = None,
+    at: At = None,
     units: Units = None,
 ) -> None:
     """Write a run, or several side by side, as one HTML file that opens offline and prints."""
     from castfem.cli.options import chosen
     from castfem.html_report.page import REPORT_NAME, write
+    from castfem.results.places import read_positions
 
     beside = folders[0] if len(folders) == 1 else folders[0].resolve().parent
     with chosen(units):
-        print(f"report in {write(folders, output or beside / REPORT_NAME)}")
+        places = read_positions(at or ())
+        print(f"report in {write(folders, output or beside / REPORT_NAME, places)}")
 
 
 @app.command()

@@ -13,6 +13,7 @@ from typing import Any
 
 from castfem.compare.runs import Run, alone, read_runs
 from castfem.compare.table import SHARE, Line, cells, lines
+from castfem.errors import InputError
 from castfem.html_report import charts as drawn
 from castfem.html_report.sections import Section, section
 from castfem.output.chosen_units import units_of_run
@@ -24,7 +25,7 @@ from castfem.report.numbers import finely, label_shown, unit_shown
 from castfem.report.remarks import remarks_of
 from castfem.report.show import how_it_ended
 from castfem.support.atomic_files import write_text
-from castfem.values.shown_units import ShownUnits, plain_unit, scale_of, shown_in
+from castfem.values.shown_units import ShownUnits, place_said, plain_unit, scale_of, shown_in
 
 REPORT_NAME = "report.html"
 LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out
@@ -106,28 +107,33 @@ class AtWork:
     messages: tuple[str, ...] = ()
 
 
-def write(folders: Sequence[Path], target: Path) -> Path:
+def write(folders: Sequence[Path], target: Path, at: Sequence[float] = ()) -> Path:
     """Write the report of one run, or of several beside one another.
 
     Args:
         folders: Of runs, or of sweeps.
         target: The file.
+        at: Positions, m, whose results the page has besides.
 
     Raises:
-        InputError: A folder holds no run that has ended.
+        InputError: A folder holds no run that has ended, or none has been at a position.
         RunFailure: The file cannot be written.
     """
     runs = _runs(folders)
-    write_text(target, rendered(runs), durable=False)
+    write_text(target, rendered(runs, at=at), durable=False)
     return target
 
 
-def rendered(runs: Sequence[Run], at_work: AtWork | None = None) -> str:
+def rendered(runs: Sequence[Run], at_work: AtWork | None = None, at: Sequence[float] = ()) -> str:
     """The page of some runs, one file without links to others.
 
     Args:
         runs: Those with results; there may be none yet of runs at work.
         at_work: How runs stand that have not all ended.
+        at: Positions, m, whose results the page has besides.
+
+    Raises:
+        InputError: No run has been at a position.
     """
     import jinja2
 
@@ -136,7 +142,7 @@ def rendered(runs: Sequence[Run], at_work: AtWork | None = None) -> str:
     )
     template = environment.from_string(_text("report.html.j2"))
     with shown_in(units_of_run(runs[0].folder) if runs else ShownUnits()):
-        return template.render(_content(runs, at_work))
+        return template.render(_content(runs, at_work, at))
 
 
 def _runs(folders: Sequence[Path]) -> list[Run]:
@@ -149,10 +155,14 @@ def _runs(folders: Sequence[Path]) -> list[Run]:
     return [found] if found is not None else read_runs(folders)
 
 
-def _content(runs: Sequence[Run], at_work: AtWork | None) -> dict[str, Any]:
+def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -> dict[str, Any]:
     """What the template is filled with."""
     every = lines(runs, runs[0]) if runs else []
     table = [line for line in every if len(runs) > 1 or line.unit != SHARE]
+    tables = [("numbers", "Headline numbers", _rows(table, len(runs)))] if runs else []
+    for number, position in enumerate(at):
+        rows = _rows(_there(runs, position), len(runs))
+        tables.append((f"place{number}", f"At {place_said(position)}", rows))
     charts = drawn.charts(runs)[:_CURVES] if runs else []
     parts = [_part(run, len(runs)) for run in runs]
     for one in parts:
@@ -176,7 +186,7 @@ def _content(runs: Sequence[Run], at_work: AtWork | None) -> dict[str, Any]:
         "css": _text("report.css"),
         "script": script,
         "runs": parts,
-        "rows": _rows(table, len(runs)),
+        "tables": tables,
         "notes": list(_notes(runs)),
         "differences": differences,
         "charts": charts,
@@ -185,6 +195,18 @@ def _content(runs: Sequence[Run], at_work: AtWork | None) -> dict[str, Any]:
         "along": plain_unit(along.unit),
     }
     found["parts"] = _contents(found)
+    return found
+
+
+def _there(runs: Sequence[Run], position: float) -> list[Line]:
+    """The numbers at a position, m, which at least one of the runs has passed.
+
+    Raises:
+        InputError: None has.
+    """
+    found = [line for line in lines(runs, runs[0], at=(position,)) if line.unit != SHARE]
+    if not found:
+        raise InputError(f"{runs[0].folder}: the run has not been at {place_said(position)}")
     return found
 
 
@@ -199,7 +221,7 @@ def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
     """The parts of the page that are there, for its table of contents."""
     there = {
         "work": ("At work", found["at_work"] is not None),
-        "numbers": ("Headline numbers", bool(found["runs"])),
+        **{key: (name, True) for key, name, _ in found["tables"]},
         "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
         "case": ("Cases", bool(found["differences"])),
         "section": ("Section", any(run["section"] for run in found["runs"])),

@@ -19,6 +19,7 @@ from castfem.html_report.charts import Series, chart
 from castfem.html_report.page import LARGEST, write
 from castfem.html_report.sections import section
 from castfem.output.fields import Fields
+from castfem.output.history import read_history
 
 NAMESPACE = "{http://www.w3.org/1999/xhtml}"
 
@@ -173,3 +174,28 @@ def test_the_command_says_where_it_is(folder: Path, capsys: pytest.CaptureFixtur
     assert execute(["report", str(folder)]) == 0
     assert "report.html" in capsys.readouterr().out
     assert (folder / "report.html").is_file()
+
+
+def test_places_that_are_asked_for_have_their_own_tables(folder: Path, tmp_path: Path) -> None:
+    target = tmp_path / "at.html"
+    assert (
+        execute(["report", str(folder), "-o", str(target), "--at", "300 mm", "--at", "0.2 m"]) == 0
+    )
+    root = parsed(target.read_text(encoding="utf-8"))
+    table = read_history(folder / "history.csv")
+    for number, position in enumerate((0.3, 0.2)):
+        (place,) = (e for e in root.iter() if e.get("id") == f"place{number}")
+        rows = {
+            "".join(row[0].itertext()): "".join(row[1].itertext())
+            for row in place.iter(f"{NAMESPACE}tr")
+        }
+        label = f"shell, mid-face, at {1e3 * position:g} mm"
+        depth = float(np.interp(position, table["position"], table["shell_mid_face"]))
+        assert float(rows[label]) == pytest.approx(depth, abs=6e-3)
+    links = [e.get("href") for e in root.iter(f"{NAMESPACE}a")]
+    assert {"#numbers", "#place0", "#place1"} <= set(links)
+
+
+def test_a_place_where_no_run_has_been(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"has not been at 7 m"):
+        write([folder], tmp_path / "at.html", (7.0,))
