@@ -92,18 +92,19 @@ def _laws(case: Case) -> Iterator[Problem]:
                 yield from _range_of_formula(case, zone, getattr(law, key), (*path, key))
             if known:
                 for problem in unknown_groups(law.on, known, (*path, "on")):
-                    yield replace(problem, text=problem.text + _of_the_whole(case.section, law.on))
+                    yield replace(problem, text=problem.text + _of_more(case.section, law.on))
                 yield from _clash(law, laws[:j], case.section.cooled_groups(), known, path)
 
 
-def _of_the_whole(section: Any, on: tuple[str, ...] | None) -> str:
-    """Say that faces which symmetry makes one are told apart on the whole section."""
-    if getattr(section, "symmetry", "whole") == "whole":
-        return ""
-    known, here = section.model_copy(update={"symmetry": "whole"}).outer_groups(), section.symmetry
-    if not all(any(group.startswith(name) for group in known) for name in on or ()):
-        return ""
-    return f'; the faces of a {here} are alike: section.symmetry = "whole" has {choices(known)}'
+def _of_more(section: Any, on: tuple[str, ...] | None) -> str:
+    """Say on how much of the section faces are told apart which symmetry makes one: the least."""
+    here = getattr(section, "symmetry", "whole")
+    for more in {"quarter": ("half", "whole"), "half": ("whole",)}.get(here, ()):
+        known = section.model_copy(update={"symmetry": more}).outer_groups()
+        if all(any(group.startswith(name) for group in known) for name in on or ()):
+            alike = f"; the faces of a {here} are alike: section.symmetry"
+            return f'{alike} = "{more}" has {choices(known)}'
+    return ""
 
 
 def _contact(case: Case, law: Contact, path: tuple[str | int, ...]) -> Iterator[Problem]:

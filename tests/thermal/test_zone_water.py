@@ -169,9 +169,21 @@ def test_negative_strip_of_a_sine() -> None:
     assert mould.negative_strip(0.05) == 0.0
 
 
-def test_faces_that_differ_ask_for_the_whole_section() -> None:
-    law = SPRAY | {"water": "5 L/(m^2 s)", "on": ["wide_face_extrados"]}
-    with pytest.raises(InputError, match=r'a quarter are alike: section\.symmetry = "whole" has'):
-        small({SURFACE: [law]})
-    whole = small({SURFACE: [law], "section.symmetry": "whole"})
-    assert whole.cooling[0].surface[0].on == ("wide_face_extrados",)
+@pytest.mark.parametrize(
+    ("face", "here", "asked"),
+    [
+        ("wide_face_extrados", "quarter", "half"),
+        ("narrow_face_left", "quarter", "whole"),
+        ("narrow_face_left", "half", "whole"),
+    ],
+)
+def test_faces_that_differ_ask_for_as_much_of_the_section(face: str, here: str, asked: str) -> None:
+    law = SPRAY | {"water": "5 L/(m^2 s)", "on": [face]}
+    message = rf'a {here} are alike: section\.symmetry = "{asked}" has'
+    with pytest.raises(InputError, match=message):
+        small({SURFACE: [law], "section.symmetry": here})
+    enough = small({SURFACE: [law], "section.symmetry": asked})
+    assert enough.cooling[0].surface[0].on == (face,)
+    with pytest.raises(InputError) as caught:
+        small({SURFACE: [law | {"on": ["wide_faces"]}]})
+    assert "are alike" not in str(caught.value)
