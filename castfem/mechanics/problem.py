@@ -99,8 +99,7 @@ class MechanicalProblem:
         self._work = fem.Function(self.space)
         self._material = Material(slice_.law, self.active)
         self._build_solver(options or {})
-        self.iterations: int = 0
-        self._slack = 1.0
+        self.iterations, self._slack = 0, 1.0
         self.residual_state: ResidualState | None = None
         self._integrated: Array | None = None
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 from mpi4py import MPI
@@ -104,6 +106,21 @@ RUBBING = (
 )
 
 
+@pytest.fixture(scope="module")
+def never_killed(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[..., tuple[Path, Summary]]:
+    """Folder and summary of a run that goes to its end, once for all that are killed."""
+
+    @cache
+    def _whole(name: str, settings: tuple[str, ...]) -> tuple[Path, Summary]:
+        folder = tmp_path_factory.mktemp("whole")
+        file = CASES / "billet125" / f"{name}.toml"
+        return folder, run(load_case(file, (*COARSE, *settings)), folder)
+
+    return _whole
+
+
 @pytest.mark.parametrize(
     ("name", "settings", "steps", "every", "times"),
     [
@@ -113,7 +130,13 @@ RUBBING = (
     ],
 )
 def test_killed_and_resumed_is_the_run_that_was_never_killed(
-    tmp_path: Path, name: str, settings: tuple[str, ...], steps: int, every: int, times: int
+    tmp_path: Path,
+    never_killed: Callable[..., tuple[Path, Summary]],
+    name: str,
+    settings: tuple[str, ...],
+    steps: int,
+    every: int,
+    times: int,
 ) -> None:
     """To the last bit: state, history, counts and fields; contact and friction among them."""
     overrides = (*COARSE, f"output.checkpoint_every={every}", *settings)
@@ -127,13 +150,13 @@ def test_killed_and_resumed_is_the_run_that_was_never_killed(
         assert fields.times[-1] > reached - 0.4
     case = load_case(file, overrides)
     resumed = run(case, tmp_path / "killed", resume=True)
-    whole = run(case, tmp_path / "whole")
+    folder, whole = never_killed(name, settings)
     assert resumed.steps == whole.steps
     assert resumed.quantities == whole.quantities and resumed.balances == whole.balances
     for file_name in ("history.csv", "fields.xdmf"):
-        one, other = ((tmp_path / n / file_name).read_bytes() for n in ("killed", "whole"))
+        one, other = ((f / file_name).read_bytes() for f in (tmp_path / "killed", folder))
         assert one == other, file_name
-    with Fields(tmp_path / "killed") as ours, Fields(tmp_path / "whole") as theirs:
+    with Fields(tmp_path / "killed") as ours, Fields(folder) as theirs:
         assert len(theirs.times) == times
         for field in theirs.names:
             for k in range(times):
@@ -194,6 +217,8 @@ def test_one_field_alone(tmp_path: Path) -> None:
 
 THERMAL_ONLY = """
 import sys
+from collections.abc import Callable
+from functools import cache
 from castfem.case import load_case
 from castfem.time_loop import loop
 loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2])
