@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import slab_bending, slab_error, slab_sprays, slabs
+from benchmarks import slab_bending, slab_error, slab_mould, slab_sprays, slabs
 from benchmarks.report import Output
 from castfem.case import load_case
 from castfem.machine.rolls import Rolls
@@ -208,3 +208,15 @@ def test_changed_slabs_differ_by_what_they_are_called_after() -> None:
     below = [zone.surface for zone in sprayed.cooling[1:]]
     assert all([one.law for one in zone] == ["convection"] for zone in below)
     assert {one.on for zone in below for one in zone} == {None}
+
+
+def test_ways_through_the_mould_differ_by_the_mould_alone() -> None:
+    """The same steel, cells and coefficient; a wall, a gap and stresses in one of them."""
+    mean, own, *_ = (slab_mould.case_of(way) for way in slab_mould.WAYS)
+    assert mean.mould is None and mean.mechanics is None
+    assert own.mould is not None and own.mould.length == own.casting.length == 0.8
+    assert own.mechanics is not None and own.mechanics.liquid == "fed"
+    contacts: list[Any] = [case.cooling[0].surface[0] for case in (mean, own)]
+    assert contacts[0].coefficient == contacts[1].coefficient == 1200.0
+    assert contacts[0].gap_conductivity is None and contacts[1].gap_conductivity == 0.15
+    assert mean.mesh == own.mesh and len(own.cooling) == 1
