@@ -239,6 +239,13 @@ def check_defects(case: Case) -> Iterator[Problem]:
         if (keys := defect.model_dump()) in seen:
             yield Problem(path, "stands there twice; leave one of the two out")
         seen.append(keys)
+    lost = {one.roll for one in table.defect if isinstance(one, Lost)}
+    for i, defect in enumerate(table.defect):
+        if isinstance(defect, RollDefect) and not isinstance(defect, Lost) and defect.roll in lost:
+            yield Problem(
+                ("machine", "defect", i, "roll"),
+                f"({defect.roll}): this pair is lost as well; leave one of the two out",
+            )
     rolls = with_defects(normal, table.defect)
     if len(rolls.there) < 2:
         yield Problem(("machine", "defect"), "leave fewer than two pairs that hold the strand")

@@ -248,6 +248,16 @@ def test_a_defect_that_would_change_nothing_is_refused() -> None:
             case.with_({"machine.defect": [off | {"resistance": "118 kN"}]})
 
 
+@pytest.mark.parametrize("lost_first", [True, False])
+def test_a_pair_that_is_lost_is_neither_off_nor_locked(lost_first: bool) -> None:
+    lost = {"kind": "lost", "roll": 30}
+    for other in ({"kind": "misaligned", "roll": 30, "by": "2 mm"}, {"kind": "locked", "roll": 30}):
+        both, at = ((lost, other), 1) if lost_first else ((other, lost), 0)
+        with pytest.raises(InputError, match=rf"defect\.{at}\.roll: \(30\): this pair is lost"):
+            slab(*both)
+        slab(lost, other | {"roll": 31})
+
+
 def test_two_of_the_same_and_no_roll_left() -> None:
     locked = {"kind": "locked", "roll": 48}
     with pytest.raises(InputError, match=r"machine\.defect\.1: stands there twice"):
