@@ -57,10 +57,9 @@ def places(
         left, bottom = shown.min(axis=0) - around
         ax.set_xlim(left, left + sides[0])
         ax.set_ylim(bottom, bottom + sides[1])
-        if column == 0:
-            ax.set_ylabel("y [mm]")
-        if number + across >= len(drawn):
-            ax.set_xlabel("x [mm]")
+        # Labels that are not shown still tell the unit of the numbers.
+        ax.set_ylabel("y [mm]", visible=column == 0)
+        ax.set_xlabel("x [mm]", visible=number + across >= len(drawn))
         axes.append(ax)
     return figure, axes
 

@@ -14,6 +14,7 @@ from synthetic_run import write_run
 
 from castfem.case.result_names import AT_PROBES, COLUMNS, WHOLE
 from castfem.cli import execute
+from castfem.compare.places import places
 from castfem.html_report.page import write
 from castfem.output.summary import Summary
 from castfem.plots.chosen_units import in_chosen_units
@@ -140,6 +141,22 @@ def test_figures_are_drawn_alike_and_numbered_otherwise() -> None:
     texts = [float(t.get_text().replace("\N{MINUS SIGN}", "-")) for t in axes.get_yticklabels()]
     assert ticks / 25.4 == pytest.approx(texts, abs=1e-9)
     assert np.diff(texts) == pytest.approx(np.round(np.diff(texts), 2))  # round inches
+
+
+def test_sections_side_by_side_have_one_unit() -> None:
+    """Also those that have no label of their own."""
+    square = np.array([[0.0, 0.0], [62.5, 62.5]])
+    figure, axes = places([square] * 6, "sections", bar=False)
+    with shown_in(OWN):
+        in_chosen_units(figure)
+    figure.canvas.draw()
+    for one in axes:
+        for axis in (one.xaxis, one.yaxis):
+            texts = [
+                float(t.get_text().replace("\N{MINUS SIGN}", "-")) for t in axis.get_ticklabels()
+            ]
+            assert np.array(axis.get_ticklocs()) / 25.4 == pytest.approx(texts, abs=1e-9)
+    assert [bool(one.yaxis.label.get_visible()) for one in axes] == [True, False, False] * 2
 
 
 def test_report_and_figures_of_a_run(folder: Path, tmp_path: Path) -> None:
