@@ -115,10 +115,9 @@ def _coupling(case: Case, factor: float) -> dict[str, Any]:
         if isinstance(given.interval, Way)
         else _text(factor * given.interval, "s")
     )
-    found: dict[str, Any] = {
-        "coupling.interval": scaled,
-        "coupling.settled": _text(factor * given.settled, "K"),
-    }
+    found: dict[str, Any] = {"coupling.interval": scaled}
+    if case.mould is not None:  # without one no window is repeated
+        found["coupling.settled"] = _text(factor * given.settled, "K")
     if given.mechanical_step is not None:
         found["coupling.mechanical_step"] = _text(factor * given.mechanical_step, "s")
     if given.window_error is not None:

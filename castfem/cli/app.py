@@ -14,7 +14,7 @@ import typer
 from castfem import __version__
 from castfem.case import shipped_cases
 from castfem.cli import studies
-from castfem.cli.options import At, CaseName, Overrides, Quiet, Units, Verbose
+from castfem.cli.options import Accuracy, At, CaseName, Overrides, Quiet, Units, Verbose
 from castfem.errors import InputError
 
 app = typer.Typer(
@@ -51,9 +51,7 @@ def run(
         typer.Option("--output", "-o", help="Folder; by default results/<family>/<name>."),
     ] = None,
     set_: Overrides = None,
-    accuracy: Annotated[
-        str, typer.Option(help="Cells, steps and windows: coarse, default (the case's) or fine.")
-    ] = "default",
+    accuracy: Accuracy = "default",
     resume: Annotated[bool, typer.Option(help="Go on from the last checkpoint.")] = False,
     overwrite: Annotated[
         bool, typer.Option(help="Replace a run of another case in the folder.")

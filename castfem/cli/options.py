@@ -27,6 +27,9 @@ Overrides = Annotated[
         click_type=completion.Assignment(),
     ),
 ]
+Accuracy = Annotated[
+    str, typer.Option(help="Cells, steps and windows: coarse, default (the case's) or fine.")
+]
 At = Annotated[
     list[str] | None,
     typer.Option("--at", metavar="POSITION", help='Results there, such as "800 mm"; repeatable.'),

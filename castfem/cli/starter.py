@@ -17,6 +17,8 @@ superheat = "25 K"                    # or: temperature = "1540 degC"
 
 [steel]
 name = "carbon_042"                   # shipped with castfem, or a file of your own: "./steel.toml"
+# or by its carbon: name = "plain_carbon" and
+# composition = {{ C = 0.20 }}
 
 [section]
 shape = "rectangle"                   # or round, beam_blank, strip
@@ -40,6 +42,11 @@ to = "800 mm"
 [[cooling.surface]]
 law = "contact"
 coefficient = "1600 W/(m^2 K)"
+# Or as it is measured, without the coefficient: a flux, scaled to the mould's water
+# (docs/thermal.md):
+# flux = "savage_pritchard"
+# water = "1500 L/min"
+# water_rise = "7 K"
 wall = "160 degC"
 gap_conductivity = "0.15 W/(m K)"     # of what fills the gap that opens in [mould]
 
@@ -49,7 +56,7 @@ to = "2 m"
 
 [[cooling.surface]]
 law = "spray"
-water = "3 L/(m^2 s)"
+water = "3 L/(m^2 s)"                 # or that of the zone: flow = "60 L/min"
 water_temperature = "25 degC"
 correlation = "nozaki"
 machine_factor = 4
@@ -80,7 +87,7 @@ unit = "W/(m^2 K)"
 
 # Take the # away to strain the strand as well, in a mould with walls (docs/mould.md).
 # [mechanics]
-# law = "norton_hoff_kozlowski"
+# law = "norton_hoff_kozlowski"         # of a steel of 0.1 %C; "kozlowski_zhu" goes by the carbon
 #
 # [mould]
 # length = "800 mm"                     # from the meniscus to its end

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from castfem.cli import completion
-from castfem.cli.options import At, CaseName, Overrides, Quiet
+from castfem.cli.options import Accuracy, At, CaseName, Overrides, Quiet
 from castfem.errors import InputError
 
 
@@ -56,6 +56,7 @@ def sweep(
         typer.Option(metavar="FILE", help="Write a SLURM script for the parts; run nothing."),
     ] = None,
     at: At = None,
+    accuracy: Accuracy = "default",
     quiet: Quiet = False,
 ) -> None:
     """Run a case with several values, in parallel. What is finished is not run again."""
@@ -84,6 +85,7 @@ def sweep(
             ranks=ranks,
             script=slurm,
             at=tuple(read_positions(at or ())),
+            accuracy=accuracy,
         )
     )
     if status:

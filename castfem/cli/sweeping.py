@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.case import load_case, shipped_cases
+from castfem.case import Case, load_case, shipped_cases
 from castfem.cli import many_runs, parallel
 from castfem.errors import InputError, RunFailure
 from castfem.output.chosen_units import units_of_run
@@ -46,6 +46,7 @@ class Options:
         ranks: Of each run, under mpirun.
         script: Write a script that does the sweep in parts, and run nothing.
         at: Positions, m, whose results are told, too.
+        accuracy: Word for the cells, steps and windows of all runs; "default" for the case's.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Options:
     ranks: int = 1
     script: Path | None = None
     at: tuple[float, ...] = ()
+    accuracy: str = "default"
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,11 +106,26 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
         InputError: As `sweep_case`.
     """
     path = shipped_cases.find(options.name)
-    variants = plan(load_case(path), options.assignments, options.table)
+    variants = plan(_base(path, options.accuracy), options.assignments, options.table)
     target = options.folder or _default_folder(options.name, path)
     if target.exists() and not target.is_dir():
         raise InputError(f"{target}: is a file, a folder is needed; choose another with -o")
     return variants, target
+
+
+def _base(path: Path, accuracy: str) -> Case:
+    """The case whose keys are varied, with the sizes that are asked for.
+
+    Raises:
+        InputError: It is not sound, or there is no such accuracy.
+    """
+    case = load_case(path)
+    if accuracy == "default":
+        return case
+    from castfem.accuracy.sizes import changes, factors_of
+
+    found = changes(case, factors_of(accuracy))
+    return load_case(path, [f"{key}={value}" for key, value in found.items()])
 
 
 def _prepared(options: Options, ranks: bool) -> _Sweep:
@@ -163,6 +180,7 @@ def _alone(options: Options) -> int:
         words = [options.name, "-o", str(target)]
         words += [word for given in options.assignments for word in ("--set", given)]
         words += ["--table", str(options.table)] if options.table is not None else []
+        words += ["--accuracy", options.accuracy] if options.accuracy != "default" else []
         words += ["--figures"] if options.figures else []
         parts = Share.read(options.part).count if options.part else None
         count = write_script(options.script, words, target, len(variants), parts, options.ranks)

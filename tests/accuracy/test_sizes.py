@@ -114,3 +114,10 @@ def test_shorter_windows_are_not_charged_with_their_steps() -> None:
     assert parts["coupling"].error == pytest.approx(SAFETY * 2.0)
     assert parts["step"].error == pytest.approx(SAFETY * 7.0)
     assert parts["mesh"].error == 0.0
+
+
+def test_a_case_without_a_mould_is_told_nothing_of_its_gap() -> None:
+    """Its windows are not repeated: a tolerance would draw a warning at each run."""
+    slab = load_case(CASES / "slab1200" / "slab.toml")
+    assert "coupling.settled" not in sizes.changes(slab, {"coupling": 2.0})
+    assert "coupling.settled" in sizes.changes(load_case(TAPERED), {"coupling": 2.0})

@@ -16,6 +16,8 @@ from ranks import needs_mpirun, python_on
 from small_case import write_small
 
 import castfem as api
+from castfem.accuracy.sizes import MESH, factors_of
+from castfem.cli import sweeping
 from castfem.errors import InputError
 from castfem.sweep.groups import check
 from castfem.sweep.local import run_locally
@@ -180,3 +182,18 @@ def test_bad_input_runs_nothing(castfem, tmp_path, words, message) -> None:
     assert outcome.status == 1
     assert message in outcome.err
     assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_accuracy_is_that_of_all_runs(castfem, tmp_path):
+    """As the command of one run has it; a script for SLURM hands it on."""
+    path = write_small(tmp_path)
+    coarse, as_written = sweeping._base(path, "coarse"), sweeping._base(path, "default")
+    factor = factors_of("coarse")[MESH]
+    assert factor > 1.0
+    assert coarse.mesh.surface_size == pytest.approx(factor * as_written.mesh.surface_size)
+    assert coarse.mould is None and coarse.section == as_written.section
+    words = ("sweep", "small", *ROWS, "-o", "coarse", "--accuracy", "coarse")
+    assert castfem(*words, "--slurm", "job.sh").status == 0
+    assert "--accuracy coarse" in Path("job.sh").read_text()
+    refused = castfem("sweep", "small", *ROWS, "--accuracy", "rough")
+    assert refused.status == 1 and "--accuracy rough: not known" in refused.err
