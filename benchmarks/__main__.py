@@ -55,6 +55,7 @@ BENCHMARKS = {
     "slab_cells": "benchmarks.slab_cells",
     "slab_sprays": "benchmarks.slab_sprays",
     "stated_error": "benchmarks.stated_error",
+    "throughput": "benchmarks.sweep_cost",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -93,6 +94,7 @@ PAGES = {
     "slab_cells": "slab.md",
     "slab_sprays": "slab.md",
     "stated_error": "accuracy.md",
+    "throughput": "scripting.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

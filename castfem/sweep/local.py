@@ -6,6 +6,7 @@ whatever, costs its run alone: a new one takes its place.
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -195,6 +196,8 @@ def _serve(connection: Connection, noise: Path) -> None:
     try:
         while True:
             connection.send(work(connection.recv(), stop))
+            if not gc.get_freeze_count():
+                gc.freeze()  # what is imported stays: each run's end need not look through it
     except (EOFError, OSError):
         pass  # the parent needs no more runs, or is gone
     except KeyboardInterrupt:

@@ -46,6 +46,7 @@ SLOW = {
     "optimum": "some 150 billets; tests/design drives the search by results that are known",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
+    "throughput": "a sweep of 32 billets; tests/benchmarks/test_sweep_cost.py has its table",
     "verification": "tests/verification runs what it runs",
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""

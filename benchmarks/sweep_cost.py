@@ -1,0 +1,196 @@
+"""What a sweep costs besides its marches: imports, set-up, the first run, the parent, figures.
+
+Writes a table of docs/scripting.md. A worker of `castfem sweep` is followed run by run by the time
+of its processor, which other programs on the machine leave alone, and the whole command is held
+against the sum. Compiled forms and meshes lie in a cache of their own, as of a user who runs this
+case alone.
+How much sooner two runs at once are done is told by the clock on the wall: it means
+something on a machine with two free cores alone; the load stands beside it.
+
+    python -m benchmarks throughput
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from statistics import mean
+from time import perf_counter, process_time
+from typing import Any
+
+from benchmarks.report import ROOT, Output, table
+
+CASE, RUNS, FOLLOWED = "billet125/taper_1", 32, 6
+WORKERS = 2
+PARTS = {
+    "march": "the time loops",
+    "each": "set-up and end of each run",
+    "first": "what the first run of a worker takes more",
+    "imports": "start of a worker, its imports",
+    "parent": "the sweep itself: plan, progress, table",
+    "figures": "figures of a run, with `--figures`",
+}
+
+
+def coarse() -> list[str]:
+    """Assignments of `--accuracy coarse`."""
+    from castfem.accuracy.sizes import changes, factors_of
+    from castfem.case import load_case, shipped_cases
+
+    found = changes(load_case(shipped_cases.find(CASE)), factors_of("coarse"))
+    return [f"{key}={value}" for key, value in found.items()]
+
+
+def tapers(count: int) -> list[str]:
+    """Tapers from 0.8 to 1.2 %/m."""
+    return [f"{0.8 + 0.4 * i / (count - 1):.4g} %/m" for i in range(count)]
+
+
+def follow(count: int, freeze: bool) -> dict[str, float]:
+    """Do runs as a worker does; processor time of its parts, s (in a process of its own)."""
+    from castfem.case import load_case, shipped_cases
+    from castfem.plots.figures import draw_figures
+    from castfem.sweep.work import Job, work
+    from castfem.time_loop.loop import TimeLoop
+
+    begun, march = process_time(), [0.0]
+    run = TimeLoop.run
+
+    def timed(loop: TimeLoop) -> None:
+        start = process_time()
+        run(loop)
+        march.append(process_time() - start)
+
+    TimeLoop.run = timed  # type: ignore[method-assign]
+    beside, sizes, path = [], coarse(), shipped_cases.find(CASE)
+    with tempfile.TemporaryDirectory() as home:
+        for name in tapers(count):
+            case = load_case(path, [*sizes, f"mould.taper={name}"])
+            folder = Path(home, name.partition(" ")[0])
+            start = process_time()
+            outcome = work(Job(name, folder, case))
+            assert not outcome.failed, outcome.message
+            if freeze and not beside:
+                gc.freeze()
+            beside.append(process_time() - start - march[-1])
+        start = process_time()
+        draw_figures(folder)
+        drawn = process_time() - start
+    return {
+        "march": mean(march[1:]), "each": mean(beside[1:]), "first": beside[0] - mean(beside[1:]),
+        "imports": begun, "figures": drawn,
+    }  # fmt: skip
+
+
+def followed_apart(count: int, cache: str) -> dict[str, float]:
+    """What `follow` finds, in a process of its own."""
+    words = [sys.executable, "-m", "benchmarks.sweep_cost", str(count)]
+    environment = {**os.environ, "XDG_CACHE_HOME": cache}
+    done = subprocess.run(
+        words, check=True, cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True
+    )
+    found: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def castfem(*words: str, cache: str) -> subprocess.Popen[bytes]:
+    """Start a command of castfem on the coarse case."""
+    command = [sys.executable, "-m", "castfem.cli", words[0], CASE, "-q"]
+    for assignment in coarse():
+        command += ["--set", assignment]
+    return subprocess.Popen(
+        [*command, *words[1:]], cwd=ROOT, env={**os.environ, "XDG_CACHE_HOME": cache}
+    )
+
+
+def sweep(count: int, folder: Path, cache: str) -> float:
+    """Processor time of a whole sweep, s."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    values = "mould.taper=" + ",".join(tapers(count))
+    running = castfem("sweep", "-j", str(WORKERS), "--set", values, "-o", str(folder), cache=cache)
+    assert running.wait() == 0
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def measured(count: int, followed: int, cache: str) -> list[dict[str, Any]]:
+    """A row a part, of one sweep."""
+    followed_apart(2, cache)  # forms and meshes come from the cache from now on
+    found = followed_apart(followed, cache)
+    with tempfile.TemporaryDirectory() as home:
+        whole = sweep(count, Path(home, "sweep"), cache)
+        found["parent"] = sweep(count, Path(home, "sweep"), cache)  # it finds all finished
+    times = {"march": count, "each": count, "first": WORKERS, "imports": WORKERS, "parent": 1}
+    return [
+        {"part": part, "each [s]": found[part], "times": times.get(part, 0), "whole [s]": whole}
+        for part in PARTS
+    ]
+
+
+def at_once(turns: int, cache: str) -> list[dict[str, Any]]:
+    """Wall time of two coupled billets, one after the other and at once, by turns."""
+    rows = []
+    for turn in range(turns):
+        for together in (False, True):
+            load, begun, running = os.getloadavg()[0], perf_counter(), []
+            with tempfile.TemporaryDirectory() as home:
+                for name in ("1 %/m", "1.1 %/m"):
+                    folder = str(Path(home, name.partition(" ")[0]))
+                    words = ("run", "--set", f"mould.taper={name}", "-o", folder)
+                    running.append(castfem(*words, cache=cache))
+                    if not together:
+                        running[-1].wait()
+                assert not any(process.wait() for process in running)
+                seconds = perf_counter() - begun
+            rows.append({"turn": turn, "at once": together, "wall [s]": seconds, "load": load})
+    return rows
+
+
+def show(output: Output) -> None:
+    """Make the table anew."""
+    rows, pairs = output.rows("sweep_cost"), output.rows("sweep_at_once")
+    if not rows:
+        return
+    total = sum(row["each [s]"] * row["times"] for row in rows)
+    lines = [
+        {
+            "part": PARTS[row["part"]],
+            "each": row["each [s]"],
+            "times": row["times"] or None,
+            "share": 100 * row["each [s]"] * row["times"] / total if row["times"] else None,
+        }
+        for row in rows
+    ]
+    headings = {"part": "part", "each": "s each", "times": "times", "share": "% of all"}
+    runs = next(row["times"] for row in rows if row["part"] == "march")
+    best = {way: min(r["wall [s]"] for r in pairs if r["at once"] is way) for way in (False, True)}
+    least, most = min(r["load"] for r in pairs), max(r["load"] for r in pairs)
+    text = (
+        f"{runs:.0f} coarse billets (`--accuracy coarse`, {CASE}) on {WORKERS} workers, seconds of "
+        f"the processor. The whole command took {rows[0]['whole [s]']:.0f} s, the parts add up to "
+        f"{total:.0f} s.\n\n"
+        + table(lines, headings, {"each": ".2f", "share": ".1f"})
+        + f"\n\nTwo of them at once were done {best[False] / best[True]:.2f} times as fast as one "
+        f"after the other, by the clock on the wall, with a load of {least:.1f} to {most:.1f} by "
+        "other programs on two cores; the ratio of a free machine is to be measured there."
+    )
+    output.insert("throughput", text)
+
+
+def main(output: Output, quick: bool) -> None:
+    """Measure, and write data and table."""
+    with tempfile.TemporaryDirectory() as cache:
+        rows = measured(*((4, 3) if quick else (RUNS, FOLLOWED)), cache)
+        output.csv("sweep_cost", rows)
+        output.csv("sweep_at_once", at_once(1 if quick else 2, cache))
+    show(output)
+
+
+if __name__ == "__main__":
+    print(json.dumps(follow(int(sys.argv[1]), freeze="--no-freeze" not in sys.argv)))
