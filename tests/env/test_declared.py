@@ -82,3 +82,10 @@ def test_version_is_written_once() -> None:
     cited = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
     assert cited is not None and cited[1] == castfem.__version__
     assert metadata.version("castfem") == castfem.__version__
+
+
+def test_files_of_tests_are_told_apart() -> None:
+    """Of two of one name pytest would refuse the second, unless their folder is a package."""
+    files = sorted((ROOT / "tests").rglob("test_*.py"))
+    loose = [file.name for file in files if not (file.parent / "__init__.py").is_file()]
+    assert sorted({name for name in loose if loose.count(name) > 1}) == []
