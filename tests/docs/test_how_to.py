@@ -71,7 +71,7 @@ PIECES = {"how_to/locked_roll.md": "slab1200/reference"}
 def blocks(page: str) -> Iterator[tuple[str, str, str]]:
     """Kind, file it stands for, if any, and text of each block of a page."""
     for before, kind, text in BLOCK.findall((DOCS / page).read_text(encoding="utf-8")):
-        named = re.findall(r"`(\w+\.(?:toml|csv))`", before if kind in ("toml", "csv") else "")
+        named = re.findall(r"`(\w+\.(?:toml|csv))`", before if kind in ("toml", "text") else "")
         yield kind, named[-1] if named else "", text
 
 
@@ -167,7 +167,7 @@ def test_a_page_does_what_it_says(
             Path(name).write_text(text, encoding="utf-8")
     printed, status, other, code = "", 0, False, dict[str, object]()
     for kind, name, text in blocks(page):
-        if kind in ("toml", "csv") and name:
+        if kind in ("toml", "text") and name:
             Path(name).write_text(text, encoding="utf-8")
         elif kind == "toml":
             load_case(find(PIECES[page]), list(added(tomllib.loads(text))))
