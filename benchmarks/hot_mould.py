@@ -234,7 +234,7 @@ def show(output: Output) -> None:
         output.insert("hot_mould_tubes", table(found, headings, formats))
     found = output.rows("hot_mould_turns")
     if found:
-        headings = {"turn": "turn", **{name: text for name, (text, _) in TURNS.items()},
+        headings = {"turn": "iteration", **{name: text for name, (text, _) in TURNS.items()},
                     "hottest_degC": "copper [°C]", "moved_um": "wall moved [um]"}  # fmt: skip
         formats = dict.fromkeys(TURNS, ".2f") | {"hottest_degC": ".0f", "moved_um": ".1f"}
         formats |= {"mould_gap_max": ".3f", "mould_mean_pressure_max": ".3f"}

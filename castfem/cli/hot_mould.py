@@ -57,7 +57,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
 
     def told(number: int, turn: Turn) -> None:
         if first and turn.strand is not None:
-            print(f"turn {number}: {_changed(turn)}", flush=True)
+            print(f"iteration {number}: {_changed(turn)}", flush=True)
 
     turns = hot_mould_of(case, comm, origin, MOST if coupled else 1, told)
     if not first:
@@ -138,7 +138,7 @@ def _unequal(found: Drawing) -> bool:
 
 def turn_lines(turns: Sequence[Turn]) -> list[str]:
     """Return what the turns have done to strand and wall, a column for each."""
-    rows = [["turn", *(str(number) for number in range(1, len(turns) + 1))]]
+    rows = [["iteration", *(str(number) for number in range(1, len(turns) + 1))]]
     for name, label, unit, factor in _TOLD:
         values = [turn.strand.value(name) for turn in turns if turn.strand is not None]
         if all(value == value for value in values):

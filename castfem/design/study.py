@@ -74,6 +74,7 @@ class Study:
             self.evaluator = Evaluator(case, folder)
         self._lean = lean(case)
         self._told: dict[Wanted, Evaluation] = {}
+        self._kept: list[Result] = []
         self._cases: dict[Wanted, Case] = {}
         self._result: Optimum | None = None
         self._done: Done = {}
@@ -127,6 +128,8 @@ class Study:
             InputError: It is none of them.
         """
         if isinstance(given, Result):
+            if wanted.ideal:
+                self._kept.append(given)  # tapers begin by its history: a temporary one must stay
             given = Evaluation(given.summary.quantities, folder=given.folder)
         elif isinstance(given, Mapping):
             given = Evaluation({name: _quantity(name, value) for name, value in given.items()})
