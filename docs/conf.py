@@ -10,6 +10,7 @@ version = release = castfem.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 exclude_patterns = ["data", "**.py"]
 default_role = "code"
+highlight_language = "none"  # of blocks that name none: what a command prints
 myst_heading_anchors = 4  # those of a forge, so that a link holds in both places
 
 autodoc_member_order = "bysource"
