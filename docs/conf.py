@@ -33,7 +33,7 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": [],
 }
-html_sidebars = {"index": [], "references": []}
+html_sidebars = {"index": [], "getting_started": [], "references": []}
 copyright = "castfem; free software under the LGPL-3.0-or-later"
 
 
