@@ -71,8 +71,7 @@ def rectangle(
     quarters = 4 // MULTIPLICITY[symmetry]
     if r == 0.0:
         points, cells = _grid(a, b, checked, quarters)
-        if cell == "triangle":
-            cells = split_rectangles(cells)
+        cells = split_rectangles(cells) if cell == "triangle" else cells
     elif cell == "triangle":
         points, cells = isotropic(outline, checked, (faces[1],), quarters)
     else:

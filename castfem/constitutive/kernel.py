@@ -525,8 +525,7 @@ def integrate_points(  # type: ignore[no-untyped-def]
         stress: Out, (n, 4), Pa.
         tangent: Out, (n, 4, 4), d stress / d strain, Pa.
         state: Out, (n, states).
-        dissipation: Out, viscoplastic work over the step (n,), J/m3, without what a back stress
-            stores or gives back.
+        dissipation: Out, viscoplastic work (n,), J/m3, but for what a back stress stores.
         flows: Out, whether the point flows (n,).
     """
     normal, tensor, back, carried_part = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
