@@ -56,6 +56,7 @@ BENCHMARKS = {
     "slab_sprays": "benchmarks.slab_sprays",
     "stated_error": "benchmarks.stated_error",
     "throughput": "benchmarks.sweep_cost",
+    "sensitivity": "benchmarks.sensitivity",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -95,6 +96,7 @@ PAGES = {
     "slab_sprays": "slab.md",
     "stated_error": "accuracy.md",
     "throughput": "scripting.md",
+    "sensitivity": "sensitivity.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

@@ -1,7 +1,7 @@
 """Continuous casting of steel: one slice of the strand followed from the meniscus.
 
-`load`, `run` and `Result` are for scripts (docs/scripting.md); they are imported at first use, so
-that `import castfem` costs nothing.
+`load`, `run`, `sensitivities` and `Result` are for scripts (docs/scripting.md); they are imported
+at first use, so that `import castfem` costs nothing.
 
 What there is, upstream first; nothing knows what comes after it (docs/architecture.md):
 
@@ -16,6 +16,7 @@ What there is, upstream first; nothing knows what comes after it (docs/architect
     simulation/                     from a case to all that computes it
     results/                        what is read off the slice, and the summary
     time_loop/                      from the meniscus to the end
+    sensitivity/                    derivatives carried along with a run
     tensile/                        a tensile test of a law: a case without a slice
     plots/ report/                  figures and words on a run, from its files alone
     api sweep/ compare/ cli/        what users call
@@ -26,7 +27,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from castfem.api import Result, Snapshot, load, run
+    from castfem.api import Result, Snapshot, load, run, sensitivities
     from castfem.errors import CastfemError, InputError, RunFailure
 
 __version__ = "0.1.0"
@@ -38,6 +39,7 @@ __all__ = [
     "Snapshot",
     "load",
     "run",
+    "sensitivities",
 ]
 
 

@@ -16,6 +16,7 @@ import gc
 import shutil
 import tempfile
 import weakref
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 
     from castfem.case import Case
     from castfem.output.fields import Fields
+    from castfem.sensitivity.result import Sensitivity
 
 
 def load(name: str | Path) -> Case:
@@ -111,6 +113,54 @@ def run(
         # Meshes and communicators stand in cycles: large, and to be freed by all ranks at once.
         gc.collect()
     return Result(target, summary, temporary=made is not None)
+
+
+def sensitivities(
+    case: Case | str | Path,
+    to: str | Sequence[str],
+    of: str | Sequence[str] = (),
+    *,
+    folder: Path | str | None = None,
+    resume: bool = False,
+    comm: MPI.Intracomm | None = None,
+    progress: bool = False,
+) -> Sensitivity:
+    """Run a case with the derivatives of its results by some of its keys (docs/sensitivity.md).
+
+    Args:
+        case: A case, or what `load` takes.
+        to: By what: keys of the case ("casting.superheat"), "steel.conductivity" and the like.
+        of: Names of results; by default heat removed, shell and surface temperature.
+        folder: Where tables and checkpoints go; None writes nothing.
+        resume: Go on from the checkpoint in `folder`.
+        comm: Ranks of the run; all when None.
+        progress: Draw a bar, or write lines where there is no terminal.
+
+    Returns:
+        The results with their derivatives, `gradient` by name, on all ranks.
+
+    Raises:
+        InputError: Case, results or parameters cannot be used; it names each.
+        RunFailure: The run cannot go on.
+    """
+    from mpi4py import MPI
+
+    from castfem.sensitivity.run import sensitivity
+    from castfem.support.progress import Progress
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    sound = load(case) if isinstance(case, str | Path) else case
+    bar = Progress(0 if progress else -1) if comm.rank == 0 else None
+    names, keys = ([one] if isinstance(one, str) else list(one) for one in (of, to))
+    target = None if folder is None else Path(folder)
+    try:
+        return sensitivity(
+            sound, names, keys, folder=target, resume=resume, comm=comm, progress=bar
+        )
+    finally:
+        if bar is not None:
+            bar.stop()
+        gc.collect()
 
 
 def _may_run_in(folder: Path, case: Case, resume: bool, overwrite: bool) -> None:

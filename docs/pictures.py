@@ -11,6 +11,7 @@ from pathlib import Path
 
 from PIL import Image
 
+from castfem.api import sensitivities
 from castfem.case import load_any, load_case
 from castfem.case.build_extraction import known_resistance
 from castfem.case.build_mould import build_mould
@@ -21,6 +22,7 @@ from castfem.plots.figures import draw_figures
 from castfem.plots.machine import draw as draw_machine
 from castfem.plots.mould import draw as draw_mould
 from castfem.plots.style import new_figure
+from castfem.plots.tornado import draw_tornado
 from castfem.tensile.tensile_test import TensileTest
 from castfem.time_loop import loop
 
@@ -139,6 +141,20 @@ def cycles() -> None:
         shrink(Image.open(path).convert("RGB"), "cycles")
 
 
+def sensitivity() -> None:
+    """Draw what some numbers do to the billet."""
+    spreads = (
+        "cooling.mould.coefficient=100 W/(m^2 K)",
+        *("casting.superheat=10 K", "casting.speed=0.1 m/min"),
+        *("steel.conductivity=5 %", "steel.solidus=5 K"),
+    )
+    found = sensitivities("billet125/thermal", spreads, "heat_removed,shell_mid_face")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "sensitivity.png"
+        draw_tornado(found, path)
+        shrink(Image.open(path).convert("RGB"), "sensitivity")
+
+
 def shrink(picture: Image.Image, name: str) -> None:
     """Save a picture at its final size and with few colours."""
     size = (WIDTH, round(picture.height * WIDTH / picture.width))
@@ -158,6 +174,7 @@ def main() -> None:
         "roll_to_roll": roll_to_roll,
         "slab": slab,
         "cycles": cycles,
+        "sensitivity": sensitivity,
     }
     for name in sys.argv[1:] or pictures:
         pictures[name]()

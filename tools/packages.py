@@ -39,6 +39,7 @@ ORDER = {
     "results": "what is read off the slice",
     "time_loop": "from the meniscus to the end",
     "mould_fit": "strand and mould fitted to each other",
+    "sensitivity": "derivatives carried along with a run",
     "plots": "figures of a run",
     "api": "Python interface",
     "report": "words on a run",

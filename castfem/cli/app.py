@@ -83,6 +83,7 @@ app.command()(studies.sweep)
 app.command()(studies.error)
 app.command()(studies.optimise)
 app.command()(studies.calibrate)
+app.command()(studies.sensitivity)
 
 
 @app.command()

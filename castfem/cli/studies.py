@@ -1,4 +1,4 @@
-"""Commands that make many runs of a case: sweep, error, optimise, calibrate."""
+"""Commands that study a case by runs: sweep, error, optimise, calibrate, sensitivity."""
 
 from __future__ import annotations
 
@@ -181,3 +181,36 @@ def calibrate(
     status = calibrate_case(case, to, free, output, tuple(set_ or ()), jobs, quiet=quiet)
     if status:
         raise typer.Exit(status)
+
+
+def sensitivity(
+    case: CaseName,
+    to: Annotated[
+        list[str],
+        typer.Option(
+            "--to",
+            metavar="KEY[=SPREAD],...",
+            help="By what: keys of the case, or steel.conductivity and the like; repeatable.",
+        ),
+    ],
+    of: Annotated[
+        list[str] | None,
+        typer.Option("--of", metavar="RESULT,...", help="Of what; by default heat and shell."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", help="Folder; by default results/<family>/<name>_sensitivity."
+        ),
+    ] = None,
+    set_: Overrides = None,
+    resume: Annotated[bool, typer.Option(help="Go on from the last checkpoint.")] = False,
+    figures: Annotated[bool, typer.Option(help="Draw the figure.")] = True,
+    quiet: Quiet = False,
+) -> None:
+    """Run a case once, with the derivatives of its results by some of its keys."""
+    from castfem.cli.sensitivity import Options, sensitivity_of_case
+
+    sensitivity_of_case(
+        Options(case, tuple(of or ()), tuple(to), output, tuple(set_ or ()), resume, figures, quiet)
+    )

@@ -13,7 +13,7 @@ import numpy as np
 
 from castfem.coupling.step_control import StepControl
 from castfem.support import log
-from castfem.thermal.stepper import ThermalState, ThermalStepper
+from castfem.thermal.stepper import StepResult, ThermalState, ThermalStepper
 from castfem.values.same_place import same_instant
 from castfem.values.types import Array
 
@@ -90,9 +90,13 @@ class ThermalSteps:
                 if self.control.accepts(result.error):
                     break
             rejected += 1
+        self.kept(state, result)
         return SubSteps(
             result.state, dt, result.newton, result.balance, 1, rejected, int(result.limited)
         )
+
+    def kept(self, old: ThermalState, result: StepResult) -> None:
+        """Called with each step that is kept, and the state it began with; here nothing is done."""
 
     def to(self, state: ThermalState, end: float) -> SubSteps:
         """As many steps as it takes to `end` (s).

@@ -120,7 +120,7 @@ class Sampler:
             assert strand.mechanical is not None
             profiles = self.mechanics.displaced(profiles, strand.mechanical)
         steel = simulation.steel
-        self._note_closing(state, state.extremes[1])
+        self.follow(state)
         balance = 0.0 if substeps is None else substeps.balance
         self.worst_balance = max(self.worst_balance, abs(balance))
         sample = Sample(
@@ -141,9 +141,8 @@ class Sampler:
             mechanics=self._read_mechanics(strand, mechanical),
             metallurgical_length=self.metallurgical_length,
             liquid_end=self.liquid_end,
+            mould_flux=self.mould_flux,
         )
-        self._note_mould_flux(sample)
-        sample.mould_flux = self.mould_flux
         self.largest_stress.note(sample)
         sample.largest_stress = replace(self.largest_stress)
         self.beyond_data.note(sample)
@@ -224,12 +223,18 @@ class Sampler:
         flux = reductions.totals(self.simulation.section.comm, local)
         return {name: float(flux[i]) for i, name in enumerate(names)}
 
-    def _note_mould_flux(self, sample: Sample) -> None:
+    def follow(self, state: ThermalState) -> None:
+        """Note what hangs on the temperatures of all steps: end of the pool, flux of the mould."""
+        self._note_closing(state, state.extremes[1])
+        self._note_mould_flux(state)
+
+    def _note_mould_flux(self, state: ThermalState) -> None:
         """Note the mean flux as long as the slice is in the mould."""
-        end = self._mould_exit
-        if end is None or is_below(sample.position, end) or not sample.time > 0.0:
+        end, position = self._mould_exit, self.simulation.machine.position(state.time)
+        if end is None or is_below(position, end) or not state.time > 0.0:
             return
-        self.mould_flux = sample.removed / (self._perimeter * sample.time)
+        removed = state.removed * self.simulation.section.multiplicity
+        self.mould_flux = removed / (self._perimeter * state.time)
 
     def _note_closing(self, state: ThermalState, hottest: float) -> None:
         """Note where the hottest vertex passes liquidus and solidus."""

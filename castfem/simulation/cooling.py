@@ -75,6 +75,11 @@ class Zones:
         self._coolings[-1:] = found.coolings
         return found
 
+    @property
+    def surface(self) -> Surface:
+        """Perimeter shares of the section's boundary groups."""
+        return self._surface
+
     def name(self, index: int) -> str:
         """Name of what cools in a zone."""
         return self.spans[min(max(index, 0), len(self.spans) - 1)].name

@@ -21,6 +21,7 @@ there is liquid to feed it and stays as it is in what has frozen (docs/coupling.
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Collection
 from dataclasses import dataclass
 
@@ -87,7 +88,7 @@ class Stage:
         point: Temperature and slopes that belong to the solution.
         out: Heat that leaves through this rank's part of the surface, W/m.
         generated: Heat that appears inside this rank's part of the section, W/m.
-        result: How the solver ended.
+        result: How the solver ended. tau: Its coefficient, s. time: Since the meniscus, s.
     """
 
     enthalpy: Array
@@ -96,6 +97,8 @@ class Stage:
     out: float
     generated: float
     result: SolveResult
+    tau: float
+    time: float
 
 
 @dataclass(slots=True)
@@ -163,8 +166,7 @@ class ThermalProblem:
     def _make_solver(
         self, prefix: str, options: Options, asked: Collection[str] = ()
     ) -> SnesSolver:
-        matrix = self._laplacian.copy()
-        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        matrix = self.new_matrix()
         return SnesSolver(self, self._theta, matrix, prefix, options, self.watch, asked=asked)
 
     def _assemble_operators(self) -> None:
@@ -216,6 +218,11 @@ class ThermalProblem:
     def fixed(self) -> npt.NDArray[np.int64]:
         """Owned vertices whose temperature is given."""
         return self._fixed
+
+    @property
+    def fixed_enthalpy(self) -> Array:
+        """H at those (n,), J/m3."""
+        return self._fixed_value
 
     def set_source(self, source: Array) -> None:
         """Heat generated inside from now on: `source` at the owned vertices (owned,), W/m3.
@@ -291,7 +298,7 @@ class ThermalProblem:
         if abs(open_) < SPREAD * size:
             change -= open_ / size * free
         rate = np.asarray(change / tau)
-        return Stage(base + change, rate, state.point, out, generated, result)
+        return Stage(base + change, rate, state.point, out, generated, result, tau, self._time)
 
     def _evaluate(self, enthalpy: Array) -> _State:
         """Temperatures and heat flows at `enthalpy`."""
@@ -329,6 +336,34 @@ class ThermalProblem:
             out.setDiagonal(scale, addv=PETSc.InsertMode.ADD_VALUES)
             if self.cooling.prescribed:
                 out.zeroRows(self._fixed_rows, diag=1.0)
+
+    def new_matrix(self) -> PETSc.Mat:
+        """A matrix of the Laplacian's pattern, the caller's to destroy."""
+        matrix = self._laplacian.copy()
+        matrix.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        return matrix
+
+    def conduction_matrix(self, tau: float, out: PETSc.Mat) -> None:
+        """Put tau L into a matrix of `new_matrix`; it is symmetric."""
+        self._laplacian.copy(out, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        out.scale(tau)
+
+    def conducted(self, conduction: Array) -> Array:
+        """Heat that leaves each vertex by conduction (owned,), W/m, of theta (owned,), W/m."""
+        with self.watch.section("petsc"):
+            self._theta.setArray(conduction)
+            self._laplacian.mult(self._theta, self._work)
+        return self._work.getArray().copy()
+
+    def of_curve(self, curve: ThermalCurve) -> ThermalProblem:
+        """The heat balance of another steel on the same mesh, to be asked for its flows alone.
+
+        It shares matrices and work vectors: use the two in turn, destroy this one alone. Its solver
+        is that of this one, and solves this one's stages.
+        """
+        other = copy.copy(self)
+        other.curve = curve
+        return other
 
     def surface_flow(self, point: CurvePoint, rate: Array, time: float) -> Array:
         """Heat that leaves the strand at each vertex (owned,), W/m; zero inside.

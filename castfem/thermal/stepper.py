@@ -88,6 +88,8 @@ class StepResult:
             or would have come back, and backward Euler was taken instead. reason: The solver's
             word.
         balance: (heat out + change of enthalpy - heat generated) over the largest (see IDLE).
+        stages: That led to the new state: two of the second-order scheme, or parts of backward
+            Euler.
     """
 
     converged: bool
@@ -97,6 +99,7 @@ class StepResult:
     limited: bool
     reason: str
     balance: float
+    stages: tuple[Stage, ...] = ()
 
 
 class ThermalStepper:
@@ -198,7 +201,7 @@ class ThermalStepper:
         if limited and self.estimate:
             apart = np.abs(tried[-1].point.temperature - state.point.temperature)
             error = reductions.largest(self.comm, apart)
-        return StepResult(True, state, error, newton, limited, reason, balance)
+        return StepResult(True, state, error, newton, limited, reason, balance, tuple(stages))
 
     def _look_ahead(
         self, old: ThermalState, stages: list[Stage], dt: float, bounds: tuple[float, float]

@@ -45,6 +45,7 @@ SLOW = {
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
     "optimum": "some 150 billets; tests/design drives the search by results that are known",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
+    "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
     "throughput": "a sweep of 32 billets; tests/benchmarks/test_sweep_cost.py has its table",
     "verification": "tests/verification runs what it runs",

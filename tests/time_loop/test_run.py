@@ -222,7 +222,8 @@ from functools import cache
 from castfem.case import load_case
 from castfem.time_loop import loop
 loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2])
-unwanted = [m for m in sys.modules if m.startswith(("castfem.mechanics", "castfem.constitutive"))]
+parts = ("castfem.mechanics", "castfem.constitutive", "castfem.sensitivity")
+unwanted = [m for m in sys.modules if m.startswith(parts)]
 unwanted += [m for m in ("gmsh", "matplotlib", "pandas") if m in sys.modules]
 print("LOADED", unwanted)
 """

@@ -1,0 +1,143 @@
+"""`castfem sensitivity`: derivatives of a run's results by keys of its case."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from castfem.case import load_case, shipped_cases
+from castfem.cli import parallel
+from castfem.errors import InputError
+from castfem.output.folder import RUN_NAME
+from castfem.report.numbers import shown, unit_shown, with_error
+from castfem.support import log
+from castfem.support.progress import Progress
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from castfem.sensitivity.result import Row, Sensitivity
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user asked for.
+
+    Attributes:
+        name: Case file or name of a shipped case.
+        of: Results. to: Parameters.
+        folder: Where the files go, None for the default.
+        overrides: Those of --set.
+        resume: Go on from the checkpoint in the folder.
+        figures: Draw the figure.
+        quiet: Print nothing but errors.
+    """
+
+    name: str
+    of: tuple[str, ...]
+    to: tuple[str, ...]
+    folder: Path | None
+    overrides: tuple[str, ...]
+    resume: bool
+    figures: bool
+    quiet: bool
+
+
+def sensitivity_of_case(options: Options) -> None:
+    """Run, differentiate, print, write and draw (collective).
+
+    Raises:
+        InputError: Something the user wrote cannot be used.
+        RunFailure: The run fails, or a file cannot be written.
+    """
+    from castfem.plots.tornado import FIGURE_NAME, draw_tornado
+    from castfem.sensitivity.result import CSV_NAME, JSON_NAME
+    from castfem.sensitivity.run import sensitivity
+
+    comm = parallel.communicator()
+    root = parallel.rank_of(comm) == 0
+    log.setup(-1 if options.quiet else 0, parallel.rank_of(comm))
+    path = shipped_cases.find(options.name)
+    case = load_case(path, options.overrides)
+    alone = shipped_cases.default_folder(options.name, path)
+    target = options.folder or alone.with_name(f"{alone.name}_sensitivity")
+    if target.exists() and (not target.is_dir() or (target / RUN_NAME).is_file()):
+        raise InputError(f"{target}: holds something else; choose another folder with -o")
+    progress = Progress(-1 if options.quiet else 0) if root else None
+    try:
+        with parallel.together(comm):
+            found = sensitivity(
+                case, options.of, options.to, folder=target, resume=options.resume, comm=comm,
+                progress=progress,
+            )  # fmt: skip
+    finally:
+        if progress is not None:
+            progress.stop()
+        log.close()
+    if not root:
+        return
+    written = [CSV_NAME, JSON_NAME]
+    if options.figures:
+        draw_tornado(found, target / FIGURE_NAME)
+        written.append(FIGURE_NAME)
+    if not options.quiet:
+        out = parallel.console()
+        print(f"{head_of(found)}\n")
+        out.print(table_of(found), "", highlight=False)
+        for line in remarks(found):
+            print(line)
+        print(f"{', '.join(written)} in {target}")
+
+
+def table_of(found: Sensitivity) -> Table:
+    """The derivatives, for the terminal."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("", overflow="fold")
+    table.add_column("derivative")
+    table.add_column("% by 1 %", justify="right")
+    for name, quantity in found.quantities.items():
+        value = f"{shown(quantity.shown, quantity.shown_unit)} {unit_shown(quantity.shown_unit)}"
+        table.add_row(f"{quantity.label}: {value}", "", "")
+        for row in found.rows():
+            if row.name == name:
+                table.add_row(*_cells(row))
+        table.add_section()
+    return table
+
+
+def head_of(found: Sensitivity) -> str:
+    """Return what the table is of."""
+    return f"{found.title}: {1e3 * found.position:.6g} mm below the meniscus"
+
+
+def _cells(row: Row) -> tuple[str, str, str]:
+    p = row.parameter
+    at = f"{p.value:.6g} {unit_shown(p.unit)}".rstrip()
+    slope = "-"
+    if math.isfinite(row.value):
+        number = with_error(f"{row.value:.4g}", row.error)
+        slope = f"{number} {unit_shown(row.unit)}"
+    relative = f"{row.elasticity:+.3f}" if math.isfinite(row.elasticity) else ""
+    return f"  by {p.name}, {at}", slope, relative
+
+
+def remarks(found: Sensitivity) -> list[str]:
+    """Return what else is to be known of the derivatives, a line each."""
+    lines = []
+    for row in found.rows():
+        if row.sides is not None:
+            lines.append(
+                f"{row.name} by {row.parameter.name}: it has a kink here, "
+                f"{row.sides[0]:.4g} below and {row.sides[1]:.4g} {unit_shown(row.unit)} above"
+            )
+        elif not math.isfinite(row.value):
+            why = "the result does not exist here"
+            if math.isfinite(row.quantity.value):
+                why = "the front has passed too few cells and steps in this zone to tell"
+            lines.append(f"{row.name} by {row.parameter.name}: {why}")
+    return lines

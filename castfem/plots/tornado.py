@@ -1,0 +1,62 @@
+"""The tornado figure: what each parameter does to each result, the largest on top."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.output.summary import unit_of_difference
+from castfem.plots.style import look, new_figure, save
+from castfem.sensitivity.result import Row, Sensitivity
+from castfem.values.shown_units import plain_unit
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FIGURE_NAME = "sensitivity.png"
+_UP, _DOWN = "#d55e00", "#0072b2"
+_ACROSS = 2  # panels side by side
+
+
+def draw_tornado(found: Sensitivity, path: Path) -> None:
+    """Draw a panel for each result, in it a pair of bars for each parameter.
+
+    Raises:
+        RunFailure: The file cannot be written.
+    """
+    names = list(found.quantities)
+    across = min(_ACROSS, len(names))
+    down = -(-len(names) // across)
+    with look():
+        figure = new_figure(4.6 * across + 0.6, 0.9 + down * (0.75 + 0.3 * len(found.parameters)))
+        grid = np.atleast_1d(figure.subplots(down, across, squeeze=False)).ravel()
+        for axes, name in zip(grid, names, strict=False):
+            _panel(axes, [row for row in found.rows() if row.name == name])
+        for axes in grid[len(names) :]:
+            axes.set_axis_off()
+        figure.suptitle(found.title, fontsize=9)
+        save(figure, path)
+
+
+def spread_of(row: Row) -> str:
+    """The parameter with what it is moved by."""
+    p = row.parameter
+    unit = "K" if p.unit in ("degC", "°C") else plain_unit(p.unit).replace("percent", "%")
+    return f"{p.name} \N{PLUS-MINUS SIGN}{p.spread:.3g} {unit}".rstrip()
+
+
+def _panel(axes: Axes, rows: list[Row]) -> None:
+    """Bars of one result; linear, so that both sides are as long."""
+    order = sorted(rows, key=lambda row: abs(row.change) if np.isfinite(row.change) else -1.0)
+    places = np.arange(len(order))
+    change = np.array([row.change for row in order])
+    axes.barh(places, change, height=0.62, color=_UP, label="more of it")
+    axes.barh(places, -change, height=0.62, color=_DOWN, label="less of it")
+    axes.set_yticks(places, [spread_of(row) for row in order], fontsize=7)
+    axes.axvline(0.0, color="0.3", lw=0.8)
+    quantity = rows[0].quantity
+    unit = plain_unit(unit_of_difference(quantity.shown_unit))
+    axes.set_xlabel(f"change of {quantity.label} [{unit}]", fontsize=8)
+    axes.legend(fontsize=6.5, loc="lower right", frameon=False)

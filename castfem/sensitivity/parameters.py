@@ -1,0 +1,291 @@
+"""Parameters by which a run is differentiated: keys of its case, and numbers of its steel.
+
+A parameter is a number in the unit that the user has written: "1600 W/(m^2 K)" is 1600, and its
+derivatives are per W/(m^2 K). A table is multiplied as a whole: it is 100 in per cent.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from castfem.case import key_names
+from castfem.case.load import changed
+from castfem.case.model import Case
+from castfem.errors import InputError
+from castfem.support.messages import choices
+from castfem.values import units
+from castfem.values.constants import ZERO_CELSIUS
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from castfem.materials import Steel
+    from castfem.materials.iron_carbon import Side
+    from castfem.materials.properties import Property
+    from castfem.values.types import Array
+
+SCALED = ("density", "specific_heat", "conductivity", "emissivity")
+"""Properties of a steel that are multiplied as a whole."""
+LEVELS = {"degC", "degF", "°C", "°F"}
+"""Units of temperatures that do not begin at absolute zero."""
+_SHIFT = 1e-3  # of a unit of temperature: half the distance of the difference quotients
+_SHARE = 1e-5  # of anything else
+_HELD = {
+    "section": "it changes the mesh",
+    "mesh": "it changes the mesh",
+    "thermal": "it changes the steps, which are held",
+    "output": "it changes what is written, not what is computed",
+    "reference": "it is a number of somebody else",
+    "verification": "it belongs to the closed form",
+    "optimise": "a run does not look at it",
+    "title": "it is no number",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of a case.
+
+    Attributes:
+        name: As the user wrote it.
+        key: Dotted key under which the number stands; "" for a property of the steel.
+        value: In `unit`.
+        unit: As the user has written it; "percent" for a table that is multiplied, "" for none.
+        spread: By how much it may differ, in `unit`: the length of a bar of the figure.
+        steel: Property of the steel that is multiplied; "" for none.
+        table: What stands under `key`, if it is a table.
+        step: Half the distance of the difference quotients of laws, in `unit`.
+    """
+
+    name: str
+    key: str
+    value: float
+    unit: str
+    spread: float
+    steel: str = ""
+    table: Mapping[str, Any] | None = None
+    step: float = 0.0
+
+    @property
+    def has_zero(self) -> bool:
+        """Whether a per cent of it means something, as it does not of degrees Celsius."""
+        return self.unit not in LEVELS and self.value != 0.0
+
+    def case_at(self, case: Case, value: float) -> Case:
+        """The case with another value.
+
+        Raises:
+            InputError: It cannot have it.
+        """
+        if not self.key:
+            return case
+        written: Any = f"{value!r} {self.unit}" if self.unit else value
+        if self.table is not None:
+            written = dict(self.table)
+            if self.unit == "percent":
+                written["value"] = [value / 100.0 * one for one in self.table["value"]]
+            else:
+                written["value"] = [one + value for one in self.table["value"]]
+        return changed(case, {self.key: written}, self.name)
+
+    def steel_at(self, steel: Steel, value: float) -> Steel:
+        """The steel with another value."""
+        if not self.steel:
+            return steel
+        scaled = Scaled(steel.properties[self.steel], value / 100.0)
+        return replace(steel, properties=MappingProxyType({**steel.properties, self.steel: scaled}))
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A property times a factor."""
+
+    law: Property
+    factor: float
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Those of the property."""
+        return self.law.kinks
+
+    @property
+    def jumps(self) -> tuple[float, ...]:
+        """Those of the property."""
+        return self.law.jumps
+
+    @property
+    def curved(self) -> bool:
+        """Whether the property is."""
+        return self.law.curved
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """That of the property."""
+        return self.law.span
+
+    def __call__(self, temperature: npt.ArrayLike, side: Side = "above") -> Array:
+        """Values at `temperature` (K)."""
+        return self.factor * self.law(temperature, side)
+
+
+def read_parameters(case: Case, steel: Steel, texts: Iterable[str]) -> list[Parameter]:
+    """The parameters that `--to` names: KEY or KEY=SPREAD, several with commas between them.
+
+    Raises:
+        InputError: With all that cannot be used, a line each.
+    """
+    found: dict[str, Parameter] = {}
+    problems: list[str] = []
+    for text in (part.strip() for given in texts for part in given.split(",")):
+        name, _, spread = (part.strip() for part in text.partition("="))
+        try:
+            parameter = _read(case, steel, name, spread)
+            if name in found:
+                raise ValueError("it is named twice")
+            found[name] = parameter
+        except ValueError as error:
+            problems.append(f"--to {text}: {error}")
+        except InputError as error:
+            problems += [f"--to {text}: {line}" for line in error.problems]
+    if problems or not found:
+        raise InputError(problems or "--to: no parameter is named; such as casting.superheat")
+    return list(found.values())
+
+
+def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
+    if not name:
+        raise ValueError("a key of the case is needed, such as casting.superheat")
+    table, _, entry = name.partition(".")
+    if table == "steel" and entry and "." not in entry:
+        parameter = _of_steel(steel, name, entry)
+    else:
+        parameter = _of_case(case, steel, name)
+    temperature = parameter.unit in LEVELS or parameter.unit == "K"
+    usual = 10.0 if temperature else 0.01 * abs(parameter.value)
+    wide = _spread(spread, parameter, temperature) if spread else usual
+    if not wide > 0.0:
+        raise ValueError(f"it is 0; say by how much it may differ: {name}=SPREAD")
+    size = _SHARE * max(abs(parameter.value), wide)
+    return replace(parameter, spread=wide, step=_SHIFT if temperature else size)
+
+
+def _spread(text: str, parameter: Parameter, temperature: bool) -> float:
+    number, unit = units.split(text)
+    if unit in ("%", "percent"):
+        return 0.01 * float(number) * (100.0 if parameter.table else abs(parameter.value))
+    if temperature and unit in {"K", *LEVELS}:
+        return float(number)
+    si = units.parse_any(f"1 {parameter.unit}")[1]
+    return units.convert(units.parse(text, si), si, parameter.unit or "1")
+
+
+def _of_steel(steel: Steel, name: str, entry: str) -> Parameter:
+    """A number of the steel itself."""
+    if entry in SCALED:
+        if entry not in steel.properties:
+            raise ValueError(f"{steel.name} has none")
+        return Parameter(name, "", 100.0, "percent", 0.0, entry)
+    if entry not in ("solidus", "liquidus", "latent_heat"):
+        allowed = (*SCALED, "solidus", "liquidus", "latent_heat", "composition.C")
+        near = units.nearest(entry, allowed)
+        raise ValueError(f"no number of a steel; one of {choices(allowed)}{near}")
+    origin = steel.origins.get(entry)
+    if entry == "latent_heat" and "enthalpy" in steel.properties:
+        raise ValueError(f"{steel.name} releases its heat by its enthalpy; steel.composition.C")
+    if origin is None:
+        raise ValueError(f"it follows from the solid fraction of {steel.name}; steel.composition.C")
+    if entry == "latent_heat":
+        return Parameter(name, "steel.overrides.latent_heat", steel.latent_heat / 1e3, "kJ/kg", 0.0)
+    kelvin = steel.solidus if entry == "solidus" else steel.liquidus
+    return Parameter(name, f"steel.overrides.{entry}", kelvin - ZERO_CELSIUS, "degC", 0.0)
+
+
+def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
+    """A number under a key of the case."""
+    document = case.document()
+    key = key_names.full_key(Case, document, name)
+    table = key.partition(".")[0]
+    if table in _HELD:
+        raise ValueError(f"a run has no derivative by it: {_HELD[table]}")
+    key, value = _found(document, key)
+    if value is None and key.startswith("steel.composition."):
+        value = steel.composition.get(key.rpartition(".")[2])
+    if isinstance(value, Mapping) and isinstance(value.get("value"), list):
+        levels = value.get("unit") in LEVELS
+        start, unit = (0.0, "K") if levels else (100.0, "percent")
+        return Parameter(name, key, start, unit, 0.0, table=value)
+    if value is None or isinstance(value, bool | Mapping | list):
+        raise ValueError("the case has no number there")
+    if not isinstance(value, str):
+        return Parameter(name, key, float(value), "", 0.0)
+    try:
+        number, unit = units.split(value)
+    except ValueError:
+        raise ValueError(f'it is no number ("{value}")') from None
+    return Parameter(name, key, float(number), unit, 0.0)
+
+
+def _found(document: Mapping[str, Any], key: str) -> tuple[str, Any]:
+    """The key in full and what stands there; the laws of a zone may be left out of the key."""
+    place: Any = copy.deepcopy(document)
+    parts: list[str] = []
+    rest = key.split(".")
+    while rest:
+        part = rest.pop(0)
+        if isinstance(place, Mapping):
+            if part not in place and part != "surface" and "surface" in place:
+                rest, part = [part, *rest], "surface"
+            place = place.get(part)
+        elif isinstance(place, Sequence) and not isinstance(place, str):
+            index = _index(place, part, rest, key)
+            if not part.isdigit() and index != _named(place, part):
+                rest = [part, *rest]
+            part, place = str(index), place[index]
+        else:
+            return key, None
+        parts.append(part)
+    if isinstance(place, Mapping) and "value" in place and not isinstance(place["value"], list):
+        return _found(document, ".".join([*parts, "value"]))
+    return ".".join(parts), place
+
+
+def _named(entries: Sequence[Any], part: str) -> int | None:
+    """The entry of an array that has a name, or a law of that name; None if there is none."""
+    for name in ("name", "law"):
+        met = [i for i, e in enumerate(entries) if isinstance(e, Mapping) and e.get(name) == part]
+        if len(met) == 1:
+            return met[0]
+    return None
+
+
+def _index(entries: Sequence[Any], part: str, rest: Sequence[str], key: str) -> int:
+    """Which entry of an array a part of a key means.
+
+    Raises:
+        ValueError: None, or more than one.
+    """
+    if part.isdigit():
+        if int(part) >= len(entries):
+            raise ValueError(f"there is no entry {part}; 0 to {len(entries) - 1}")
+        return int(part)
+    index = _named(entries, part)
+    if index is not None:
+        return index
+    having = [i for i, e in enumerate(entries) if isinstance(e, Mapping) and part in e]
+    if len(having) == 1:
+        return having[0]
+    if len(entries) == 1 and "law" in entries[0]:
+        return 0
+    words = [
+        str(e[n]) for e in entries for n in ("name", "law") if isinstance(e, Mapping) and n in e
+    ]
+    if having:
+        laws = choices(str(entries[i].get("law", i)) for i in having)
+        raise ValueError(f"several have {part} ({laws}); put one of them before it")
+    raise ValueError(
+        f"'{part}' is no entry; there are {choices(words)}{units.nearest(part, words)}"
+    )

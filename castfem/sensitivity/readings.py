@@ -1,0 +1,170 @@
+"""Derivatives of a run's results: what is read off the slice, at both ends of each parameter.
+
+A result is read as every run reads it (`castfem.results`), from the temperatures with their
+derivative times the step of the difference quotient added, by the steel, machine and cooling there.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from castfem.coupling.staggered import StrandState
+from castfem.errors import InputError
+from castfem.output.summary import Quantity
+from castfem.results.registry import QuantityDefinition, columns_of, results_of
+from castfem.results.sample import Sample
+from castfem.results.thermal import Sampler
+from castfem.sensitivity.fronts import LEVELS, Fronts
+from castfem.sensitivity.result import Derivative
+from castfem.sensitivity.thermal import ThermalDerivatives
+from castfem.sensitivity.varied import Varied
+from castfem.simulation.simulation import Simulation
+from castfem.thermal.stepper import ThermalState
+from castfem.values import units
+from castfem.values.same_place import EXACT
+
+_OF_STEPS = ("step", "newton", "energy_error", "solidus_cell")
+"""Results that tell of steps and cells, which are held."""
+_OF_THE_WAY = ("metallurgical_length", "liquid_end", "mould_mean_flux")
+"""Results that are known only to who has followed all steps."""
+_USUAL = ("heat_removed", "shell", "surface_temperature")
+"""Results that are read if none is named."""
+
+Asked = dict[str, tuple[QuantityDefinition, str]]
+
+
+def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
+    """What `--of` names, each with its definition and probe.
+
+    Raises:
+        InputError: With all that the run has no such result of, a line each.
+    """
+    having: Asked = {}
+    for definition, probe in (*columns_of(simulation), *results_of(simulation)):
+        if definition.name not in _OF_STEPS:
+            having[definition.named(probe)] = definition, probe
+    wanted = [part.strip() for name in names for part in name.split(",")]
+    if not wanted:
+        wanted = [name for name, (one, _) in having.items() if one.name in _USUAL]
+    problems = []
+    for name in wanted:
+        if name in having:
+            continue
+        if any(name == own or name.startswith(f"{own}_") for own in _OF_STEPS):
+            problems.append(f"--of {name}: it tells of steps or cells, which are held")
+        else:
+            near = units.nearest(name, having)
+            problems.append(f"--of {name}: is no result of this run{near}")
+    if problems:
+        raise InputError(problems)
+    return {name: having[name] for name in dict.fromkeys(wanted)}
+
+
+class Readings:
+    """Reads the derivatives of results.
+
+    Args:
+        simulation: The run.
+        derivatives: Of its temperatures.
+        asked: The results.
+    """
+
+    def __init__(
+        self, simulation: Simulation, derivatives: ThermalDerivatives, asked: Asked
+    ) -> None:
+        self._simulation, self._derivatives, self.asked = simulation, derivatives, asked
+        self.follows = any(one.name in _OF_THE_WAY for one, _ in asked.values())
+        depths = [(one.name, probe) for one, probe in asked.values() if one.name in LEVELS]
+        self.fronts = Fronts(derivatives, depths)
+        self._samplers = [
+            (Sampler(v.above.simulation), Sampler(v.below.simulation))
+            for v in derivatives.variations
+        ]
+
+    def follow(self, sample: Sample) -> None:
+        """Note a committed state, for results that hang on the way (collective)."""
+        state = sample.state.thermal
+        self.fronts.follow(self._zone(state.time), sample)
+        if not self.follows:
+            return
+        for number, pair in enumerate(self._samplers):
+            for sampler, its in zip(pair, self._states(number, state), strict=True):
+                sampler.follow(its)
+
+    def _zone(self, time: float) -> int:
+        """The zone that a step has been in which ends at a time (s); the first at the meniscus."""
+        hair = EXACT * self._simulation.control.end
+        starts = self._simulation.zones.starts
+        return max(bisect_left(starts, time - hair) - 1, 0)
+
+    def _states(self, number: int, state: ThermalState) -> tuple[ThermalState, ThermalState]:
+        """The state above and below a parameter (collective)."""
+        variation = self._derivatives.variations[number]
+        step = variation.parameter.step
+        return (
+            self._state(variation.above, number, state, step),
+            self._state(variation.below, number, state, -step),
+        )
+
+    def _state(self, end: Varied, number: int, state: ThermalState, by: float) -> ThermalState:
+        slopes = self._derivatives
+        end.enter(self._zone(state.time))
+        return end.simulation.stepper.state_from(
+            end.time(state.time),
+            state.enthalpy + by * slopes.enthalpy[number],
+            state.rate + by * slopes.rate[number],
+            state.removed + by * float(slopes.removed[number]),
+            state.generated,
+        )
+
+    def read(self, sample: Sample) -> tuple[dict[str, Quantity], list[Derivative]]:
+        """The results of a sample and their derivatives (collective)."""
+        values = {
+            name: definition.result(_number(definition.value(sample, probe)), probe)
+            for name, (definition, probe) in self.asked.items()
+        }
+        found = []
+        for number, variation in enumerate(self._derivatives.variations):
+            states = self._states(number, sample.state.thermal)
+            above, below = (
+                sampler.read(StrandState(state, None, np.zeros(0)), None)
+                for sampler, state in zip(self._samplers[number], states, strict=True)
+            )
+            for name, (definition, probe) in self.asked.items():
+                sides = [_number(definition.value(s, probe)) for s in (below, above)]
+                step = variation.parameter.step
+                here = values[name].value
+                slopes = (here - sides[0]) / step, (sides[1] - here) / step
+                evened = self._evened(definition.name, probe, number)
+                found.append(Derivative(name, variation.parameter.name, *slopes, evened))
+        return values, found
+
+    def _evened(self, name: str, probe: str, number: int) -> tuple[float, float] | None:
+        """Derivative of a depth, evened out, and its standard error; None of anything else."""
+        front = self.fronts.fronts.get((name, probe))
+        if front is None:
+            return None
+        found = front.evened()
+        if found is None:
+            return float("nan"), float("nan")
+        return float(found[0][number]), float(found[1][number])
+
+    def memory(self) -> dict[str, Any]:
+        """What a checkpoint must hold of what has been noted."""
+        noted = [[sampler.memory() for sampler in pair] for pair in self._samplers]
+        return {"results": list(self.asked), "noted": noted, "fronts": self.fronts.memory()}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Take up what `memory` gave."""
+        self.fronts.recall(memory["fronts"])
+        for pair, its in zip(self._samplers, memory["noted"], strict=True):
+            for sampler, known in zip(pair, its, strict=True):
+                sampler.recall(dict(known))
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)

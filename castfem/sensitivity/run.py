@@ -1,0 +1,253 @@
+"""A run that carries derivatives along: what it refuses, its steps, its checkpoint."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from castfem.case import Case
+from castfem.coupling.step_control import StepControl
+from castfem.coupling.subcycling import ThermalSteps
+from castfem.errors import InputError
+from castfem.fem.root import on_root
+from castfem.output.checkpoint import load_checkpoint, save_checkpoint
+from castfem.results.run_state import RunState
+from castfem.results.sample import Sample
+from castfem.sensitivity.parameters import read_parameters
+from castfem.sensitivity.readings import Readings, asked_quantities
+from castfem.sensitivity.result import Sensitivity
+from castfem.sensitivity.thermal import ThermalDerivatives
+from castfem.sensitivity.varied import Variation, vary
+from castfem.simulation.simulation import Simulation, build
+from castfem.support.atomic_files import saving
+from castfem.thermal.stepper import StepResult, ThermalState, ThermalStepper
+from castfem.time_loop import restart
+from castfem.time_loop.interrupt import Interrupt, Stopped
+from castfem.time_loop.loop import TimeLoop
+from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.support.progress import Progress
+
+CHECKPOINT_NAME = "sensitivity.checkpoint.h5"
+_SAVED = ("enthalpy", "rate")
+
+
+class FollowedSteps(ThermalSteps):
+    """Thermal steps, each followed by the derivatives.
+
+    Args:
+        stepper: Takes one step. control: Chooses its length and learns.
+        derivatives: Carried through each step that is kept.
+    """
+
+    def __init__(
+        self, stepper: ThermalStepper, control: StepControl, derivatives: ThermalDerivatives
+    ) -> None:
+        super().__init__(stepper, control)
+        self._derivatives = derivatives
+
+    def kept(self, old: ThermalState, result: StepResult) -> None:
+        """Carry the derivatives through a step."""
+        self._derivatives.step(old, result)
+
+
+def refuse(case: Case) -> None:
+    """Refuse a case whose run has parts that are not differentiated.
+
+    Raises:
+        InputError: Naming each, and what to do instead.
+    """
+    problems = []
+    if case.mechanics is not None:
+        problems.append(
+            "mechanics: derivatives are carried through the temperatures alone; leave [mechanics] "
+            "and [mould] out of a case of its own (as billet125/thermal), or compare runs "
+            "(castfem sweep)"
+        )
+    start = case.casting.start
+    if start is not None and (start.at == "mould_exit" or start.meniscus is not None):
+        problems.append(
+            "casting.start: what the slice passes before the run begins is not differentiated; "
+            "let it begin at the meniscus"
+        )
+    if problems:
+        raise InputError([f"{case.title}: {problem}" for problem in problems])
+
+
+class Recorder:
+    """Follows the committed steps: for results that hang on the way, and for checkpoints.
+
+    Args:
+        simulation: The run.
+        derivatives: Its derivatives.
+        readings: Reads results.
+        path: Of the checkpoint; None for a run in memory.
+    """
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        derivatives: ThermalDerivatives,
+        readings: Readings,
+        path: Path | None,
+    ) -> None:
+        self.simulation, self.derivatives, self.readings = simulation, derivatives, readings
+        self.path, self._every = path, simulation.case.output.checkpoint_every
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        """Take in one committed step, and save a checkpoint in turn (collective)."""
+        self.readings.follow(sample)
+        if self.path is not None and self._every and run.counts.taken % self._every == 0:
+            self.save(run)
+
+    def _parameters(self) -> list[list[Any]]:
+        found = [v.parameter for v in self.derivatives.variations]
+        return [[p.name, p.value, p.unit, p.step] for p in found]
+
+    def save(self, run: RunState) -> None:
+        """Save state and derivatives (collective)."""
+        gather, slopes = self.simulation.section.gather, self.derivatives
+        meta = restart.description(run) | {
+            "parameters": self._parameters(),
+            "removed_by": list(slopes.removed),
+            "readings": self.readings.memory(),
+        }
+        arrays: dict[str, Array | None] = dict(restart.arrays(run))
+        for name in _SAVED:
+            for number, owned in enumerate(getattr(slopes, name)):
+                arrays[f"{name}_by_{number}"] = gather(owned)
+        kept = {name: values for name, values in arrays.items() if values is not None}
+        case, path = self.simulation.case, self.path
+
+        def write() -> None:
+            assert path is not None
+            with saving(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+            save_checkpoint(path, meta, kept, physics=case.physics_hash(), case=case.physics())
+
+        on_root(self.simulation.section.comm, write)
+
+    def resume(self, run: RunState) -> None:
+        """Go on from the checkpoint (collective).
+
+        Raises:
+            InputError: There is none, or it is of another case or of other parameters.
+        """
+        case, comm, path = self.simulation.case, self.simulation.section.comm, self.path
+        assert path is not None
+        read = on_root(
+            comm, lambda: load_checkpoint(path, physics=case.physics_hash(), case=case.physics())
+        )
+        meta, by_node = comm.bcast(read)
+        if meta["parameters"] != self._parameters():
+            names = ", ".join(name for name, *_ in meta["parameters"])
+            raise InputError(
+                f"{path}: carries derivatives by {names}; ask for these, or run without --resume"
+            )
+        if meta["readings"]["results"] != list(self.readings.asked):
+            names = ",".join(meta["readings"]["results"])
+            raise InputError(f"{path}: follows {names}; ask for these, or run without --resume")
+        restart.restore(run, meta, by_node)
+        nodes = self.simulation.section.node_of_owned
+        count = len(self.derivatives.variations)
+        slopes = [
+            np.array([np.asarray(by_node[f"{name}_by_{i}"])[nodes] for i in range(count)])
+            for name in _SAVED
+        ]
+        self.derivatives.restore(slopes[0], slopes[1], np.array(meta["removed_by"]))
+        self.readings.recall(meta["readings"])
+
+
+def sensitivity(
+    case: Case,
+    of: Sequence[str],
+    to: Sequence[str],
+    *,
+    folder: Path | None = None,
+    resume: bool = False,
+    comm: MPI.Comm | None = None,
+    progress: Progress | None = None,
+) -> Sensitivity:
+    """Run a case and differentiate its results at the end by some parameters (collective).
+
+    Args:
+        case: What to run.
+        of: Names of results, several with commas between them; empty for the usual ones.
+        to: Parameters, `castfem.sensitivity.parameters.read_parameters`.
+        folder: For checkpoints and results; None writes nothing.
+        resume: Go on from the checkpoint in `folder`.
+        comm: Ranks of the run; all when None.
+        progress: Told after each step; on rank 0.
+
+    Raises:
+        InputError: Case, results or parameters cannot be used.
+        RunFailure: The run cannot go on.
+    """
+    comm = MPI.COMM_WORLD if comm is None else comm
+    refuse(case)
+    with ExitStack() as freed:
+        simulation = build(case, comm)
+        freed.callback(simulation.destroy)
+        asked = asked_quantities(simulation, of)
+        derivatives = follow(simulation, to)
+        freed.callback(derivatives.destroy)
+        path = None if folder is None else folder / CHECKPOINT_NAME
+        readings = Readings(simulation, derivatives, asked)
+        recorder = Recorder(simulation, derivatives, readings, path)
+        run = _to_the_end(simulation, recorder, resume, progress)
+        assert run.sample is not None
+        values, found = readings.read(run.sample)
+        kept = tuple(v.parameter for v in derivatives.variations)
+        result = Sensitivity(case.title, run.position, values, kept, tuple(found), run.counts.steps)
+        if folder is not None:
+            on_root(comm, lambda: result.write(folder))
+        return result
+
+
+def follow(simulation: Simulation, to: Sequence[str]) -> ThermalDerivatives:
+    """Let the steps of a simulation carry derivatives by some parameters (collective).
+
+    Raises:
+        InputError: With all parameters that cannot be used, a line each.
+    """
+    variations: list[Variation] = []
+    problems: list[str] = []
+    for parameter in read_parameters(simulation.case, simulation.steel, to):
+        try:
+            variations.append(vary(simulation, parameter))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    derivatives = ThermalDerivatives(simulation, variations)
+    simulation.steps = FollowedSteps(simulation.stepper, simulation.steps.control, derivatives)
+    return derivatives
+
+
+def _to_the_end(
+    simulation: Simulation, recorder: Recorder, resume: bool, progress: Progress | None
+) -> RunState:
+    """Take the slice to the end of the followed length."""
+    interrupt = Interrupt(simulation.section.comm)
+    loop = TimeLoop(simulation, recorder, progress, interrupt)
+    if resume:
+        recorder.resume(loop.run_state)
+    if progress is not None:
+        progress.start(simulation.case.casting.length, loop.run_state.position)
+    try:
+        with interrupt:
+            loop.run()
+    except Stopped:
+        if recorder.path is not None:
+            recorder.save(loop.run_state)
+        raise
+    if recorder.path is not None:
+        recorder.save(loop.run_state)
+    return loop.run_state

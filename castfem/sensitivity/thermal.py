@@ -1,0 +1,169 @@
+"""Derivatives of the temperatures, carried through the stages of each thermal step.
+
+A stage solves, for the enthalpies H of the vertices (`castfem.thermal.problem`),
+
+    M (H - H_base) + tau F(H, t, p) = 0,     F = L theta(H, p) + w q(T(H, p), t, p) - M s.
+
+Its derivative by a parameter p is one linear equation with the matrix of Newton's method,
+
+    J dH/dp = M dH_base/dp - d(tau F)/dp at held H,     J = M + tau dF/dH,
+
+and that of the base follows from the scheme.  The last term is the change of the laws alone: a
+central difference of them, at the enthalpies that are there, between simulations of the case on
+both sides of p; they have their own times, tau among them.  What p does to a law is linear or
+smooth, and the quotient is right to 1e-9 of it or so (docs/sensitivity.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from castfem.fem import reductions
+from castfem.sensitivity.linear import StageTangent
+from castfem.sensitivity.varied import Variation, surface_heat
+from castfem.simulation.simulation import Simulation
+from castfem.simulation.start import starting_enthalpy
+from castfem.thermal.problem import Stage
+from castfem.thermal.stepper import GAMMA, StepResult, ThermalState
+from castfem.values.types import Array
+
+
+class ThermalDerivatives:
+    """Derivatives of the committed thermal state by each parameter.
+
+    Args:
+        simulation: The run.
+        variations: Its parameters.
+
+    Attributes:
+        enthalpy: dH/dp of each parameter (parameters, owned), J/m3 per unit of it.
+        rate: d(dH/dt)/dp likewise, W/m3.
+        removed: Derivatives of the heat removed from the modelled part (parameters,), J/m.
+        solves: Back substitutions so far.
+    """
+
+    def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
+        self._simulation, self.variations = simulation, tuple(variations)
+        self._problem = simulation.problem
+        self._tangent = StageTangent(self._problem)
+        self._zone = -1
+        shape = (len(self.variations), simulation.section.owned)
+        self.enthalpy: Array = np.zeros(shape)
+        self.rate: Array = np.zeros(shape)
+        for i, variation in enumerate(self.variations):
+            self.enthalpy[i] = _of_start(variation)
+        self._start = self.enthalpy.copy()
+        self.removed: Array = np.zeros(len(self.variations))
+        self.solves = 0
+
+    def restore(self, enthalpy: Array, rate: Array, removed: Array) -> None:
+        """Go on from derivatives that have been saved."""
+        self.enthalpy, self.rate, self.removed = enthalpy, rate, removed
+
+    def step(self, old: ThermalState, result: StepResult) -> None:
+        """Carry the derivatives through a step that has been kept (collective).
+
+        Raises:
+            RunFailure: A matrix cannot be factored.
+        """
+        self._enter(old.time)
+        step = _Step.of(old.time, result.state.time, self.variations)
+        second_order = len(result.stages) == 2
+        base, started = self.enthalpy, self.enthalpy
+        for number, stage in enumerate(result.stages):
+            found = self._stage(stage, step, base)
+            lengthened = np.outer(step.lengthened * (stage.tau / step.span), stage.rate)
+            self.rate = (found - base - lengthened) / stage.tau
+            base = found
+            if second_order and number == 0:
+                gained = step.span * self.rate + np.outer(step.lengthened, stage.rate)
+                base = started + (1.0 - GAMMA) * gained
+        self.enthalpy = found
+        # What the strand has lost has been removed: stages close their balance to rounding.
+        lost = (self._start - found) @ self._problem.volume
+        self.removed = reductions.totals(self._simulation.section.comm, lost)
+
+    def _enter(self, time: float) -> None:
+        """Follow the cooling of the run into the zone of a step that begins at `time` (s)."""
+        zone = self._simulation.zones.index(time)
+        if zone != self._zone:
+            for variation in self.variations:
+                for end in (variation.below, variation.above):
+                    end.enter(zone)
+            self._zone = zone
+
+    def _stage(self, stage: Stage, step: _Step, base: Array) -> Array:
+        """DH/dp at the end of a stage from that of its base (parameters, owned)."""
+        problem, point = self._problem, stage.point
+        slope = surface_heat(problem.cooling, point.temperature, stage.time)[1]
+        self._tangent.factor(point, slope, stage.tau)
+        found = np.empty_like(base)
+        for i, v in enumerate(self.variations):
+            right = problem.volume * base[i]
+            change = self._change(v, stage, step, i)
+            if change is not None:
+                right = right - change
+            above, below = (end.simulation.problem for end in (v.above, v.below))
+            apart = above.fixed_enthalpy - below.fixed_enthalpy
+            found[i] = self._tangent.solve(right, np.asarray(apart / v.span, dtype=np.float64))
+            self.solves += 1
+        return found
+
+    def _change(self, v: Variation, stage: Stage, step: _Step, number: int) -> Array | None:
+        """D(tau F)/dp at the enthalpies of a stage (owned,), J/m per unit; None if it is 0."""
+        problem, point = self._problem, stage.point
+        if v.above.same_cooling and v.below.same_cooling and not step.lengthened[number]:
+            return None
+        share, place = stage.tau / step.span, (stage.time - step.begin) / step.span
+        conduction, surface = np.zeros_like(point.conduction), np.zeros_like(point.conduction)
+        sides = zip((v.above, v.below), step.own[number], (1.0, -1.0), strict=True)
+        for end, (begin, span), sign in sides:
+            its, weight = end.temperatures(stage.enthalpy, point), sign * share * span / v.span
+            conduction += weight * its.conduction
+            surface += weight * end.surface(its, begin + place * span)
+        if v.above.same_curve and not step.lengthened[number]:
+            return surface
+        return surface + problem.conducted(conduction)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self._tangent.destroy()
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A step of the run, and what it is on both sides of each parameter.
+
+    Attributes:
+        begin: s. span: Its length, s.
+        own: Begin and length of each parameter above and below it, s.
+        lengthened: D span / dp (parameters,), s per unit.
+    """
+
+    begin: float
+    span: float
+    own: list[tuple[tuple[float, float], ...]]
+    lengthened: Array
+
+    @classmethod
+    def of(cls, begin: float, end: float, variations: Sequence[Variation]) -> _Step:
+        """The step from begin to end of the run, s."""
+        span = end - begin
+        own = []
+        for v in variations:
+            met = [side.step(begin) for side in (v.above, v.below)]
+            own.append(tuple((first, pace * span) for first, pace in met))
+        longer = [(o[0][1] - o[1][1]) / v.span for o, v in zip(own, variations, strict=True)]
+        return cls(begin, span, own, np.array(longer))
+
+
+def _of_start(variation: Variation) -> Array:
+    """DH/dp of the enthalpies with which a run begins (owned,)."""
+    above, below = (
+        np.asarray(starting_enthalpy(end.simulation)) for end in (variation.above, variation.below)
+    )
+    owned = variation.above.simulation.section.owned
+    return np.array(np.broadcast_to((above - below) / variation.span, (owned,)))

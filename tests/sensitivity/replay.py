@@ -1,0 +1,113 @@
+"""Runs on held steps, by which derivatives are held against differences of whole runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from small_case import small
+
+from castfem.case import Case
+from castfem.sensitivity import varied
+from castfem.sensitivity.parameters import Parameter, read_parameters
+from castfem.sensitivity.run import FollowedSteps
+from castfem.sensitivity.thermal import ThermalDerivatives
+from castfem.sensitivity.varied import Varied, vary
+from castfem.simulation.simulation import Simulation, build
+from castfem.simulation.start import starting_state
+from castfem.thermal.stepper import StepResult, ThermalState
+from castfem.time_loop.loop import TimeLoop
+from castfem.values.types import Array
+
+EXACT = 1e-12  # K, to which stages are solved where runs are compared
+QUIET: Mapping[str, Any] = {"output.fields": [], "output.every": "100 s", "reference": []}
+
+
+def bare(changes: Mapping[str, Any] | None = None) -> Case:
+    """The small billet without output, changed."""
+    return small({**QUIET, **(changes or {})})
+
+
+def built(case: Case, comm: MPI.Comm = MPI.COMM_SELF) -> Simulation:
+    """A simulation whose stages are solved to rounding."""
+    simulation = build(case, comm)
+    simulation.problem.tolerance = EXACT
+    return simulation
+
+
+class Noted(FollowedSteps):
+    """Steps whose ends are noted."""
+
+    ends: list[tuple[float, int]]
+
+    def kept(self, old: ThermalState, result: StepResult) -> None:
+        """Note the end of a step and the number of its stages."""
+        self.ends.append((result.state.time, len(result.stages)))
+        super().kept(old, result)
+
+
+@dataclass(slots=True)
+class Followed:
+    """A run with its derivatives.
+
+    Attributes:
+        simulation: The run. state: At its end. derivatives: Likewise. loop: That has run.
+        ends: Time and number of stages of each step.
+    """
+
+    simulation: Simulation
+    state: ThermalState
+    derivatives: ThermalDerivatives
+    loop: TimeLoop
+    ends: list[tuple[float, int]]
+
+
+def followed(case: Case, *names: str, comm: MPI.Comm = MPI.COMM_SELF) -> Followed:
+    """Run a case with the derivatives of its temperatures."""
+    simulation = built(case, comm)
+    parameters = read_parameters(case, simulation.steel, names)
+    slopes = ThermalDerivatives(simulation, [vary(simulation, p) for p in parameters])
+    steps = Noted(simulation.stepper, simulation.steps.control, slopes)
+    steps.ends = []
+    simulation.steps = steps
+    loop = TimeLoop(simulation)
+    loop.run()
+    return Followed(simulation, loop.run_state.state.thermal, slopes, loop, steps.ends)
+
+
+def replayed(run: Followed, number: int, by: float) -> tuple[ThermalState, Varied]:
+    """The same steps with a parameter moved `by`, in its unit: laws of a case of its own."""
+    parameter: Parameter = run.derivatives.variations[number].parameter
+    end = varied._varied(run.simulation, parameter, by)
+    state, zone, before = starting_state(end.simulation), -1, 0.0
+    problem, stepper = run.simulation.problem, run.simulation.stepper
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(problem, "curve", end.simulation.problem.curve)
+        for time, stages in run.ends:
+            found = run.simulation.zones.index(before)
+            if found != zone:
+                zone = found
+                problem.set_cooling(end.simulation.zones.cooling(zone))
+            result = stepper.step(state, end.time(time))
+            assert result.converged, result.reason
+            assert len(result.stages) == stages, "the scheme of a step has changed"
+            state, before = result.state, time
+    return state, end
+
+
+def differences(
+    run: Followed, number: int, by: float, read: Callable[[ThermalState, Varied], Array]
+) -> Array:
+    """Central difference of what is read off two runs, per unit of the parameter."""
+    above, below = (read(*replayed(run, number, sign * by)) for sign in (1.0, -1.0))
+    return np.asarray((above - below) / (2.0 * by))
+
+
+def enthalpy(state: ThermalState, end: Varied) -> Array:
+    """H of the vertices."""
+    return state.enthalpy

@@ -1,0 +1,238 @@
+"""Derivatives of results, as the command and scripts give them: closed forms, runs, resume."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from sensitivity.replay import bare, built, differences, followed
+
+import castfem
+from castfem.case.load import from_document
+from castfem.errors import InputError
+from castfem.sensitivity.parameters import read_parameters
+from castfem.sensitivity.run import CHECKPOINT_NAME
+from castfem.simulation.simulation import case_steel
+from castfem.thermal.stepper import ThermalState
+from castfem.time_loop.loop import TimeLoop
+from castfem.values.types import Array
+from castfem.verification.solidification import ThreeZones
+
+STEADY = {
+    "title": "steady strip",
+    "casting": {"speed": "1 m/min", "length": "60 m", "temperature": "900 degC"},
+    "steel": {"name": "neumann_steel"},
+    "section": {"shape": "strip", "length": "20 mm", "width": "2 mm"},
+    "mesh": {"surface_size": "2 mm", "core_size": "2 mm"},
+    "cooling": [
+        {
+            "name": "both ends",
+            "surface": [
+                {"law": "convection", "on": ["surface"], "coefficient": "1000 W/(m^2 K)",
+                 "ambient": "100 degC"},
+                {"law": "temperature", "on": ["core_end"], "value": "1200 degC"},
+            ],
+        },
+    ],
+    "thermal": {"time": {"step": "200 s"}},
+    "output": {"figures": False, "fields": []},
+}  # fmt: skip
+
+
+def test_a_steady_wall_has_the_derivatives_of_its_resistances() -> None:
+    """Q = (T - Ta) / (1/h + l/k), after an hour; k by a per cent, h by its unit."""
+    found = castfem.sensitivities(
+        from_document(STEADY),
+        ["cooling.0.convection.coefficient", "steel.conductivity", "cooling.0.ambient",
+         "cooling.0.temperature.value"],
+        "heat_flux_mid_face,surface_temperature_mid_face",
+    )  # fmt: skip
+    flux = found.quantities["heat_flux_mid_face"].value
+    resistance = 1100.0 / flux
+    slopes = found.gradient["heat_flux_mid_face"]
+    h, k = "cooling.0.convection.coefficient", "steel.conductivity"
+    assert slopes[h] == pytest.approx(flux / resistance / 1000.0**2, rel=1e-8)
+    assert slopes[k] == pytest.approx(flux * (1.0 - 1e-3 / resistance) / 100.0, rel=1e-8)
+    assert slopes["cooling.0.ambient"] == pytest.approx(-1.0 / resistance, rel=1e-8)
+    assert slopes["cooling.0.temperature.value"] == pytest.approx(1.0 / resistance, rel=1e-8)
+    surface = found.gradient["surface_temperature_mid_face"]
+    assert surface["cooling.0.ambient"] == pytest.approx(1.0 - 1e-3 / resistance, rel=1e-8)
+
+
+SIMILARITY = {
+    "output.fields": [], "output.figures": False, "mesh.surface_size": "1.2 mm",
+    "mesh.core_size": "1.2 mm", "section.width": "1.2 mm", "thermal.time.step": "0.2 s",
+}  # fmt: skip
+ALLOY = {
+    "conductivity": 30.0, "density": 7200.0, "specific_heat": 700.0, "latent_heat": 272e3,
+    "surface": 1273.15, "solidus": 1723.15, "liquidus": 1773.15, "initial": 1813.15,
+}  # fmt: skip
+
+
+def exact_slopes(key: str, by: float) -> tuple[float, float]:
+    """Derivatives of heat removed (J/m2) and depth of the solidus (m) of the closed form."""
+    ends = [ThreeZones(**{**ALLOY, key: ALLOY[key] + sign * by}) for sign in (1.0, -1.0)]
+    heat, depth = (e.heat(60.0) for e in ends), (e.depths(60.0)[0] for e in ends)
+    return tuple((above - below) / (2.0 * by) for above, below in (heat, depth))  # type: ignore
+
+
+def test_an_alloy_freezes_with_the_derivatives_of_its_similarity_solution() -> None:
+    """By latent heat, solidus and conductivity; its front goes by steps of 1.2 mm in 21 mm.
+
+    The derivative of the depth on the mesh is that of a tread or a riser, 25 % off; evened out it
+    is told with its error.
+    """
+    names = {"latent_heat": 1e3, "solidus": 1.0, "conductivity": 0.3}  # SI of their units
+    case = castfem.load("verification/alloy_similarity").with_(SIMILARITY)
+    found = castfem.sensitivities(
+        case, [f"steel.{n}" for n in names], "heat_removed,shell_mid_face"
+    )
+    rows = {(row.name, row.parameter.name): row for row in found.rows()}
+    for name, unit in names.items():
+        heat, depth = exact_slopes(name, 1e-4 * ALLOY[name])
+        its = found.gradient["heat_removed"][f"steel.{name}"] / 1.2e-3
+        assert its == pytest.approx(unit * heat, rel=0.03 if name == "solidus" else 2e-3)
+        row = rows["shell_mid_face", f"steel.{name}"]
+        slope = 1e3 * unit * depth
+        assert row.value == pytest.approx(slope, rel=0.08)
+        assert abs(row.value - slope) < row.error < 0.4 * abs(slope)
+
+
+READ = "shell_corner,surface_temperature_mid_face,heat_flux_mid_face,heat_flux_corner,cooling_power"
+
+
+def test_results_have_the_differences_of_runs() -> None:
+    """Read off runs on the same steps, each with its own steel, speed and times."""
+    from castfem.coupling.staggered import StrandState
+    from castfem.results.thermal import Sampler
+    from castfem.sensitivity.readings import Readings, asked_quantities
+    from castfem.sensitivity.varied import Varied
+
+    case = bare({"casting.length": "60 mm", "thermal.time.step": "0.1 s"})
+    run = followed(case, "casting.speed", "steel.solidus", "casting.superheat")
+    asked = asked_quantities(run.simulation, [READ])
+    sample = run.loop.run_state.sample
+    assert sample is not None
+    _, slopes = Readings(run.simulation, run.derivatives, asked).read(sample)
+
+    def read(state: ThermalState, end: Varied) -> Array:
+        end.enter(0)
+        sampler = Sampler(end.simulation)
+        its = sampler.read(StrandState(state, None, np.zeros(0)), None)
+        return np.array([one.value(its, probe) for one, probe in asked.values()])
+
+    for number, by in enumerate((3e-4, 0.01, 0.01)):
+        known = differences(run, number, by, read)
+        mine = [one.of_mesh for one in slopes[number * len(asked) : (number + 1) * len(asked)]]
+        # Stages are solved to 1e-7 of their heat here, quotients are right to some 1e-5.
+        assert mine == pytest.approx(known, rel=2e-4, abs=1e-9 * np.abs(known).max())
+
+
+def test_end_of_the_pool_by_speed_and_heat_transfer() -> None:
+    """A strip that freezes through: followed over all steps, read where it has passed."""
+    changes = {
+        "section": {"shape": "strip", "length": "8 mm", "width": "2 mm"},
+        "mesh": {"surface_size": "2 mm", "core_size": "2 mm"},
+        "cooling.0.surface.0.on": ["surface"],
+        "casting.length": "0.9 m", "thermal.time.step": "0.2 s",
+    }  # fmt: skip
+    key = "cooling.mould.coefficient"
+    found = castfem.sensitivities(bare(changes), key, "metallurgical_length,liquid_end")
+
+    def ends(coefficient: float) -> Array:
+        law = {"cooling.0.surface.0.coefficient": f"{coefficient} W/(m^2 K)"}
+        simulation = built(bare({**changes, **law}))
+        sample = TimeLoop(simulation).run()
+        simulation.destroy()
+        assert sample.metallurgical_length is not None and sample.liquid_end is not None
+        return np.array([sample.metallurgical_length, sample.liquid_end])
+
+    slopes = (ends(1600.1) - ends(1599.9)) / 0.2
+    mine = [found.gradient[n][key] for n in ("metallurgical_length", "liquid_end")]
+    assert mine == pytest.approx(slopes, rel=1e-4)
+
+
+def test_a_run_that_is_taken_up_again_ends_with_the_same_derivatives(tmp_path: Path) -> None:
+    names, results = (
+        "casting.speed,steel.conductivity",
+        "heat_removed,shell_mid_face,mould_mean_flux",
+    )
+    whole = castfem.sensitivities(bare({"output.checkpoint_every": 7}), names, results)
+    castfem.sensitivities(bare({"casting.length": "30 mm"}), names, results, folder=tmp_path)
+    assert (tmp_path / CHECKPOINT_NAME).is_file()
+    again = castfem.sensitivities(bare(), names, results, folder=tmp_path, resume=True)
+    for name, slopes in whole.gradient.items():
+        assert again.gradient[name] == pytest.approx(slopes, rel=1e-12, nan_ok=True)
+    with open(tmp_path / "sensitivity.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["parameter"] for row in rows] == names.split(",") * 3
+    assert rows[0]["unit of derivative"] == "MJ/m/(m/min)"
+    slope = whole.gradient["heat_removed"]["casting.speed"]
+    assert float(rows[0]["derivative"]) == pytest.approx(1e-6 * slope, rel=1e-12)
+    with pytest.raises(InputError, match=r"carries derivatives by casting.speed, steel.cond"):
+        castfem.sensitivities(bare(), "casting.speed", results, folder=tmp_path, resume=True)
+    with pytest.raises(InputError, match=r"follows heat_removed,shell_mid_face"):
+        castfem.sensitivities(bare(), names, "heat_removed", folder=tmp_path, resume=True)
+
+
+WRONG = [
+    ("mesh.surface_size", "--to mesh.surface_size: a run has no derivative by it: it changes the"),
+    ("thermal.time.step", "it changes the steps, which are held"),
+    ("casting.superheet", "the case has no number there"),
+    ("cooling.mould.gap_conductivity", "the case has no number there"),
+    ("cooling.mould.law", r'it is no number \("contact"\)'),
+    ("cooling.mold.coefficient", "'mold' is no entry; there are mould; did you mean mould"),
+    ("cooling.3.coefficient", "there is no entry 3; 0 to 0"),
+    ("steel.conductance", "no number of a steel; .* did you mean conductivity"),
+    ("steel.youngs_modulus", "no number of a steel"),
+    ("casting.speed=1 kg", "'kg' is the unit of a mass, a speed is needed"),
+    ("casting.speed,casting.speed", "it is named twice"),
+    ("speeed", "no table of the case has a key of this name; did you mean"),
+    ("", "a key of the case is needed"),
+]
+
+
+@pytest.mark.parametrize(("name", "text"), WRONG)
+def test_what_is_no_parameter_is_refused_by_name(name: str, text: str) -> None:
+    case = bare()
+    with pytest.raises(InputError, match=text):
+        read_parameters(case, case_steel(case), [name])
+
+
+def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> None:
+    strip = castfem.load("verification/neumann")
+    with pytest.raises(InputError, match=r"steel.emissivity: neumann_steel has none"):
+        read_parameters(strip, case_steel(strip), ["steel.emissivity"])
+    mixed = castfem.load("slab1200/thermal")
+    with pytest.raises(InputError, match=r"solid fraction of plain_carbon; steel.composition.C"):
+        read_parameters(mixed, case_steel(mixed), ["steel.solidus"])
+    (carbon,) = read_parameters(mixed, case_steel(mixed), ["steel.composition.C=0.01"])
+    assert (carbon.value, carbon.unit, carbon.spread) == (0.1, "", 0.01)
+    billet = castfem.load("billet125/thermal")
+    with pytest.raises(InputError, match="it is 0; say by how much it may differ"):
+        read_parameters(billet, case_steel(billet), ["cooling.foot spray.absorption"])
+
+
+def test_what_is_no_result_is_refused_by_name() -> None:
+    with pytest.raises(InputError, match=r"--of heat_removd: is no result.*did you mean heat_rem"):
+        castfem.sensitivities(bare(), "casting.speed", "heat_removd")
+    with pytest.raises(InputError, match="--of newton: it tells of steps or cells, which are held"):
+        castfem.sensitivities(bare(), "casting.speed", "newton")
+
+
+def test_runs_with_parts_that_are_not_differentiated_are_refused() -> None:
+    with pytest.raises(InputError, match="mechanics: derivatives are carried through the temperat"):
+        castfem.sensitivities("billet125/taper_1", "casting.speed")
+    with pytest.raises(InputError, match=r"casting.length: the least change of it adds or takes"):
+        castfem.sensitivities("billet125/thermal", "casting.length")
+    with pytest.raises(InputError, match=r"cooling.mould.to: the least change of it adds or takes"):
+        castfem.sensitivities("billet125/thermal", "cooling.mould.to")
+
+
+def test_a_place_that_two_changes_share_is_refused() -> None:
+    """A zone that begins at a station: the one moves, the other does not."""
+    case = castfem.load("billet125/thermal").with_({"casting.length": "1 m"})
+    with pytest.raises(InputError, match="one of two changes that meet 600 mm below the meniscus"):
+        castfem.sensitivities(case, "cooling.mould.to")
