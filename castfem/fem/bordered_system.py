@@ -133,6 +133,12 @@ class BorderedSystem:
             pc.setFailedReason(PETSc.PC.FailedReason.NOERROR)
             y.setArray(solution)  # type: ignore[arg-type]
 
+    def solve(self, right: Array) -> Array | None:
+        """Local part of the solution for a right-hand side; None, and `failure`, without one."""
+        with self._options.given():
+            self.failure = factorisation.set_up(self.ksp, self._matrix)
+            return None if self.failure else self._solve(right)
+
     def _solve(self, local: Array) -> Array | None:
         """Local part of the solution for a right-hand side; None, and `failure`, if there is none.
 

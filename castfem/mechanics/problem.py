@@ -7,6 +7,7 @@ in the solution depends on the units chosen.
 
 from __future__ import annotations
 
+import copy
 from typing import Literal
 
 from petsc4py import PETSc
@@ -41,7 +42,7 @@ from castfem.mechanics.supports import SPRING, Constraints, symmetry_supports
 from castfem.mechanics.surface_loads import SurfaceLoads
 from castfem.mechanics.tangent import Tangent
 from castfem.support.stopwatch import Stopwatch
-from castfem.values.types import Array
+from castfem.values.types import Array, Flags
 
 AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
@@ -102,6 +103,8 @@ class MechanicalProblem:
         self.iterations, self._slack = 0, 1.0
         self.residual_state: ResidualState | None = None
         self._integrated: Array | None = None
+        self._run: MechanicalProblem | None = None
+        self._solid: Flags = np.zeros(0, bool)
 
     def _build_forms(self, springs: float | None) -> None:
         section, slice_ = self.section, self.slice
@@ -252,8 +255,13 @@ class MechanicalProblem:
         """Where there is liquid, and what stands in for its stiffness."""
         elasticity, pressing = self.slice.law.elasticity, self.slice.ferrostatic
         solid = elasticity.solidity.weight(temperature) > 0.0
-        liquid.begin(solid)
-        if self._part.follow(liquid, self.bordered):
+        if self._run is None:
+            self._solid = solid
+            liquid.begin(solid)
+            if self._part.follow(liquid, self.bordered):
+                self._material = Material(self.slice.law, self.active)
+        else:
+            solid = self._run._solid
             self._material = Material(self.slice.law, self.active)
         head = 0.0 if pressing is None else pressing.head(time)
         young = float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
@@ -380,8 +388,47 @@ class MechanicalProblem:
     def jacobian(self, x: PETSc.Vec, out: PETSc.Mat) -> None:
         """Derivative of the residual at the unknowns integrated last."""
         with self.watch.section("assembly"):
-            self._tangent.fill(self.response, self._part.matrix)
-            self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
+            self.linearise()
+
+    def of_slice(self, slice_: Slice) -> MechanicalProblem:
+        """The equilibrium of other laws on the same mesh, to be asked for its residual alone.
+
+        It shares fields, forms and matrices: use the two in turn, and destroy this one alone. What
+        is liquid here is so there.
+        """
+        other = copy.copy(self)
+        other._run = self
+        other.slice, other._material = slice_, Material(slice_.law, self.active)
+        other.residual_state, other._integrated = None, None
+        return other
+
+    def residual_at(self, local: Array) -> Array:
+        """Forces that are not in equilibrium at local unknowns, N/m (collective)."""
+        return self._residual(local).copy()
+
+    def linearise(self) -> None:
+        """Take the consistent tangent at the solution that was found last (collective)."""
+        self._tangent.fill(self.response, self._part.matrix)
+        self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
+
+    def solve_linearised(self, right: Array) -> Array | None:
+        """Local unknowns that the tangent makes a right-hand side of; None without any."""
+        return self.bordered.solve(right)
+
+    def carried(self, old: MechanicalState) -> dict[str, Array]:
+        """What the next step takes up of the unknowns evaluated last, by its name in a state."""
+        found, points = self.residual_state, self.points.count
+        assert found is not None
+        beside = self.slice.law.initial_state(points)
+        if self.liquid is not None:
+            self.liquid.follow(self.fields.u)
+        return {
+            "displacement": self.fields.u.x.array.copy(),
+            "generalized_strains": found.generalized_strains.copy(),
+            "scalars": self.free_scalars(found.local),
+            "stress": self.active.spread(self.response.stress, np.zeros_like(old.stress)),
+            "internal": self.active.spread(self.response.state, beside),
+        }
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
         """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""

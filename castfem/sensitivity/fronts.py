@@ -19,7 +19,6 @@ from castfem.materials import Steel
 from castfem.results.sample import Sample
 from castfem.sensitivity.thermal import ThermalDerivatives
 from castfem.sensitivity.varied import Variation
-from castfem.thermal.stepper import ThermalState
 from castfem.values.types import Array
 
 LEVELS = {"shell": "solidus", "liquidus_depth": "liquidus"}
@@ -85,8 +84,7 @@ class Fronts:
         probes = sample.simulation.probes
         state, variations = sample.state.thermal, self._derivatives.variations
         warming = [
-            probes.along(_warming(v, state, self._derivatives.enthalpy[i]))
-            for i, v in enumerate(variations)
+            probes.along(self._derivatives.warming(i, state)) for i in range(len(variations))
         ]
         for (kind, probe), front in self.fronts.items():
             profile = sample.profiles[probe]
@@ -115,16 +113,6 @@ def _level_slope(variation: Variation, kind: str) -> float:
     """Derivative of the level itself, K per unit."""
     above, below = (_level(s.simulation.steel, kind) for s in (variation.above, variation.below))
     return (above - below) / variation.span
-
-
-def _warming(variation: Variation, state: ThermalState, enthalpy: Array) -> Array:
-    """DT/dp of the vertices (owned,), K per unit."""
-    found = state.point.temperature_slope * enthalpy
-    if not variation.above.same_curve:
-        curves = (side.simulation.problem.curve for side in (variation.above, variation.below))
-        above, below = (curve.at(state.enthalpy).temperature for curve in curves)
-        found = found + (above - below) / variation.span
-    return found
 
 
 def _slope(profile: Profile, level: float, warming: Array, of_level: float) -> float:

@@ -7,7 +7,7 @@ derivatives are per W/(m^2 K). A table is multiplied as a whole: it is 100 in pe
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -23,13 +23,17 @@ from castfem.values.constants import ZERO_CELSIUS
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from castfem.constitutive.base import Law
     from castfem.materials import Steel
+    from castfem.materials.expansion import Expansion
     from castfem.materials.iron_carbon import Side
     from castfem.materials.properties import Property
     from castfem.values.types import Array
 
 SCALED = ("density", "specific_heat", "conductivity", "emissivity")
 """Properties of a steel that are multiplied as a whole."""
+STRAINED = ("thermal_expansion", "youngs_modulus", "poisson_ratio")
+"""The same, of which only the mechanics know."""
 LEVELS = {"degC", "degF", "°C", "°F"}
 """Units of temperatures that do not begin at absolute zero."""
 _SHIFT = 1e-3  # of a unit of temperature: half the distance of the difference quotients
@@ -56,7 +60,8 @@ class Parameter:
         value: In `unit`.
         unit: As the user has written it; "percent" for a table that is multiplied, "" for none.
         spread: By how much it may differ, in `unit`: the length of a bar of the figure.
-        steel: Property of the steel that is multiplied; "" for none.
+        steel: Property of the steel that is multiplied; "" for none. law: The same of the
+            constitutive law.
         table: What stands under `key`, if it is a table.
         step: Half the distance of the difference quotients of laws, in `unit`.
     """
@@ -67,6 +72,7 @@ class Parameter:
     unit: str
     spread: float
     steel: str = ""
+    law: str = ""
     table: Mapping[str, Any] | None = None
     step: float = 0.0
 
@@ -92,10 +98,25 @@ class Parameter:
                 written["value"] = [one + value for one in self.table["value"]]
         return changed(case, {self.key: written}, self.name)
 
+    @property
+    def of_mechanics(self) -> bool:
+        """Whether the temperatures do not hang on it."""
+        return bool(self.law) or self.steel in STRAINED
+
+    def law_at(self, law: Law, value: float) -> Law:
+        """The constitutive law with another value."""
+        if not self.law:
+            return law
+        changed: Any = law
+        return replace(changed, **{self.law: Multiplied(getattr(law, self.law), value / 100.0)})
+
     def steel_at(self, steel: Steel, value: float) -> Steel:
         """The steel with another value."""
         if not self.steel:
             return steel
+        if self.steel == "thermal_expansion":
+            assert steel.expansion is not None, "it has been looked at"
+            return replace(steel, expansion=MoreExpansion(steel.expansion, value / 100.0))
         scaled = Scaled(steel.properties[self.steel], value / 100.0)
         return replace(steel, properties=MappingProxyType({**steel.properties, self.steel: scaled}))
 
@@ -132,6 +153,40 @@ class Scaled:
         return self.factor * self.law(temperature, side)
 
 
+@dataclass(frozen=True, slots=True)
+class MoreExpansion:
+    """A thermal contraction times a factor."""
+
+    law: Expansion
+    factor: float
+
+    @property
+    def kinks(self) -> tuple[float, ...]:
+        """Those of the contraction."""
+        return self.law.kinks
+
+    @property
+    def curved(self) -> bool:
+        """Whether the contraction is."""
+        return self.law.curved
+
+    def strain(self, temperature: npt.ArrayLike, reference: float) -> Array:
+        """Linear strain since `reference` (K)."""
+        return self.factor * self.law.strain(temperature, reference)
+
+
+@dataclass(frozen=True, slots=True)
+class Multiplied:
+    """A number of a law over temperature, times a factor."""
+
+    of: Callable[[Array], Array]
+    factor: float
+
+    def __call__(self, temperature: Array) -> Array:
+        """Values at temperatures, K."""
+        return self.factor * self.of(temperature)
+
+
 def read_parameters(case: Case, steel: Steel, texts: Iterable[str]) -> list[Parameter]:
     """The parameters that `--to` names: KEY or KEY=SPREAD, several with commas between them.
 
@@ -161,7 +216,9 @@ def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
         raise ValueError("a key of the case is needed, such as casting.superheat")
     table, _, entry = name.partition(".")
     if table == "steel" and entry and "." not in entry:
-        parameter = _of_steel(steel, name, entry)
+        parameter = _of_steel(steel, name, entry, strained=case.mechanics is not None)
+    elif table == "law" and entry:
+        parameter = _of_law(case, steel, name, entry)
     else:
         parameter = _of_case(case, steel, name)
     temperature = parameter.unit in LEVELS or parameter.unit == "K"
@@ -183,14 +240,29 @@ def _spread(text: str, parameter: Parameter, temperature: bool) -> float:
     return units.convert(units.parse(text, si), si, parameter.unit or "1")
 
 
-def _of_steel(steel: Steel, name: str, entry: str) -> Parameter:
+def _of_law(case: Case, steel: Steel, name: str, entry: str) -> Parameter:
+    """A number of the constitutive law."""
+    if case.mechanics is None:
+        raise ValueError("the case has no [mechanics]")
+    from castfem.simulation.law import build_law
+
+    law = build_law(case.mechanics, steel)
+    having = [n for n in law.parameters if callable(getattr(law, n, None))]
+    if entry not in having:
+        near = units.nearest(entry, having)
+        raise ValueError(f"law {case.mechanics.law} has {choices(having) or 'none'}{near}")
+    return Parameter(name, "", 100.0, "percent", 0.0, law=entry)
+
+
+def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Parameter:
     """A number of the steel itself."""
-    if entry in SCALED:
-        if entry not in steel.properties:
+    scaled = (*SCALED, *STRAINED) if strained else SCALED
+    if entry in scaled:
+        if not steel.has(entry):
             raise ValueError(f"{steel.name} has none")
         return Parameter(name, "", 100.0, "percent", 0.0, entry)
     if entry not in ("solidus", "liquidus", "latent_heat"):
-        allowed = (*SCALED, "solidus", "liquidus", "latent_heat", "composition.C")
+        allowed = (*scaled, "solidus", "liquidus", "latent_heat", "composition.C")
         near = units.nearest(entry, allowed)
         raise ValueError(f"no number of a steel; one of {choices(allowed)}{near}")
     origin = steel.origins.get(entry)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,6 +34,9 @@ _OF_THE_WAY = ("metallurgical_length", "liquid_end", "mould_mean_flux")
 _USUAL = ("heat_removed", "shell", "surface_temperature")
 """Results that are read if none is named."""
 
+if TYPE_CHECKING:
+    from castfem.mechanics.state import MechanicalState
+
 Asked = dict[str, tuple[QuantityDefinition, str]]
 
 
@@ -45,7 +48,7 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
     """
     having: Asked = {}
     for definition, probe in (*columns_of(simulation), *results_of(simulation)):
-        if definition.name not in _OF_STEPS:
+        if definition.name not in _OF_STEPS and not definition.name.startswith("way_"):
             having[definition.named(probe)] = definition, probe
     wanted = [part.strip() for name in names for part in name.split(",")]
     if not wanted:
@@ -54,7 +57,9 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
     for name in wanted:
         if name in having:
             continue
-        if any(name == own or name.startswith(f"{own}_") for own in _OF_STEPS):
+        if name.startswith("way_"):
+            problems.append(f"--of {name}: it is the largest of all steps; ask for it at the end")
+        elif any(name == own or name.startswith(f"{own}_") for own in _OF_STEPS):
             problems.append(f"--of {name}: it tells of steps or cells, which are held")
         else:
             near = units.nearest(name, having)
@@ -110,6 +115,21 @@ class Readings:
             self._state(variation.below, number, state, -step),
         )
 
+    def _strained(
+        self, number: int, sample: Sample
+    ) -> tuple[MechanicalState | None, MechanicalState | None]:
+        """The strained slice above and below a parameter; None of a case without."""
+        coupling, state = self._simulation.coupling, sample.state.mechanical
+        if coupling is None or state is None:
+            return None, None
+        from castfem.sensitivity.run import FollowedMechanics
+
+        assert isinstance(coupling.mechanics, FollowedMechanics)
+        slopes = coupling.mechanics.mechanical
+        step = self._derivatives.variations[number].parameter.step
+        above, below = (slopes.moved(number, state, sign * step) for sign in (1.0, -1.0))
+        return above, below
+
     def _state(self, end: Varied, number: int, state: ThermalState, by: float) -> ThermalState:
         slopes = self._derivatives
         end.enter(self._zone(state.time))
@@ -131,8 +151,10 @@ class Readings:
         for number, variation in enumerate(self._derivatives.variations):
             states = self._states(number, sample.state.thermal)
             above, below = (
-                sampler.read(StrandState(state, None, np.zeros(0)), None)
-                for sampler, state in zip(self._samplers[number], states, strict=True)
+                sampler.read(StrandState(state, strained, np.zeros(0)), None)
+                for sampler, state, strained in zip(
+                    self._samplers[number], states, self._strained(number, sample), strict=True
+                )
             )
             for name, (definition, probe) in self.asked.items():
                 sides = [_number(definition.value(s, probe)) for s in (below, above)]

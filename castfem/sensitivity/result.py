@@ -12,7 +12,7 @@ from typing import Any
 
 from castfem.output.summary import Quantity, from_si, si_unit, unit_of_difference
 from castfem.sensitivity.parameters import LEVELS, Parameter
-from castfem.support.atomic_files import plain, write_json, write_text
+from castfem.support.atomic_files import plain, saving, write_json, write_text
 
 JSON_NAME, CSV_NAME = "sensitivity.json", "sensitivity.csv"
 _KINK = 1e-2  # of a derivative: how far its two sides may be apart
@@ -136,6 +136,8 @@ class Sensitivity:
         Raises:
             RunFailure: A file cannot be written.
         """
+        with saving(folder):
+            folder.mkdir(parents=True, exist_ok=True)
         write_json(folder / JSON_NAME, plain(self.to_json()))
         write_text(folder / CSV_NAME, self.to_csv())
 

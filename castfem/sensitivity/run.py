@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from castfem.case import Case
 from castfem.coupling.step_control import StepControl
-from castfem.coupling.subcycling import ThermalSteps
+from castfem.coupling.subcycling import MechanicalSteps, Moment, ThermalSteps
 from castfem.errors import InputError
 from castfem.fem.root import on_root
 from castfem.output.checkpoint import load_checkpoint, save_checkpoint
@@ -33,6 +33,8 @@ from castfem.time_loop.loop import TimeLoop
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
+    from castfem.mechanics.state import MechanicalResult, MechanicalState
+    from castfem.sensitivity.mechanical import MechanicalDerivatives
     from castfem.support.progress import Progress
 
 CHECKPOINT_NAME = "sensitivity.checkpoint.h5"
@@ -58,19 +60,46 @@ class FollowedSteps(ThermalSteps):
         self._derivatives.step(old, result)
 
 
+class FollowedMechanics(MechanicalSteps):
+    """Mechanical steps, each followed by the derivatives.
+
+    Args:
+        steps: That are followed.
+        thermal: Derivatives of the temperatures. mechanical: Of the slice.
+    """
+
+    def __init__(
+        self, steps: MechanicalSteps, thermal: ThermalDerivatives, mechanical: MechanicalDerivatives
+    ) -> None:
+        super().__init__(steps.stepper, steps.longest)
+        self._thermal, self.mechanical = thermal, mechanical
+        self._before: list[Array] = []
+
+    def mark(self, state: ThermalState) -> None:
+        """Keep the derivatives of a committed state."""
+        self.mechanical.mark()
+        self._before = self._warming(state)
+
+    def _warming(self, state: ThermalState) -> list[Array]:
+        return [self._thermal.warming(i, state) for i in range(len(self._thermal.variations))]
+
+    def through(self, old: MechanicalState, moments: Sequence[Moment]) -> MechanicalResult:
+        """Carry the derivatives through the step of a window."""
+        result = super().through(old, moments)
+        if result.converged:
+            assert self._thermal.reached is not None, "temperatures go first"
+            after = self._warming(self._thermal.reached)
+            self.mechanical.step(old, result.state, self._before, after)
+        return result
+
+
 def refuse(case: Case) -> None:
     """Refuse a case whose run has parts that are not differentiated.
 
     Raises:
         InputError: Naming each, and what to do instead.
     """
-    problems = []
-    if case.mechanics is not None:
-        problems.append(
-            "mechanics: derivatives are carried through the temperatures alone; leave [mechanics] "
-            "and [mould] out of a case of its own (as billet125/thermal), or compare runs "
-            "(castfem sweep)"
-        )
+    problems = list(_refused_mechanics(case)) if case.mechanics is not None else []
     start = case.casting.start
     if start is not None and (start.at == "mould_exit" or start.meniscus is not None):
         problems.append(
@@ -79,6 +108,33 @@ def refuse(case: Case) -> None:
         )
     if problems:
         raise InputError([f"{case.title}: {problem}" for problem in problems])
+
+
+def _refused_mechanics(case: Case) -> Iterator[str]:
+    """Yield what a case has beside a slice that is strained by its temperatures alone."""
+    mechanics, coupling = case.mechanics, case.coupling
+    assert mechanics is not None
+    refused = {
+        "mould": (case.mould is not None, "contact and gap are not differentiated"),
+        "machine": (case.machine is not None, "bending, rolls and drives are not differentiated"),
+        "mechanics.strain": (mechanics.strain == "large", 'take strain = "small"'),
+        "mechanics.bulging": (mechanics.bulging is not None, "bulging is not differentiated"),
+        "coupling.follow_shape": (
+            coupling.follow_shape, "heat that follows the shape is not differentiated; take false"
+        ),
+        "coupling.dissipation": (coupling.dissipation > 0.0, "take dissipation = 0"),
+        "coupling.order": (coupling.order != "thermal_first", 'take order = "thermal_first"'),
+        "coupling.mechanical_step": (
+            coupling.mechanical_step is not None, "leave it out: one step a window"
+        ),
+    }  # fmt: skip
+    found = [f"{key}: {why}" for key, (is_there, why) in refused.items() if is_there]
+    yield from found
+    if found:
+        yield (
+            "without [mechanics] the temperatures have their derivatives (as billet125/thermal); "
+            "else compare runs (castfem sweep)"
+        )
 
 
 class Recorder:
@@ -103,6 +159,10 @@ class Recorder:
 
     def step(self, run: RunState, sample: Sample) -> None:
         """Take in one committed step, and save a checkpoint in turn (collective)."""
+        thermal, coupling = run.state.thermal, self.simulation.coupling
+        self.derivatives.mark(thermal)
+        if coupling is not None and isinstance(coupling.mechanics, FollowedMechanics):
+            coupling.mechanics.mark(thermal)
         self.readings.follow(sample)
         if self.path is not None and self._every and run.counts.taken % self._every == 0:
             self.save(run)
@@ -198,7 +258,10 @@ def sensitivity(
         asked = asked_quantities(simulation, of)
         derivatives = follow(simulation, to)
         freed.callback(derivatives.destroy)
-        path = None if folder is None else folder / CHECKPOINT_NAME
+        if resume and case.mechanics is not None:
+            raise InputError(f"{case.title}: --resume: of a case with [mechanics] there is none")
+        saves = folder is not None and case.mechanics is None
+        path = folder / CHECKPOINT_NAME if folder is not None and saves else None
         readings = Readings(simulation, derivatives, asked)
         recorder = Recorder(simulation, derivatives, readings, path)
         run = _to_the_end(simulation, recorder, resume, progress)
@@ -228,6 +291,12 @@ def follow(simulation: Simulation, to: Sequence[str]) -> ThermalDerivatives:
         raise InputError(problems)
     derivatives = ThermalDerivatives(simulation, variations)
     simulation.steps = FollowedSteps(simulation.stepper, simulation.steps.control, derivatives)
+    if (coupling := simulation.coupling) is not None:
+        from castfem.sensitivity.mechanical import MechanicalDerivatives
+
+        mechanical = MechanicalDerivatives(simulation, variations)
+        coupling.thermal = simulation.steps
+        coupling.mechanics = FollowedMechanics(coupling.mechanics, derivatives, mechanical)
     return derivatives
 
 

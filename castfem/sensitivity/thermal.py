@@ -42,7 +42,7 @@ class ThermalDerivatives:
         enthalpy: dH/dp of each parameter (parameters, owned), J/m3 per unit of it.
         rate: d(dH/dt)/dp likewise, W/m3.
         removed: Derivatives of the heat removed from the modelled part (parameters,), J/m.
-        solves: Back substitutions so far.
+        solves: Back substitutions so far. reached: State they belong to; None before a step.
     """
 
     def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
@@ -58,6 +58,23 @@ class ThermalDerivatives:
         self._start = self.enthalpy.copy()
         self.removed: Array = np.zeros(len(self.variations))
         self.solves = 0
+        self._begun: ThermalState | None = None
+        self.reached: ThermalState | None = None
+        self._marked: tuple[Array, Array, Array] = (self.enthalpy, self.rate, self.removed)
+
+    def warming(self, number: int, state: ThermalState) -> Array:
+        """DT/dp of the vertices at the state these are of (owned,), K per unit."""
+        variation = self.variations[number]
+        found = state.point.temperature_slope * self.enthalpy[number]
+        if not variation.above.same_curve:
+            curves = (s.simulation.problem.curve for s in (variation.above, variation.below))
+            above, below = (curve.at(state.enthalpy).temperature for curve in curves)
+            found = found + (above - below) / variation.span
+        return np.asarray(found)
+
+    def mark(self, state: ThermalState) -> None:
+        """Keep the derivatives of a committed state: a window that fails begins there again."""
+        self._begun, self._marked = state, (self.enthalpy, self.rate, self.removed)
 
     def restore(self, enthalpy: Array, rate: Array, removed: Array) -> None:
         """Go on from derivatives that have been saved."""
@@ -69,6 +86,8 @@ class ThermalDerivatives:
         Raises:
             RunFailure: A matrix cannot be factored.
         """
+        if old is self._begun:
+            self.enthalpy, self.rate, self.removed = self._marked
         self._enter(old.time)
         step = _Step.of(old.time, result.state.time, self.variations)
         second_order = len(result.stages) == 2
@@ -81,7 +100,7 @@ class ThermalDerivatives:
             if second_order and number == 0:
                 gained = step.span * self.rate + np.outer(step.lengthened, stage.rate)
                 base = started + (1.0 - GAMMA) * gained
-        self.enthalpy = found
+        self.enthalpy, self.reached = found, result.state
         # What the strand has lost has been removed: stages close their balance to rounding.
         lost = (self._start - found) @ self._problem.volume
         self.removed = reductions.totals(self._simulation.section.comm, lost)

@@ -94,6 +94,10 @@ class Variation:
     below: Varied
     above: Varied
 
+    def lateness(self, time: float) -> float:
+        """Derivative of the time that belongs to a time of the run (s), s per unit."""
+        return (self.above.time(time) - self.below.time(time)) / self.span
+
     @property
     def span(self) -> float:
         """Between the two, in the unit of the parameter."""
@@ -129,7 +133,8 @@ def _varied(simulation: Simulation, parameter: Parameter, by: float) -> Varied:
     machine = build_machine(case)
     start = starting_temperature(case, steel)
     zones = Zones(case, machine, steel, simulation.zones.surface)
-    held, same = simulation.problem.curve, steel is simulation.steel
+    held = simulation.problem.curve
+    same = steel is simulation.steel or parameter.of_mechanics
     # Its ends and its zero are those of the run: what lies beyond its temperatures has no part in
     # it, and where enthalpies count from is a convention.
     datum, ends = simulation.start_temperature, (held.knots[0], held.knots[-1])
@@ -195,6 +200,8 @@ def _check_effect(
     Raises:
         InputError: Nothing that is computed changes.
     """
+    if parameter.of_mechanics:
+        return
     one, other = below.simulation.case, above.simulation.case
     same = one.casting == other.casting and _same_tables(one, other)
     same = same and below.simulation.steel is above.simulation.steel

@@ -9,7 +9,18 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from sensitivity.replay import Followed, bare, differences, enthalpy, followed, replayed
+from sensitivity.replay import (
+    Followed,
+    bare,
+    built,
+    differences,
+    enthalpy,
+    followed,
+    replayed,
+)
+
+from castfem.sensitivity.run import follow
+from castfem.simulation.start import starting_state
 
 MOULD = (
     "cooling.mould.coefficient", "cooling.mould.wall", "casting.superheat", "casting.speed",
@@ -128,6 +139,18 @@ def test_errors_fall_as_a_v() -> None:
     errors = [off(run, 0, share) for share in (4e-3, 4e-4, 4e-5, 4e-11)]
     assert errors[0] / errors[1] == pytest.approx(100.0, rel=0.05)
     assert errors[2] < 1e-8 < errors[3]
+
+
+def test_a_step_that_is_taken_again_begins_with_what_was_marked() -> None:
+    """A coupling window that fails is cut back: its temperatures begin anew."""
+    simulation = built(bare())
+    slopes, state = follow(simulation, ["casting.superheat"]), starting_state(simulation)
+    simulation.problem.set_cooling(simulation.zones.cooling(0))
+    slopes.mark(state)
+    simulation.steps.one(state)
+    first = slopes.enthalpy
+    simulation.steps.one(state)
+    assert first is not slopes.enthalpy and np.array_equal(first, slopes.enthalpy)
 
 
 @pytest.mark.mpi

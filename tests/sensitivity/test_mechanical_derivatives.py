@@ -1,0 +1,146 @@
+"""Derivatives of the strained slice: against differences of whole runs, and where all is linear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import castfem
+from castfem.case import Case
+from castfem.case.load import from_document
+from castfem.coupling.staggered import StrandState
+from castfem.errors import InputError
+from castfem.results.run_state import RunState
+from castfem.results.sample import Sample
+from castfem.sensitivity.mechanical import CARRIED, MechanicalDerivatives
+from castfem.sensitivity.parameters import Parameter, read_parameters
+from castfem.sensitivity.run import FollowedMechanics, follow
+from castfem.sensitivity.thermal import ThermalDerivatives
+from castfem.simulation import mechanics as making
+from castfem.simulation import simulation as building
+from castfem.simulation.law import build_law
+from castfem.simulation.simulation import Simulation, build, case_steel
+from castfem.time_loop.loop import TimeLoop
+
+FREE = {
+    "casting.length": "2.5 mm", "output.fields": [], "output.figures": False,
+    "mechanics.tolerance": 1e-12,
+}  # fmt: skip
+LAWS: dict[str, dict[str, Any]] = {
+    "plastic": {},
+    "viscoplastic": {
+        "law": "norton_hoff_kozlowski", "elasticity": "elastic_steel", "ferrostatic": "full",
+    },
+}  # fmt: skip
+
+
+@cache
+def strip(law: str = "plastic") -> Case:
+    """The half-space of Weiner and Boley, three windows of it, with another law."""
+    document = castfem.load("verification/weiner_boley_coarse").with_(FREE).document()
+    del document["verification"]
+    document["mechanics"] |= LAWS[law]
+    return from_document(document)
+
+
+@dataclass(slots=True)
+class Marks:
+    """Marks what has been committed."""
+
+    simulation: Simulation
+    thermal: ThermalDerivatives
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        """Mark a committed window."""
+        self.thermal.mark(run.state.thermal)
+        assert self.simulation.coupling is not None
+        steps = self.simulation.coupling.mechanics
+        assert isinstance(steps, FollowedMechanics)
+        steps.mark(run.state.thermal)
+
+
+def ended(simulation: Simulation, recorder: Marks | None = None) -> StrandState:
+    """The state at the end of a run whose temperatures are solved to rounding."""
+    simulation.problem.tolerance = 1e-12
+    loop = TimeLoop(simulation, recorder)
+    loop.run()
+    return loop.run_state.state
+
+
+def followed(case: Case, *names: str) -> tuple[StrandState, MechanicalDerivatives]:
+    """The end of a run with its derivatives."""
+    simulation = build(case, MPI.COMM_SELF)
+    thermal = follow(simulation, names)
+    state = ended(simulation, Marks(simulation, thermal))
+    assert simulation.coupling is not None
+    steps = simulation.coupling.mechanics
+    assert isinstance(steps, FollowedMechanics)
+    return state, steps.mechanical
+
+
+def moved(case: Case, parameter: Parameter, by: float) -> StrandState:
+    """The end of a run of its own with a parameter moved, in its unit."""
+    value = parameter.value + by
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(building, "case_steel", lambda c: parameter.steel_at(case_steel(c), value))
+        patch.setattr(making, "build_law", lambda t, s: parameter.law_at(build_law(t, s), value))
+        simulation = build(parameter.case_at(case, value), MPI.COMM_SELF)
+    return ended(simulation)
+
+
+ASKED = {
+    "plastic": ("steel.thermal_expansion", "law.yield_stress"),
+    "viscoplastic": ("steel.conductivity",),
+}
+
+
+@pytest.mark.parametrize("law", ASKED)
+def test_the_slice_has_the_differences_of_runs(law: str) -> None:
+    """Stress, memory, displacement and planes, by law, contraction, heat and pressure."""
+    case, names = strip(law), ASKED[law]
+    _, found = followed(case, *names)
+    parameters = read_parameters(case, case_steel(case), names)
+    for parameter, slopes in zip(parameters, found.slopes, strict=True):
+        by = 1e-5 * (10.0 if parameter.unit == "degC" else abs(parameter.value))
+        above, below = (moved(case, parameter, sign * by).mechanical for sign in (1.0, -1.0))
+        assert above is not None and below is not None
+        for name in CARRIED:
+            known = (getattr(above, name) - getattr(below, name)) / (2.0 * by)
+            size = np.abs(slopes[name]).max()
+            assert np.abs(known - slopes[name]).max() < 2e-6 * size, (parameter.name, name)
+
+
+def test_a_followed_run_is_the_plain_one_bit_by_bit() -> None:
+    plain, (state, _) = ended(build(strip(), MPI.COMM_SELF)), followed(strip(), "law.yield_stress")
+    assert plain.mechanical is not None and state.mechanical is not None
+    for name in CARRIED:
+        assert np.array_equal(getattr(plain.mechanical, name), getattr(state.mechanical, name))
+
+
+def test_results_of_the_slice() -> None:
+    """The contraction strains the slice and leaves the heat alone."""
+    found = castfem.sensitivities(
+        strip(), "steel.thermal_expansion", "axial_strain,von_mises_max,heat_removed"
+    ).gradient
+    assert found["heat_removed"]["steel.thermal_expansion"] == 0.0
+    _, slopes = followed(strip(), "steel.thermal_expansion")
+    strain = slopes.slopes[0]["generalized_strains"][0]
+    assert found["axial_strain"]["steel.thermal_expansion"] == pytest.approx(strain, rel=1e-6)
+
+
+def test_what_is_not_differentiated_is_refused_by_name() -> None:
+    with pytest.raises(InputError) as caught:
+        castfem.sensitivities("billet125/taper_1", "mould.taper")
+    text = str(caught.value)
+    assert "mould: contact and gap are not differentiated" in text
+    assert "coupling.follow_shape: heat that follows the shape is not" in text
+    with pytest.raises(InputError, match=r"law weiner_boley has yield_stress; did you mean yield"):
+        castfem.sensitivities(strip(), "law.yield_stres")
+    with pytest.raises(InputError, match=r"the case has no \[mechanics\]"):
+        castfem.sensitivities("billet125/thermal", "law.yield_stress")
