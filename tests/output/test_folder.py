@@ -358,7 +358,8 @@ import importlib, pkgutil, sys
 import castfem.output, castfem.plots, castfem.report
 for package in (castfem.output, castfem.plots, castfem.report):
     for module in pkgutil.iter_modules(package.__path__):
-        importlib.import_module(f"{package.__name__}.{module.name}")
+        if module.name != "chosen_units":  # derives from matplotlib: to be imported to draw alone
+            importlib.import_module(f"{package.__name__}.{module.name}")
 heavy = {"h5py", "matplotlib", "pandas", "meshio", "rich", "pint", "mpi4py", "dolfinx", "vtk"}
 print(*(heavy & set(sys.modules)))
 """
