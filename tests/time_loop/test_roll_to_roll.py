@@ -16,7 +16,6 @@ from castfem.case import Case
 from castfem.machine.sprays import footprint, scale_water
 from castfem.simulation.secondary import SecondaryCooling, rows_of
 from castfem.simulation.simulation import Simulation, build
-from castfem.support import log
 from castfem.thermal.boundary import Surface
 from castfem.thermal.spray_water import RollShare, SprayWater
 from castfem.time_loop.loop import TimeLoop
@@ -222,27 +221,18 @@ def _table(low: float, high: float) -> dict[str, Any]:
      ((1300.0, 1310.0), ["to 1310", "to 1310"])],
 )  # fmt: skip
 def test_a_surface_beyond_the_table_of_its_nozzles_is_told_once(
-    range_: tuple[float, float], sides: list[str], caplog: pytest.LogCaptureFixture,
-    monkeypatch: pytest.MonkeyPatch,
+    range_: tuple[float, float], sides: list[str], told: pytest.LogCaptureFixture,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr(log.logger, "propagate", True)
-    case = rolled(secondary=secondary(nozzle=[_table(*range_)]), casting__length="0.75 m")
-    with caplog.at_level("WARNING"):
-        cooled(case)
-    told = [one.getMessage() for one in caplog.records if "its coefficient is known" in one.message]
-    assert len(told) == len(sides)
-    for line, side in zip(told, sides, strict=True):
+    cooled(rolled(secondary=secondary(nozzle=[_table(*range_)]), casting__length="0.75 m"))
+    lines = [one.getMessage() for one in told.records if "its coefficient is known" in one.message]
+    assert len(lines) == len(sides)
+    for line, side in zip(lines, sides, strict=True):
         assert line.startswith("secondary.nozzle.0.table: the surface under 'flat' has ")
         assert side in line and "beyond, it is that of its end" in line
 
 
 @pytest.mark.mpi
-def test_ranks_tell_of_the_same_surface(
-    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(log.logger, "propagate", True)
-    case = rolled(secondary=secondary(nozzle=[_table(1300.0, 1600.0)]), casting__length="0.6 m")
-    with caplog.at_level("WARNING"):
-        cooled(case)
-    told = [one.getMessage() for one in caplog.records if "its coefficient is known" in one.message]
-    assert len(told) == 1 and len(set(MPI.COMM_WORLD.allgather(told[0]))) == 1
+def test_ranks_tell_of_the_same_surface(told: pytest.LogCaptureFixture) -> None:
+    cooled(rolled(secondary=secondary(nozzle=[_table(1300.0, 1600.0)]), casting__length="0.6 m"))
+    lines = [one.getMessage() for one in told.records if "its coefficient is known" in one.message]
+    assert len(lines) == 1 and len(set(MPI.COMM_WORLD.allgather(lines[0]))) == 1
