@@ -177,8 +177,8 @@ def show(output: Output) -> None:
         f"{total:.0f} s.\n\n"
         + table(lines, headings, {"each": ".2f", "share": ".1f"})
         + f"\n\nTwo of them at once were done {best[False] / best[True]:.2f} times as fast as one "
-        f"after the other, by the clock on the wall, with a load of {least:.1f} to {most:.1f} by "
-        "other programs on two cores; the ratio of a free machine is to be measured there."
+        f"after the other, by the clock on the wall (the best of each), on two cores whose load "
+        f"was {least:.1f} to {most:.1f}, these runs included."
     )
     output.insert("throughput", text)
 
