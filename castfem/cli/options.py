@@ -64,3 +64,26 @@ def chosen(units: list[str] | None) -> Iterator[None]:
 
     with shown_in(read_choice(units)):
         yield
+
+
+def above_zero(option: str, text: str, unit: str) -> float:
+    """Return what an option gives, in SI.
+
+    Args:
+        option: As it is written, such as --every.
+        text: Its quantity, with unit.
+        unit: What it is measured in, such as s.
+
+    Raises:
+        InputError: It is no such quantity, or not above 0.
+    """
+    from castfem.errors import InputError
+    from castfem.values.units import parse
+
+    try:
+        value = parse(text, unit)
+    except ValueError as error:
+        raise InputError(f"{option} {text}: {error}") from None
+    if not value > 0.0:
+        raise InputError(f"{option} {text}: must be above 0 {unit}")
+    return value

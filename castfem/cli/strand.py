@@ -6,9 +6,9 @@ from pathlib import Path
 
 from castfem.case import load_case
 from castfem.case.machine import thickness_of
+from castfem.cli.options import above_zero
 from castfem.errors import InputError
 from castfem.output.folder import CASE_NAME, STRAND_NAME
-from castfem.values import units
 
 
 def write(folder: Path, target: Path | None, every: str) -> None:
@@ -26,12 +26,7 @@ def write(folder: Path, target: Path | None, every: str) -> None:
     from castfem.machine.side import Side
     from castfem.output.stacked_slices import write_strand
 
-    try:
-        distance = units.parse(every, "m")
-    except ValueError as error:
-        raise InputError(f"--every {every}: {error}") from None
-    if not distance > 0.0:
-        raise InputError(f"--every {every}: must be above 0 mm")
+    distance = above_zero("--every", every, "m")
     if not (folder / CASE_NAME).is_file():
         raise InputError(f"{folder}: holds no run of castfem (no {CASE_NAME})")
     case = load_case(folder / CASE_NAME)

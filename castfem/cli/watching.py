@@ -7,8 +7,8 @@ from pathlib import Path
 import typer
 
 from castfem.cli import parallel
+from castfem.cli.options import above_zero
 from castfem.errors import InputError, RunFailure
-from castfem.values import units
 
 _TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhere
 
@@ -30,7 +30,8 @@ def watch_folder(folder: Path, html: Path | None, every: str) -> None:
     console = parallel.console()
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
-    interval = _interval(every) or (_TERMINAL if console.is_terminal else _LINES)
+    usual = _TERMINAL if console.is_terminal else _LINES
+    interval = above_zero("--every", every, "s") if every else usual
     page = None
     if html is not None:
         from castfem.watch.page import Page
@@ -45,20 +46,3 @@ def watch_folder(folder: Path, html: Path | None, every: str) -> None:
         print(f"page in {html}")
     if not well:
         raise typer.Exit(RunFailure.exit_status)
-
-
-def _interval(every: str) -> float:
-    """The time between two looks, s; 0 where none is given.
-
-    Raises:
-        InputError: It is no time above 0.
-    """
-    if not every:
-        return 0.0
-    try:
-        seconds = units.parse(every, "s")
-    except ValueError as error:
-        raise InputError(f"--every {every}: {error}") from None
-    if not seconds > 0.0:
-        raise InputError(f"--every {every}: must be above 0 s")
-    return seconds

@@ -18,6 +18,7 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NotImplementedError:  # filelock's word for a file system without flock() (ENOSYS)
+    # What filelock raises where flock() answers ENOSYS: no lock is to be had there.
+    except NotImplementedError:
         return False
     return True

@@ -4,39 +4,29 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
 
 from castfem.api import load
 from castfem.constitutive.parameters import given_set
-from castfem.design import Evaluation, Optimum, Study, Wanted
+from castfem.design import Evaluation, Study, Wanted
 from castfem.design.question import Question
 from castfem.design.told import told
 from castfem.errors import InputError
 
-SPEED = {"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}
 H = {"key": "cooling.mould.surface.0.coefficient", "relative": ["-10 %", "10 %"]}
 SUPERHEAT = {"key": "casting.superheat", "range": ["20 K", "40 K"]}
-STRESS, HEAT = "von_mises_max", "heat_removed"
-Given = Callable[[Wanted], Mapping[str, float] | Evaluation]
 
 
 def study(**table: Any) -> Study:
     asked = {"minimise": STRESS, "variable": [SPEED], "input": [H, SUPERHEAT], **table}
     return Study(small({"casting.length": "6 mm", "optimise": asked}))
-
-
-def solve(one: Study, given: Given) -> Optimum:
-    def obtain(wanted: Sequence[Wanted]) -> None:
-        for run in wanted:
-            one.tell(run, given(run))
-
-    return one.solve(obtain=obtain)
 
 
 def drawn(wanted: Wanted) -> tuple[float, float, float]:

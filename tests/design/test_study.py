@@ -3,34 +3,24 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import pytest
+from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
 from castfem.design import Evaluation, Optimum, Study, Wanted
 from castfem.design.told import told
 from castfem.errors import InputError
 
-SPEED = {"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
-STRESS, HEAT = "von_mises_max", "heat_removed"
-Given = Callable[[Wanted], Mapping[str, float] | Evaluation]
 
 
 def study(*variables: dict[str, Any], **table: Any) -> Study:
     asked = {"minimise": STRESS, "variable": list(variables or (SPEED,)), **table}
     return Study(small({"casting.length": "6 mm", "optimise": asked}))
-
-
-def solve(one: Study, given: Given) -> Optimum:
-    def obtain(wanted: Sequence[Wanted]) -> None:
-        for run in wanted:
-            one.tell(run, given(run))
-
-    return one.solve(obtain=obtain)
 
 
 def bowl(wanted: Wanted) -> dict[str, float]:

@@ -13,6 +13,7 @@ from castfem.sweep.record import Entry, Record
 
 
 def without_locks(self: FileLock) -> None:
+    """As filelock's own `_acquire` ends where flock() answers ENOSYS."""
     raise NotImplementedError("FileSystem does not appear to support flock")
 
 
