@@ -143,11 +143,13 @@ class Steel(TableModel):
     """The steel that is cast: a property set, its composition and changes for this case."""
 
     name: str = Field(
-        description="a set shipped with castfem, or a TOML file of your own, relative to this file"
+        description="a set shipped with castfem, or a TOML file of your own, relative to this "
+        "file; it does away with an inherited composition, unless it is to be computed from it"
     )
     composition: dict[str, Percent] = Field(
         default_factory=dict,
-        description="weight percent of the elements (C = 0.42), for sets computed from it",
+        description="weight percent of the elements (C = 0.42), for sets computed from it; of an "
+        "inherited set that is not, it makes plain_carbon",
     )
     overrides: dict[str, Any] = Field(
         default_factory=dict,

@@ -3,7 +3,8 @@
 Tables merge deeply: a file adds to and changes what it extends. Arrays (of tables, too) replace.
 Of two keys that exclude each other the later one wins: a file that sets `superheat` drops an
 inherited `temperature`. A table whose kind changes (`shape`) is replaced as a whole; what it does
-not know of other tables is left out where it was inherited (`castfem.case.shape_keys`).
+not know of other tables is left out where it was inherited (`castfem.case.shape_keys`), as is the
+composition of another steel (`castfem.case.steel_layers`).
 """
 
 from __future__ import annotations
@@ -16,8 +17,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from castfem.case import outdated, shape_keys
+from castfem.case import outdated, shape_keys, steel_layers
 from castfem.case.mould import EXAMPLES
+from castfem.case.shipped_cases import find
+from castfem.errors import InputError
 from castfem.support.messages import dotted, shown
 from castfem.values.units import nearest
 
@@ -92,7 +95,7 @@ def _read(path: Path, label: str, chain: tuple[Path, ...]) -> Document:
     _anchor(data, path.parent)
     if base is not None:
         if not isinstance(base, str) or not base:
-            document.faults.append(f"{label}: extends: must be the path of a case file")
+            document.faults.append(f"{label}: extends: must be the path or the name of a case")
         else:
             _extend(document, path, base, (*chain, path.resolve()))
     inherited = copy.deepcopy(document.data)
@@ -103,16 +106,15 @@ def _read(path: Path, label: str, chain: tuple[Path, ...]) -> Document:
 
 def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) -> None:
     """Read the file named by `extends` into the document, before the file's own keys."""
-    below = path.parent / base
+    try:
+        below = find(base, path)
+    except InputError as error:
+        what = str(error).removeprefix(f"{base}: ")
+        document.faults.append(f'{document.label}: extends ("{base}"): {what}')
+        return
     if below.resolve() in chain:
         names = " -> ".join(p.name for p in (*chain, below))
         document.faults.append(f'{document.label}: extends ("{base}"): goes in a circle: {names}')
-        return
-    if not below.is_file():
-        near = nearest(below.name, (p.name for p in below.parent.glob("*.toml") if p != path))
-        document.faults.append(
-            f'{document.label}: extends ("{base}"): file not found: {below}{near}'
-        )
         return
     inherited = _read(below, os.path.normpath(below), chain)
     document.faults += inherited.faults
@@ -245,9 +247,16 @@ def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[
         before: Its tables before them.
         labels: Origins of the layer's keys.
     """
-    dropped = shape_keys.leave_out(
-        before, document.data, lambda path: document.origin(path) not in labels
-    )
+
+    def inherited(path: Keys) -> bool:
+        return document.origin(path) not in labels
+
+    settled = steel_layers.settle(before, document.data, inherited)
+    if settled:
+        places = (("steel", "name"), ("steel", "composition"))
+        where = next((document.origin(p) for p in places if not inherited(p)), document.label)
+        document.left_out.append(f"{where}: steel.name: {settled}")
+    dropped = shape_keys.leave_out(before, document.data, inherited)
     if dropped:
         where = document.origin(("section", "shape"))
         listed = [f"{key} ({document.origin(tuple(key.split('.')))})" for key in dropped]

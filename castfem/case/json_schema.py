@@ -48,8 +48,8 @@ def case_schema() -> dict[str, Any]:
     schema["properties"]["section"] = _section(tables)
     schema["properties"]["extends"] = {
         "type": "string",
-        "description": "case file this one adds to, relative to it",
-        "examples": ["base.toml"],
+        "description": "case this one adds to: a file, relative to this one, or a shipped case",
+        "examples": ["base.toml", "billet125/thermal"],
     }
     whole = ["title", "casting", "steel", "section", "mesh", "cooling"]
     return {

@@ -82,12 +82,16 @@ beyond.
 ## Inheriting and changing
 
 `extends = "base.toml"` takes over another case file (relative to this one), which may extend a
-third. Tables merge key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Of two
-keys that exclude each other (`superheat` and `temperature`, `step` and `adaptive`) the later one
-wins; a `[section]` of another `shape` replaces the inherited one, and so does any `mould.taper`.
-What was inherited and the new shape does not know (`mesh.corner_size`, sizes and tapers of the
-`[mould]`) is left out, and a warning says so: any shipped case with mechanics may become a round by
-`--set 'section={shape="round", diameter="125 mm"}'`.
+third; `extends = "billet125/thermal"` a shipped case, by its name in `castfem cases`. Tables merge
+key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Of two keys that exclude each
+other (`superheat` and `temperature`, `step` and `adaptive`) the later one wins; a `[section]` of
+another `shape` replaces the inherited one, and so does any `mould.taper`. What was inherited and
+the new shape does not know (`mesh.corner_size`, sizes and tapers of the `[mould]`) is left out, and
+`castfem check` says so: any shipped case with mechanics may become a round by `--set
+'section={shape="round", diameter="125 mm"}'`. Of the name of the steel and its composition the
+later one wins, too: a steel that is named does away with an inherited `[steel.composition]`, unless
+it is computed from one and has none of its own; a composition that comes after a steel of fixed
+numbers is that of `plain_carbon`. `[steel.overrides]` stay, whatever the steel.
 
 On the command line `--set key=value` changes single keys, `--set casting.length="20 m"`. An entry
 of an array is addressed by its index or, if it has one, by its name:
@@ -158,7 +162,7 @@ _TOP = """
 | key | takes | default | meaning |
 |---|---|---|---|
 | `title` | text | required | one line that says what the case is |
-| `extends` | text | none | case file this one adds to, relative to it |
+| `extends` | text | none | case this one adds to: a file, relative to this one, or a shipped case |
 """
 
 

@@ -20,17 +20,21 @@ def shipped() -> dict[str, Path]:
     return found
 
 
-def find(name: str) -> Path:
+def find(name: str, beside: Path | None = None) -> Path:
     """Return the file of a case given as a path (with or without .toml) or a shipped name.
 
     The folder of a run stands for the case in it.
+
+    Args:
+        name: Path or name.
+        beside: Case file that the path is relative to; None for the current folder.
 
     Raises:
         InputError: There is no such case; it names the nearest one.
     """
     from castfem.output.folder import CASE_NAME
 
-    path = Path(name)
+    path = Path(name) if beside is None else beside.parent / name
     for candidate in (path, path.with_name(path.name + ".toml") if path.name else path):
         if candidate.is_file():
             return candidate
@@ -41,9 +45,11 @@ def find(name: str) -> Path:
         return path / CASE_NAME
     if path.is_dir():
         raise InputError(f"{name}: is a folder, not that of a run: there is no {CASE_NAME} in it")
+    others = (p for p in path.parent.glob("*.toml") if p != beside)
+    near = nearest(name, [*(Path(name).with_name(p.name).as_posix() for p in others), *cases])
     raise InputError(
         f"{name}: no such case file, and no shipped case of that name (castfem cases lists them)"
-        f"{nearest(name, cases)}"
+        f"{near}"
     )
 
 

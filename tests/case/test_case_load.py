@@ -146,8 +146,22 @@ def test_extended_file_not_found(write, sound):
     path = write('extends = "bsae.toml"\n')
     with pytest.raises(InputError) as caught:
         load_case(path)
-    assert f'{path}: extends ("bsae.toml"): file not found' in str(caught.value)
-    assert "did you mean base.toml?" in str(caught.value)
+    assert str(caught.value) == (
+        f'{path}: extends ("bsae.toml"): no such case file, and no shipped case of that name '
+        "(castfem cases lists them); did you mean base.toml?"
+    )
+
+
+def test_extends_a_shipped_case_by_its_name(write):
+    """As `castfem run` takes it; a file of that name beside the case comes first."""
+    path = write('extends = "billet125/thermal"\n[casting]\nlength = "20 mm"\n')
+    case, whole = load_case(path), load_case(shipped()["billet125/thermal"])
+    assert case.casting.length == 0.02
+    assert case.cooling == whole.cooling and case.section == whole.section
+    write('extends = "slab1200/thermal"\ntitle = "beside"\n', "billet125/thermal.toml")
+    assert load_case(path).title == "beside"
+    with pytest.raises(InputError, match=r'extends \("billet125/themal"\).*did you mean billet125'):
+        load_case(write('extends = "billet125/themal"\n'))
 
 
 def test_syntax_error_in_the_extended_file(write):
