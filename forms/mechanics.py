@@ -82,7 +82,7 @@ def strain(direction: Direction, mesh: ufl.Mesh) -> Expr:
 def isotropic(mean: Expr, pressure: Expr | None = None) -> Expr:
     """Stress of a mean stress and a ferrostatic pressure p.
 
-    The pressure acts in the plane alone, as -p div v (219)-(220): along the strand the column of
+    The pressure acts in the plane alone, as -p div v, p by (219): along the strand the column of
     liquid carries itself.
     """
     if pressure is None:

@@ -109,7 +109,7 @@ class ErrorTable:
 
     Attributes:
         title: Of the case.
-        case: Hash of what its numbers hang on but the sizes.
+        case: Hash of what its numbers depend on but the sizes.
         sizes: Those of the case.
         runs: What was run for it.
         quantities: Name to number with its error.
