@@ -58,6 +58,7 @@ slabs: env
 
 test:
 	@tools/env.sh ruff
+	-@tools/env.sh optimise
 	@tools/test.sh $(HOME_OF_ENV) all $(ARGS)
 
 lint:

@@ -3,6 +3,7 @@
 #
 #   tools/env.sh [ready]     all of it; nothing to do in a blink when it is there
 #   tools/env.sh ruff        the linter too, at the version pyproject.toml pins
+#   tools/env.sh optimise    Optuna too, for castfem optimise (pyproject.toml, extra "optimise")
 #   tools/env.sh benchmark   the benchmarks' opponent too (pyproject.toml, extra "benchmark")
 #   tools/env.sh browser     what drives a browser in tests (pyproject.toml, extra "browser")
 #   tools/env.sh wheel       what builds wheels (pyproject.toml, extra "wheel")
@@ -216,7 +217,7 @@ case ${1:-ready} in
     ready
     "$1"
     ;;
-  benchmark | browser | wheel)
+  benchmark | browser | optimise | wheel)
     ready
     extra "$1"
     ;;

@@ -192,8 +192,8 @@ class Output(TableModel):
     smooth: bool | None = Field(
         None,
         strict=True,
-        description="compute the smooth twin of the largest von Mises stress, von_mises_smooth; "
-        "`castfem optimise` does where it is named there",
+        description="compute smooth twins of the largest von Mises stress, von_mises_smooth at the "
+        "end and way_von_mises_smooth on the way; `castfem optimise` does where it is named there",
         examples=[True],
     )
     units: Annotated[ShownUnits, UnitsNotation()] | None = Field(

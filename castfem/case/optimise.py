@@ -208,6 +208,11 @@ class Optimise(TableModel):
         description="how well the runs of the search are computed; the best one is checked by the "
         "next better level",
     )
+    method: Literal["cobyqa", "optuna"] = Field(
+        "cobyqa",
+        description="cobyqa: from the start downhill; optuna (the extra castfem[optimise]): first "
+        "with half of the runs all over the ranges, for several valleys and many variables",
+    )
     most_runs: int = Field(60, ge=1, strict=True, description="runs of the search, at most")
     variable: tuple[Variable, ...] = Field(
         min_length=1, description="the keys whose values are looked for"

@@ -37,6 +37,7 @@ WHOLE = {
     "von_mises_max": "MPa",
     "way_von_mises_max": "MPa",
     "von_mises_smooth": "MPa",
+    "way_von_mises_smooth": "MPa",
     "axial_strain": "1",
     "colder_than_data": "percent",
     "hotter_than_data": "percent",
@@ -111,7 +112,10 @@ COLUMNS = {
 Plain numbers and percentages, which have no other unit, are left out."""
 
 
-SMOOTH = {"von_mises_smooth": "von_mises_max"}
+SMOOTH = {
+    "von_mises_smooth": "von_mises_max",
+    "way_von_mises_smooth": "way_von_mises_max",
+}
 """Smooth twins of maxima, which are computed where they are asked for, and what they are of."""
 
 

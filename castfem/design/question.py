@@ -11,6 +11,7 @@ import numpy as np
 from castfem.case.load import changed, value_of
 from castfem.case.optimise import Bound, Optimise, Variable
 from castfem.design.inputs import Uncertain
+from castfem.design.valleys import check_installed
 from castfem.errors import InputError
 from castfem.values import units
 from castfem.values.types import Array
@@ -109,7 +110,8 @@ class Question:
         inputs: What is not known exactly.
 
     Raises:
-        InputError: The case asks for nothing, or a variable is none of its keys.
+        InputError: The case asks for nothing, a variable is none of its keys, or Optuna is asked
+            for and not installed.
     """
 
     def __init__(self, case: Case, origin: str = "") -> None:
@@ -120,6 +122,8 @@ class Question:
                 '"von_mises_max" and [[optimise.variable]] with key = "mould.taper" and '
                 'range = ["0 %/m", "3 %/m"]'
             )
+        if case.optimise.method == "optuna":
+            check_installed(origin)
         self.case, self.origin = case, origin
         self.table: Optimise = case.optimise
         self.axes = tuple(Axis.of(variable) for variable in self.table.variable)

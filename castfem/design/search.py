@@ -87,7 +87,8 @@ class Search:
         """
         try:
             begin = self._settle(start)
-            self._cobyqa(begin, FIRST, self._cost)
+            for valley in self._valleys(begin):
+                self._cobyqa(valley, FIRST, self._cost)
             best = self.best()
             if self.violation(best) > 0.0:  # nothing meets all: what comes nearest?
                 self._cobyqa(self.question.shares(best), FIRST, self._worst_violation)
@@ -134,6 +135,20 @@ class Search:
         """
         self._settle(start)
         return self.best()
+
+    def _valleys(self, begin: Array) -> list[Array]:
+        """Where to search from: the start, or what Optuna has found all over the ranges."""
+        if self.question.table.method != "optuna":
+            return [begin]
+        from castfem.design.valleys import explore
+
+        def given(places: Sequence[Array]) -> list[list[float]]:
+            runs = [self.question.at(place) for place in places]
+            self._fetch(runs)
+            return [[float(value) for value in self.given(run)] for run in runs]
+
+        count = (self._most - len(self.outputs.seen)) // 2
+        return explore(given, begin, count) if count > 1 else [begin]
 
     def _settle(self, start: Array) -> Array:
         """Measure noise, scales and the last step about the start; return the start."""

@@ -19,6 +19,7 @@ from castfem.mechanics.bent_planes import BentPlanes
 from castfem.mechanics.state import MechanicalResult, MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.surface_gap import SurfaceGap
+from castfem.results.mould_extremes import SMOOTH_ORDER, SmoothPeak
 from castfem.results.sample import MechanicalSample
 from castfem.values.types import Array
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 
 SQRT2 = 2.0**0.5
 HARDLY = 0.05  # share of the section that is solid before its shell is spoken of
-SMOOTH_ORDER = 32  # of the smooth twin: ratio of the integrals of stress^32 and stress^31
 INSTANT = 1e-3  # s: over which the generalized strains are differentiated
 FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
 LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
@@ -103,10 +103,10 @@ class MechanicalSampler:
             axial_stress=self._axial(recovered),
             bending=state.bending,
             bending_force=self.problem.slice.planes.bending_force(state.bending),
-            smooth_peak=self._smoothed(stress) if self._smooth else None,
+            smooth=self._smoothed(stress) if self._smooth else None,
         )
 
-    def _smoothed(self, stress: Array) -> float:
+    def _smoothed(self, stress: Array) -> SmoothPeak:
         """Smooth twin of the largest of stresses at the deviator's points (collective)."""
         return smooth_peak(self.section.comm, stress, self.problem.points.deviator.volume)
 
@@ -244,21 +244,21 @@ class MechanicalSampler:
         return np.asarray(strain)
 
 
-def smooth_peak(comm: MPI.Comm, stress: Array, area: Array) -> float:
-    """Return the ratio of the integrals of stress^32 and stress^31 (collective).
+def smooth_peak(comm: MPI.Comm, stress: Array, area: Array) -> SmoothPeak:
+    """Return the integrals of stress^32 and stress^31 (collective).
 
     Args:
         comm: All ranks.
         stress: Not negative, at points (n,), Pa.
-        area: That belongs to each point (n,).
+        area: That belongs to each point (n,), m2.
     """
     peak = float(reductions.largest(comm, stress))
     if not peak > 0.0:
-        return 0.0
+        return SmoothPeak(0.0, 0.0, 0.0)
     share = stress / peak
     weight = area * share ** (SMOOTH_ORDER - 1)
     above, below = reductions.totals(comm, [weight @ share, weight.sum()])
-    return float(peak * above / below)
+    return SmoothPeak(peak, float(above), float(below))
 
 
 def in_components(values: Array) -> Array:

@@ -77,9 +77,22 @@ def von_mises_smooth(sample: Sample) -> float:
 
     It has no kink where the largest stress moves from one place to another.
     """
-    found = sample.strained.smooth_peak
+    found = sample.strained.smooth
     assert found is not None, "of a quantity that needs smooth"
-    return found
+    return found.stress
+
+
+@quantity(
+    "way_von_mises_smooth",
+    unit="MPa",
+    label="smooth twin of the largest von Mises stress on the way",
+    column=False,
+    needs=("smooth",),
+)
+def way_von_mises_smooth(sample: Sample) -> float:
+    """The same mean over section and way from the meniscus to here; below `way_von_mises_max`."""
+    assert sample.smooth_stress is not None, "of a quantity that needs smooth"
+    return sample.smooth_stress.stress
 
 
 @quantity("von_mises", unit="MPa", label="von Mises stress, {}", each="probe", needs=("mechanics",))

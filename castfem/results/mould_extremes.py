@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING
 
 from castfem.mould.mould import is_below
 
 if TYPE_CHECKING:
     from castfem.results.sample import Sample
+
+SMOOTH_ORDER = 32  # of smooth twins: ratio of the integrals of stress^32 and stress^31
 
 
 @dataclass(slots=True)
@@ -84,6 +86,84 @@ class LargestStress:
         """Take up what `memory` gave; an older checkpoint has nothing of it."""
         for name in ("stress", "position", "x", "y"):
             setattr(self, name, memory.get(f"strained_{name}") or 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothPeak:
+    """The smooth twin of the largest von Mises stress of a section: a ratio of two integrals.
+
+    Attributes:
+        peak: The largest, Pa.
+        above: Integral over the section of (stress / peak)^32, m2. below: Of that to the power of
+            31.
+    """
+
+    peak: float
+    above: float
+    below: float
+
+    @property
+    def stress(self) -> float:
+        """The twin, Pa."""
+        return self.peak * self.above / self.below if self.below else 0.0
+
+
+@dataclass(slots=True)
+class SmoothStress:
+    """The smooth twin of the largest von Mises stress on the way: both integrals along it, too.
+
+    By the trapezoidal rule between slices; stresses over the largest so far.
+
+    Attributes:
+        peak: The largest so far, Pa.
+        above: Integral of (stress / peak)^32 over section and way, m3. below: Of that to the power
+            of 31.
+        position: Of the last slice, m; None before the first one. last_peak: Its own largest, Pa.
+        last_above: Its own integral, m2. last_below: Likewise.
+    """
+
+    peak: float = 0.0
+    above: float = 0.0
+    below: float = 0.0
+    position: float | None = None
+    last_peak: float = 0.0
+    last_above: float = 0.0
+    last_below: float = 0.0
+
+    @property
+    def stress(self) -> float:
+        """The twin, Pa."""
+        return self.peak * self.above / self.below if self.below else 0.0
+
+    def note(self, sample: Sample) -> None:
+        """Take in one more coupling window."""
+        new = None if sample.mechanics is None else sample.mechanics.smooth
+        if new is not None:
+            self.add(new, sample.position)
+
+    def add(self, new: SmoothPeak, position: float) -> None:
+        """Take in a section at a position, m."""
+        largest = max(self.peak, new.peak)
+        half = 0.0 if self.position is None else 0.5 * (position - self.position)
+        parts = (
+            (self.peak, 1.0, self.above, self.below),
+            (self.last_peak, half, self.last_above, self.last_below),
+            (new.peak, half, new.above, new.below),
+        )
+        shares = [(peak / largest if largest else 0.0, *rest) for peak, *rest in parts]
+        self.above = sum(s**SMOOTH_ORDER * w * above for s, w, above, _ in shares)
+        self.below = sum(s ** (SMOOTH_ORDER - 1) * w * below for s, w, _, below in shares)
+        self.peak, self.position = largest, position
+        self.last_peak, self.last_above, self.last_below = new.peak, new.above, new.below
+
+    def memory(self) -> dict[str, float | None]:
+        """What a checkpoint must hold of it."""
+        return {f"smooth_{name}": value for name, value in asdict(self).items()}
+
+    def recall(self, memory: dict[str, float | None]) -> None:
+        """Take up what `memory` gave."""
+        for one in fields(self):
+            setattr(self, one.name, memory.get(f"smooth_{one.name}", one.default))
 
 
 @dataclass(slots=True)

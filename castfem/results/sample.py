@@ -8,7 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtremes
+from castfem.results.mould_extremes import (
+    BeyondData,
+    LargestStress,
+    MouldExtremes,
+    SmoothPeak,
+    SmoothStress,
+)
 
 if TYPE_CHECKING:
     from castfem.contact.state import ContactSummary
@@ -46,7 +52,7 @@ class MechanicalSample:
         bending: By the machine's curvature. bending_force: Axial force that bending has left, N:
             the rolls turn it with the strand, and the drives pay for the work. With `load` and
             `withdrawal_resistance` it is the force of the stress where the neutral axis is free.
-        smooth_peak: Smooth twin of `peak`, Pa; None where it is not asked for.
+        smooth: Smooth twin of `peak`; None where it is not asked for.
     """
 
     newton: int
@@ -67,7 +73,7 @@ class MechanicalSample:
     axial_stress: dict[str, float]
     bending: Bending
     bending_force: float
-    smooth_peak: float | None = None
+    smooth: SmoothPeak | None = None
 
 
 @dataclass(slots=True)
@@ -85,9 +91,11 @@ class Sample:
         removed: Heat removed from the whole section since the meniscus, J per m of strand.
         temperature_range: Coldest and hottest vertex, K. balance: Heat balance of the step.
         mechanics: The strained slice; None in a simulation without mechanics.
-        largest_stress: On the way to here. beyond_data: Likewise. metallurgical_length: Where the
-            last vertex passed the solidus, m; None while liquid is left. liquid_end: Where it
-            passed the liquidus. mould_flux: Mean of the mould so far, W/m2; None without.
+        largest_stress: On the way to here. beyond_data: Likewise. smooth_stress: The smooth twin of
+            that stress; None where it is not asked for.
+        metallurgical_length: Where the last vertex passed the solidus, m; None while liquid is
+            left. liquid_end: Where it passed the liquidus. mould_flux: Mean of the mould so far,
+            W/m2; None without.
         extremes: Of the contact in the mould so far; None without a mould.
         quality: Crack indexes and end of the pool; None in a case without [quality].
     """
@@ -109,6 +117,7 @@ class Sample:
     mechanics: MechanicalSample | None = None
     largest_stress: LargestStress = field(default_factory=LargestStress)
     beyond_data: BeyondData = field(default_factory=BeyondData)
+    smooth_stress: SmoothStress | None = None
     metallurgical_length: float | None = None
     liquid_end: float | None = None
     mould_flux: float | None = None

@@ -11,7 +11,7 @@ from castfem.coupling.staggered import StrandState
 from castfem.coupling.subcycling import SubSteps
 from castfem.fem import reductions
 from castfem.mould.mould import is_below
-from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtremes
+from castfem.results.mould_extremes import BeyondData, LargestStress, MouldExtremes, SmoothStress
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import Simulation
 from castfem.simulation.start import starting_enthalpy
@@ -38,7 +38,8 @@ class Sampler:
         mould_flux: Mean heat flux from the meniscus to here, or to the end of the mould, W/m2; None
             without a mould, or of a run that does not begin at the meniscus.
         extremes: What the slice has met in its mould; None without one.
-        largest_stress: Where its stress was largest.
+        largest_stress: Where its stress was largest. smooth_stress: The smooth twin of that; None
+            where it is not asked for.
         quality: Follows the crack indexes; None in a case without [quality].
         sprays: Compares sprayed surfaces with the tables of their nozzles; None without any.
     """
@@ -52,6 +53,7 @@ class Sampler:
     extremes: MouldExtremes | None = None
     largest_stress: LargestStress = field(default_factory=LargestStress)
     beyond_data: BeyondData = field(default_factory=BeyondData)
+    smooth_stress: SmoothStress | None = None
     quality: QualitySampler | None = None
     sprays: SprayRange | None = None
     _hottest: float = np.inf
@@ -71,6 +73,8 @@ class Sampler:
                 self.simulation.centred_probes,
                 smooth=bool(self.simulation.case.output.smooth),
             )
+            if self.simulation.case.output.smooth:
+                self.smooth_stress = SmoothStress()
         if self.simulation.case.mould is not None:
             self.extremes = MouldExtremes(self.simulation.case.mould.length)
         if self.simulation.case.quality is not None:
@@ -145,6 +149,9 @@ class Sampler:
         )
         self.largest_stress.note(sample)
         sample.largest_stress = replace(self.largest_stress)
+        if self.smooth_stress is not None:
+            self.smooth_stress.note(sample)
+            sample.smooth_stress = replace(self.smooth_stress)
         self.beyond_data.note(sample)
         sample.beyond_data = BeyondData(dict(self.beyond_data.worst))
         if self.extremes is not None:
@@ -179,6 +186,7 @@ class Sampler:
             "time": self._time,
             **({} if self.extremes is None else self.extremes.memory()),
             **({} if self.mechanics is None else self.largest_stress.memory()),
+            **({} if self.smooth_stress is None else self.smooth_stress.memory()),
             **self.beyond_data.memory(),
         }
 
@@ -193,6 +201,8 @@ class Sampler:
         if self.extremes is not None:
             self.extremes.recall(memory)
         self.largest_stress.recall(memory)
+        if self.smooth_stress is not None:
+            self.smooth_stress.recall(memory)
         self.beyond_data.recall(memory)
 
     def heat_gained(self, state: ThermalState) -> float:

@@ -74,7 +74,7 @@ def test_beyond_a_range_its_end_is_taken(tmp_path):
     assert found == pytest.approx([0.0, 0.3])
 
 
-@pytest.mark.parametrize("name", ["single", "double", "parabolic", "corner"])
+@pytest.mark.parametrize("name", ["single", "double", "parabolic", "corner", "double_corner"])
 def test_shipped_questions(name: str, tmp_path: Path):
     """Each can be asked, and begins within its ranges, where the strand of the thesis is."""
     question = Question(load(f"billet125/optimum_{name}"))

@@ -25,6 +25,7 @@ DISTRIBUTION = {
     "gmsh": "python3-gmsh",
 }
 
+EXTRA = {"optuna": "optimise"}  # imported where a case asks for it; the extra that brings it
 COMES_WITH = {"PIL": "matplotlib", "pydantic_core": "pydantic"}  # which stand on them
 
 
@@ -50,7 +51,11 @@ def declared() -> set[str]:
 
 def test_every_import_is_declared_and_every_declared_one_is_imported() -> None:
     assert set(COMES_WITH.values()) <= declared()
-    assert third_party() - set(COMES_WITH) == declared() | set(DISTRIBUTION)
+    assert third_party() - set(COMES_WITH) == declared() | set(DISTRIBUTION) | set(EXTRA)
+    for name, extra in EXTRA.items():
+        assert any(
+            item.startswith(name) for item in PROJECT["project"]["optional-dependencies"][extra]
+        )
 
 
 def test_the_distributions_packages_are_listed() -> None:

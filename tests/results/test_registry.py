@@ -32,6 +32,7 @@ from castfem.report.headline import HEADLINE
 from castfem.results import registry
 from castfem.results.labels import last_quantities
 from castfem.results.mechanical import smooth_peak
+from castfem.results.mould_extremes import SmoothPeak, SmoothStress
 from castfem.results.reference_table import written
 from castfem.results.registry import QuantityDefinition, declared, find, in_summary_order, quantity
 from castfem.results.sample import Sample
@@ -112,19 +113,40 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
 def test_the_smooth_twin_of_the_largest_stress(samples: tuple[Sample, ...]) -> None:
     """Below the maximum and near to it; exact where all is even; no kink where two peaks swap."""
     strained, *_, rolled = samples
-    assert 0.85 * strained.strained.peak < (strained.strained.smooth_peak or 0.0)
-    assert (strained.strained.smooth_peak or 0.0) < strained.strained.peak
-    assert rolled.strained.smooth_peak is None  # not asked for
+    twin, way = strained.strained.smooth, strained.smooth_stress
+    assert twin is not None and way is not None
+    assert 0.85 * strained.strained.peak < twin.stress < strained.strained.peak
+    assert 0.8 * strained.largest_stress.stress < way.stress < strained.largest_stress.stress
+    assert rolled.strained.smooth is rolled.smooth_stress is None  # not asked for
     comm, area = MPI.COMM_SELF, np.array([1.0, 2.0, 1.0])
-    assert smooth_peak(comm, np.full(3, 7e6), area) == pytest.approx(7e6, rel=1e-14)
-    assert smooth_peak(comm, np.zeros(3), area) == 0.0
+    assert smooth_peak(comm, np.full(3, 7e6), area).stress == pytest.approx(7e6, rel=1e-14)
+    assert smooth_peak(comm, np.zeros(3), area).stress == 0.0
 
     def swapped(t: float) -> float:
-        return smooth_peak(comm, np.array([10.0 + t, 3.0, 10.0 - t]), area)
+        return smooth_peak(comm, np.array([10.0 + t, 3.0, 10.0 - t]), area).stress
 
     slopes = [(swapped(t + 1e-5) - swapped(t - 1e-5)) / 2e-5 for t in (-1e-3, 0.0, 1e-3)]
     assert np.abs(slopes) == pytest.approx(np.zeros(3), abs=0.02)  # the maximum's: -1 and 1
     assert swapped(3.0) == pytest.approx(13.0, rel=1e-6)
+
+
+def test_the_smooth_twin_on_the_way() -> None:
+    """Of a stress that grows as the way z, by any section: 32/33 of the last; then it falls.
+
+    Taken up from its memory half-way, and told of one slice twice, it comes to the same.
+    """
+    positions = np.linspace(0.0, 0.6, 301)
+    stresses = np.concatenate([1e7 * positions[:201] / 0.4, np.full(100, 1e6)])
+    twin = SmoothStress()
+    for number, (position, stress) in enumerate(zip(positions, stresses, strict=True)):
+        if number == 120:
+            stored, twin = twin.memory(), SmoothStress()
+            twin.recall(stored)
+        for _ in range(2):
+            twin.add(SmoothPeak(stress, 3e-4, 3e-4), position)
+    half = 0.5 * 0.002 * 1.0  # of the rule, to where the stress has fallen
+    exact = (0.4 / 33 + half) / (0.4 / 32 + half) * 1e7
+    assert twin.stress == pytest.approx(exact, rel=2e-4)
 
 
 def test_a_sample_has_what_its_simulation_has(samples: tuple[Sample, ...]) -> None:

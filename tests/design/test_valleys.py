@@ -1,0 +1,101 @@
+"""Searches that begin with runs all over the ranges, by Optuna (the extra castfem[optimise])."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+from known_results import HEAT, SPEED, STRESS, solve
+from small_case import small
+
+from castfem.design import Evaluation, Study, Wanted
+from castfem.design.valleys import valleys
+from castfem.errors import InputError
+
+SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
+installed = pytest.mark.skipif(
+    importlib.util.find_spec("optuna") is None, reason="no Optuna: tools/env.sh optimise"
+)
+
+
+def study(*variables: dict[str, Any], method: str = "optuna", **table: Any) -> Study:
+    asked = {"minimise": STRESS, "variable": list(variables), "method": method, **table}
+    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+
+
+def two_valleys(wanted: Wanted) -> dict[str, float]:
+    """The better one, 9 at 4.4 m/min, lies behind a hill, seen from 2.2 m/min, where it is 10."""
+    speed = wanted.values[0]
+    return {STRESS: min(10.0 + 4.0 * (speed - 2.4) ** 2, 9.0 + 20.0 * (speed - 4.4) ** 2)}
+
+
+@installed
+def test_the_better_of_two_valleys():
+    start = {**SPEED, "start": "2.2 m/min"}
+    stuck = solve(study(start, method="cobyqa"), two_valleys)
+    assert stuck.values[0].value == pytest.approx(2.4, abs=0.02)
+    found = solve(study(start), two_valleys)
+    assert found.values[0].value == pytest.approx(4.4, abs=0.01)
+    assert found.runs["search"] <= 65
+    assert not found.spent
+
+
+@installed
+def test_two_valleys_of_one_depth_are_told():
+    def given(wanted: Wanted) -> dict[str, float]:
+        return {STRESS: 10.0 + 4.0 * (abs(wanted.values[0] - 3.4) - 0.9) ** 2}
+
+    found = solve(study({**SPEED, "start": "2.2 m/min"}), given)
+    places = [found.values[0].value, *(one[0] for one in found.elsewhere)]
+    assert min(abs(x - 2.5) for x in places) < 0.01
+    assert min(abs(x - 4.3) for x in places) < 0.01
+
+
+@installed
+def test_a_small_room_among_failures():
+    """Runs come through in a corner of both ranges alone, and heat is to be had in a part of it."""
+
+    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        speed, superheat = wanted.values
+        if speed > 3.5 or superheat > 35.0:
+            return Evaluation({}, 0.5, "breakout")
+        return {STRESS: 10.0 - speed + 0.1 * superheat, HEAT: 1e6 * (superheat - 10.0) / 5.0}
+
+    table = {"constraints": ["heat_removed >= 2 MJ/m"]}
+    start = {**SPEED, "start": "5 m/min"}, {**SUPERHEAT, "start": "50 K"}
+    found = solve(study(*start, **table), given)
+    assert found.status == "found"
+    assert [v.value for v in found.values] == pytest.approx([3.5, 20.0], abs=0.1)
+
+
+@installed
+def test_asked_run_by_run():
+    """Told a run at a time by objects that know nothing of one another, it goes the same way."""
+    at_once = solve(study(SPEED, most_runs=24), two_valleys)
+    told_so_far: dict[Wanted, Mapping[str, float]] = {}
+    for _ in range(60):
+        one = study(SPEED, most_runs=24)
+        for run, values in told_so_far.items():
+            one.tell(run, values)
+        wanted = one.ask()
+        if not wanted:
+            break
+        told_so_far[wanted[-1]] = two_valleys(wanted[-1])
+    assert one.result() == at_once
+
+
+def test_best_places_of_valleys():
+    places = np.array([[0.1], [0.15], [0.5], [0.55], [0.9]])
+    values = np.array([[3.0], [1.0], [0.5], [0.2], [0.4]])
+    assert [place[0] for place in valleys(places, values)] == [0.55, 0.9]
+    missed = np.column_stack([values, [1.0, 1.0, 1.0, -1.0, -2.0]])  # what misses less goes first
+    assert [place[0] for place in valleys(places, missed)] == [0.5, 0.15]
+
+
+def test_it_is_missed_before_a_run(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"Optuna is not installed; pip install \"castfem\[opti"):
+        study(SPEED)
