@@ -29,12 +29,25 @@ class HalfSpace:
     Phys. Solids 11 (1963) 145): smooth exit into tensile flow, compressive flow at the inner end of
     the elastic zone, no resultant.
 
+    Args:
+        alpha: Contraction, 1/K.
+        yield_stress: At `SURFACE`, Pa.
+        conductivity: W/(m K).
+
     Attributes:
+        diffusivity: Of the steel, m2/s.
         front: zeta of the solid's front. compressed: zeta where compressive flow ends.
         stretched: zeta where tensile flow begins. rate: strain rate times 2 t.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        alpha: float = ALPHA,
+        yield_stress: float = YIELD,
+        conductivity: float = CONDUCTIVITY,
+    ) -> None:
+        self._alpha, self._yield, self._conductivity = alpha, yield_stress, conductivity
+        self.diffusivity = conductivity / (DENSITY * HEAT)
         stefan = HEAT * (MELTING - SURFACE) / LATENT
         self.front = brentq(
             lambda z: z * np.exp(z * z) * erf(z) - stefan / np.sqrt(np.pi), 0.1, 2.0, xtol=1e-15
@@ -53,17 +66,19 @@ class HalfSpace:
 
     def _limit(self, zeta: npt.ArrayLike) -> Array:
         share = (MELTING - self.temperature(zeta)) / (MELTING - SURFACE)
-        return np.asarray(YIELD * share, dtype=np.float64)
+        return np.asarray(self._yield * share, dtype=np.float64)
 
     def _smooth_exit(self, zeta: float) -> float:
         stiff = YOUNG / (1 - POISSON)
-        return -zeta * self._slope(zeta) * (ALPHA - YIELD / (stiff * (MELTING - SURFACE)))
+        return (
+            -zeta * self._slope(zeta) * (self._alpha - self._yield / (stiff * (MELTING - SURFACE)))
+        )
 
     def _elastic(self, zeta: npt.ArrayLike, end: float) -> Array:
         """Stress in the elastic zone that flows in tension from `end` on."""
         z = np.asarray(zeta, float)
         drop = self.temperature(z) - self.temperature(end)
-        strain = self._smooth_exit(end) * np.log(z / end) + ALPHA * drop
+        strain = self._smooth_exit(end) * np.log(z / end) + self._alpha * drop
         return np.asarray(self._limit(end) - YOUNG / (1 - POISSON) * strain)
 
     def _conditions(self, zones: Array) -> list[float]:
@@ -78,19 +93,22 @@ class HalfSpace:
         total = -integral(0.0, first, self._limit)
         total += integral(first, second, lambda z: self._elastic(z, second))
         total += integral(second, self.front, self._limit)
-        return [float(self._elastic(first, second) + self._limit(first)) / YIELD, total / YIELD]
+        return [
+            float(self._elastic(first, second) + self._limit(first)) / self._yield,
+            total / self._yield,
+        ]
 
     def stress(self, x: Array, time: float) -> Array:
         """Sigma_yy = sigma_zz, Pa, at depths x (n,), m; 0 in the liquid."""
-        z = np.maximum(x, 1e-12) / (2 * np.sqrt(DIFFUSIVITY * time))
+        z = np.maximum(x, 1e-12) / (2 * np.sqrt(self.diffusivity * time))
         zones = [z < self.compressed, z < self.stretched, z < self.front]
         values = [-self._limit(z), self._elastic(z, self.stretched), self._limit(z)]
         return np.asarray(np.select(zones, values, 0.0))
 
     def flux(self, time: float) -> float:
         """Heat flux through the surface, W/m2."""
-        return CONDUCTIVITY * self._slope(0.0) / float(2 * np.sqrt(DIFFUSIVITY * time))
+        return self._conductivity * self._slope(0.0) / float(2 * np.sqrt(self.diffusivity * time))
 
     def shell(self, time: float) -> float:
         """Thickness of the shell, m."""
-        return float(2 * self.front * np.sqrt(DIFFUSIVITY * time))
+        return float(2 * self.front * np.sqrt(self.diffusivity * time))
