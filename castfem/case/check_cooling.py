@@ -12,6 +12,7 @@ from castfem.case.model import Case
 from castfem.case.mould_laws import MOULD, Contact, Flux, ScaledLaw
 from castfem.case.problems import Problem
 from castfem.case.section import Section
+from castfem.case.spray import Spray
 from castfem.support.messages import choices
 from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.values.same_place import ROUNDING
@@ -90,10 +91,24 @@ def _laws(case: Case) -> Iterator[Problem]:
                 key = "flux" if isinstance(law, Contact) else "value"
                 yield from _scaled(law, key, path)
                 yield from _range_of_formula(case, zone, getattr(law, key), (*path, key))
+            if zone is not None and law.asks_extent:
+                yield from _without_end(zone, law, path)
             if known:
                 for problem in unknown_groups(law.on, known, (*path, "on")):
                     yield replace(problem, text=problem.text + _of_more(case.section, law.on))
                 yield from _clash(law, laws[:j], case.section.cooled_groups(), known, path)
+
+
+def _without_end(zone: Zone, law: HeatLaw, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield a total over a zone without end: what a place gets would hang on the run's length."""
+    if "to" in zone.model_fields_set or getattr(law, "area", None) is not None:
+        return
+    what = "water" if isinstance(law, Spray) else "heat"
+    yield Problem(
+        path,
+        f'the {what} is that of the whole zone, which has no end; give the zone its end, to = "5 m"'
+        + (", or the sprayed area" if what == "water" else ""),
+    )
 
 
 def _of_more(section: Any, on: tuple[str, ...] | None) -> str:

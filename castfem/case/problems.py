@@ -105,6 +105,7 @@ _PLAIN = {
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",
     "greater_than_equal": "must not be negative",
+    "string_pattern_mismatch": "takes letters, digits, - and _, the first a letter or a digit",
 }
 
 

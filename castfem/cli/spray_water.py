@@ -32,7 +32,7 @@ def water_flows(case: Case, supply: Supply, mesh: SectionMesh) -> list[tuple[str
     for zone in case.cooling:
         end = case.casting.length if zone.to is None else zone.to
         sprays = [law for law in zone.surface if isinstance(law, Spray)]
-        if sprays:
+        if sprays and end > start:  # a run may end above a zone that has no end
             flows = [_flow(case, supply, mesh, law, end - start) for law in sprays]
             found.append((zone.name, sum(flows)))
         start = end

@@ -38,7 +38,7 @@ def falling() -> Table:
 
 
 def run(law: dict[str, Any]) -> Any:
-    return castfem.run(small({SURFACE: [law]})).history
+    return castfem.run(small({SURFACE: [law], "cooling.0.to": "60 mm"})).history
 
 
 def test_without_a_gap_the_flux_is_the_measured_one() -> None:

@@ -25,8 +25,12 @@ SPEED, LENGTH = 0.06, 0.06
 SPRAY = {"law": "spray", "correlation": "nozaki", "water_temperature": "25 degC"}
 
 
+TO = {"cooling.0.to": "60 mm"}
+
+
 def heat(law: dict[str, Any], **changes: Any) -> np.ndarray:
-    case = small({SURFACE: [SPRAY | law], **{k.replace("__", "."): v for k, v in changes.items()}})
+    keys = {k.replace("__", "."): v for k, v in changes.items()}
+    case = small({SURFACE: [SPRAY | law], **TO, **keys})
     return castfem.run(case).history["heat_removed"].to_numpy()
 
 
@@ -58,7 +62,7 @@ def test_steps_end_where_the_speed_comes_to_a_row() -> None:
     """From 2 to 4 m/min in 0.5 s it is at 2.5 and 3.6 m/min after 0.125 and 0.4 s."""
     table = {"speed": [2.5, 3.6, 9], "speed_unit": "m/min", "value": [1, 3, 4], "unit": "L/min"}
     ramp = {"time": [0, 0.5], "time_unit": "s", "value": [2, 4], "unit": "m/min"}
-    case = small({SURFACE: [SPRAY | {"flow": table}], "casting.speed": ramp})
+    case = small({SURFACE: [SPRAY | {"flow": table}], **TO, "casting.speed": ramp})
     simulation = build(case, MPI.COMM_SELF)
     found = [time for time in simulation.zones.changes if time < 0.5]
     simulation.destroy()
@@ -112,21 +116,42 @@ def test_shares_of_a_total() -> None:
     assert heat({"share": 1.0}, water__specific="2 L/kg") == pytest.approx(alone, rel=1e-12)
     bent = {"time": [0, 0.2, 0.4], "time_unit": "s", "value": [1, 3, 2], "unit": "L/min"}
     simulation = build(
-        small({SURFACE: [SPRAY | {"share": 1.0}], "water.flow": bent}), MPI.COMM_SELF
+        small({SURFACE: [SPRAY | {"share": 1.0}], **TO, "water.flow": bent}), MPI.COMM_SELF
     )
     assert {0.2, 0.4} <= set(simulation.zones.changes)
     simulation.destroy()
     halves = [SPRAY | {"share": 0.5, "on": [name]} for name in ("wide_face", "narrow_face")]
     with pytest.raises(InputError, match=r"make 0\.5, not 1"):
-        small({SURFACE: halves[:1], "water.specific": "2 L/kg"})
-    small({SURFACE: halves, "water.specific": "2 L/kg"})
+        small({SURFACE: halves[:1], **TO, "water.specific": "2 L/kg"})
+    small({SURFACE: halves, **TO, "water.specific": "2 L/kg"})
 
 
 def test_the_check_tells_litres_per_kilogram() -> None:
-    case = small({SURFACE: [SPRAY | {"specific": "2 L/kg"}]})
+    case = small({SURFACE: [SPRAY | {"specific": "2 L/kg"}], **TO})
     lines = water_lines(case, case_steel(case), build_mesh(**case.mesh_parameters()))
     assert all(line.split()[-2:] == ["2", "L/kg"] for line in lines[1:])
     assert lines[-1].split()[:2] == ["in", "all"]
+
+
+def test_a_total_needs_the_end_of_its_zone() -> None:
+    """Else the water of a place would change with the length that a run follows."""
+    for law in ({"specific": "2 L/kg"}, {"flow": "9 L/min"}):
+        with pytest.raises(InputError, match=r"surface\.0 .*has no end; give the zone its end"):
+            small({SURFACE: [SPRAY | law]})
+    small({SURFACE: [SPRAY | {"flow": "9 L/min", "area": "1 m^2"}]})
+    with pytest.raises(InputError, match="the heat is that of the whole zone"):
+        small({SURFACE: [{"law": "flux", "value": "1 MW/m^2", "power": "9 kW"}]})
+
+
+def test_a_zone_below_the_run_has_no_water() -> None:
+    """One without an end, per area: that of a length below zero would be taken off the sum."""
+    zones = [
+        {"name": "a", "to": "0.1 m", "surface": [SPRAY | {"water": "5 L/(m^2 s)"}]},
+        {"name": "b", "surface": [SPRAY | {"water": "5 L/(m^2 s)"}]},
+    ]
+    case = small({"cooling": zones})
+    lines = water_lines(case, case_steel(case), build_mesh(**case.mesh_parameters()))
+    assert [line.split()[0] for line in lines] == ["spray", "a", "in"]
 
 
 @pytest.mark.parametrize(
