@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import throughput, wall_study
+from benchmarks import billet_run, throughput, wall_study
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.report import PAGE, ROOT, Output
 
@@ -56,6 +56,9 @@ SMALL: dict[str, dict[str, Any]] = {
     "liquid": {"FACTORS": (10.0,)},
     "before_shell": {"FEW": ((2.0, 0.5, 0.3),)},
     "coupling": {"CASES_TO_RUN": (("taper_1", (), 0.5),)},
+    "meniscus": {"COARSE": (*billet_run.COARSE, 'casting.length="120 mm"')},
+    "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
+    "optimum_noise": {"WINDOWS": {"0.2 s": {}}, "CHANGES": {"casting.length": "60 mm"}},
     "wall": {"PARTS": (wall_study.frictions, wall_study.factors), "FACTORS": (10, 1000)},
 }
 """What is tried of the others, where even `--quick` is more than a test needs."""

@@ -65,9 +65,12 @@ def shrinking_block(method: str, cell: str, large: bool) -> SliceSetup:
     )
 
 
-@pytest.mark.parametrize("large", [False, True])
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("method", METHODS)
+# At large strain one method on each of the cells.
+@pytest.mark.parametrize(
+    ("method", "cell", "large"),
+    [(m, c, large) for m in METHODS for c in CELLS for large in (False, True)
+     if not large or (m, c) in zip(METHODS, CELLS, strict=True)],
+)  # fmt: skip
 def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -> None:
     """Pressure while the taper is ahead, then a gap; both exact, and so the moment between."""
     setup = shrinking_block(method, cell, large)

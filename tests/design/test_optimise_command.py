@@ -79,11 +79,11 @@ def test_over_ranks(case):
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("casting.speed at the lowest of its range") == 1
     assert json.loads((case / "out" / "optimum.json").read_text())["status"] == "found"
-    refused = python_on(3, *words, "-o", "small.toml", folder=case)
+    refused = python_on(2, *words, "-o", "small.toml", folder=case)
     assert refused.returncode == 1
     assert refused.stderr.count("small.toml: is a file") == 1
     wrong = python_on(
-        3, *words, "-o", "out", "--set", 'optimise.minimise="von_mises_max"', folder=case
+        2, *words, "-o", "out", "--set", 'optimise.minimise="von_mises_max"', folder=case
     )
     assert wrong.returncode == 1
     assert '("von_mises_max") is no result of this case' in wrong.stderr

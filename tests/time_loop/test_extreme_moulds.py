@@ -104,12 +104,12 @@ def in_tenths(name: str, make: Callable[..., Case]) -> Kept:
 @pytest.mark.parametrize(
     ("name", "make", "intervals"),
     [("taper_1", shipped, ("2 s",)), ("taper_0", billet, ("2 s",)),
-     ("taper_0", shipped, ("2 s", "4 s", "100 s"))],
+     ("taper_0", shipped, ("2 s", "100 s"))],
 )  # fmt: skip
 def test_windows_twenty_times_longer(
     name: str, make: Callable[..., Case], intervals: tuple[str, ...]
 ) -> None:
-    """Two and four seconds, and endless: heat within 1 %, stress within 10 % of tenths.
+    """Two seconds, and endless: heat within 1 %, stress within 10 % of tenths.
 
     Where the gap decides on the heat, at 0 %/m, windows of 2 s would be 4.3 and 14 % off.
     """
