@@ -373,11 +373,16 @@ class Result(Closing):
         """The results as a notebook shows them."""
         from html import escape
 
-        rows = "".join(
-            f"<tr><th>{escape(q.label)}</th><td>{q.shown:.5g}</td><td>{escape(q.shown_unit)}</td></tr>"
-            for q in self._summary.quantities.values()
-            if np.isfinite(q.value)
-        )
+        from castfem.output.chosen_units import units_of_run
+        from castfem.values.shown_units import label_shown, plain_unit, scale_of, shown_in
+
+        rows = ""
+        with shown_in(units_of_run(self.folder)):
+            for name, one in self._summary.quantities.items():
+                if np.isfinite(one.value):
+                    scale = scale_of(one.shown_unit, name)
+                    cells = f"{scale(one.shown):.5g}</td><td>{escape(plain_unit(scale.unit))}"
+                    rows += f"<tr><th>{escape(label_shown(one.label))}</th><td>{cells}</td></tr>"
         title = escape(f"{self._summary.title}: {self._summary.status}")
         return f"<table><caption>{title}</caption>{rows}</table>"
 

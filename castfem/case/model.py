@@ -221,10 +221,17 @@ class Case(TableModel):
         return tomli_w.dumps(self.document())
 
     def _repr_html_(self) -> str:
-        """The case as a notebook shows it: its file, with all that was left to the defaults."""
+        """The case as a notebook shows it: its file, with the defaults, in the units chosen."""
         from html import escape
 
-        return f"<b>{escape(self.title)}</b><pre>{escape(self.resolved_toml())}</pre>"
+        import tomli_w
+
+        from castfem.case.shown_units import units_of, with_units
+        from castfem.values.shown_units import shown_in
+
+        with shown_in(units_of(self)):
+            text = tomli_w.dumps(with_units(self.document()))
+        return f"<b>{escape(self.title)}</b><pre>{escape(text)}</pre>"
 
     def physics(self) -> dict[str, Any]:
         """Return all that the computed fields depend on, as tables.

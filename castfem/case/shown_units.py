@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from castfem.case.result_names import AT_PROBES, COLUMNS, all_names, unit_of
 from castfem.errors import InputError
 from castfem.values import units
-from castfem.values.shown_units import KINDS, SYSTEMS, ShownUnits, check, coherent
+from castfem.values.shown_units import (
+    KINDS,
+    SYSTEMS,
+    ShownUnits,
+    check,
+    coherent,
+    is_chosen,
+    scale_of,
+)
+
+if TYPE_CHECKING:
+    from castfem.case.model import Case
 
 
 def faults(choice: ShownUnits) -> Iterator[tuple[str, str]]:
@@ -48,3 +60,47 @@ def read_choice(given: Sequence[str]) -> ShownUnits:
     if problems:
         raise InputError(problems)
     return choice
+
+
+def units_of(case: Case) -> ShownUnits:
+    """The choice of a case; the units of the plant where it makes none."""
+    return case.output.units or ShownUnits()
+
+
+def with_units(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables of a case with their quantities in the units that were chosen."""
+    if not is_chosen():
+        return dict(tables)
+    found = {key: _turned(value) for key, value in tables.items()}
+    for key, unit in tables.items():
+        if key == "unit" or key.endswith("_unit"):
+            of = "value" if key == "unit" else key.removesuffix("_unit")
+            if isinstance(tables.get(of), list) and isinstance(unit, str):
+                found[of], found[key] = _column(tables[of], unit)
+    return found
+
+
+def _turned(value: Any) -> Any:
+    """A value of a case, what is a quantity in it in the units that were chosen."""
+    if isinstance(value, Mapping):
+        return with_units(value)
+    if isinstance(value, list):
+        return [_turned(one) for one in value]
+    try:
+        number, unit = units.split(value) if isinstance(value, str) else ("", "")
+        if not number or not unit:
+            return value
+        (shown,), its = _column([float(number)], unit)
+    except ValueError:  # a text
+        return value
+    return f"{shown:.7g} {its}"
+
+
+def _column(values: Sequence[Any], unit: str) -> tuple[list[Any], str]:
+    """Values and their unit in the units that were chosen."""
+    try:
+        scale = scale_of(unit)
+    except ValueError:  # of an own property file, say
+        return list(values), unit
+    turned = [scale(one) if isinstance(one, int | float) else one for one in values]
+    return [float(f"{v:.9g}") if isinstance(v, float) else v for v in turned], scale.unit

@@ -16,6 +16,7 @@ from castfem.accuracy.sizes import changes
 from castfem.accuracy.table import ErrorTable, attach
 from castfem.case import load_case, shipped_cases
 from castfem.cli import many_runs, parallel
+from castfem.cli.options import chosen
 from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import ERROR_ENDING
 from castfem.output.run_record import RUN_NAME
@@ -40,6 +41,7 @@ class Options:
         overwrite: Run all anew, also over runs of other cases.
         quiet: Print nothing but errors.
         to: Error for which sizes are to be proposed, "1%"; "" for none.
+        units: Those of --units.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Options:
     overwrite: bool
     quiet: bool
     to: str = ""
+    units: tuple[str, ...] = ()
 
 
 def error_of_case(options: Options) -> int:
@@ -112,7 +115,7 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
     path = table.write(target)
     written = [p for p in dict.fromkeys((target / BASE, _alone(options))) if attach(table, p)]
     if not options.quiet:
-        with shown_in(units_of_run(target / BASE)):
+        with chosen(options.units), shown_in(units_of_run(target / BASE)):
             _print(table, path, written)
     if options.to:
         _propose(table, options)

@@ -163,11 +163,20 @@ def watch(
     every: Annotated[
         str, typer.Option(metavar="TIME", help='Between two looks, such as "5 s".')
     ] = "",
+    wait: Annotated[
+        bool,
+        typer.Option(
+            "--wait", help="Wait for runs that have not begun, or are to be taken up again."
+        ),
+    ] = False,
+    units: Units = None,
 ) -> None:
     """Show how far a run has come, until it ends; with --html as a page that refreshes itself."""
+    from castfem.cli.options import chosen
     from castfem.cli.watching import watch_folder
 
-    watch_folder(folder, html, every)
+    with chosen(units):
+        watch_folder(folder, html, every, wait=wait)
 
 
 @app.command()

@@ -11,17 +11,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.case import Case, load_case, shipped_cases
+from castfem.case.shown_units import units_of
 from castfem.cli import many_runs, parallel
+from castfem.cli.options import chosen
 from castfem.design.calibrate import Free, read_free
 from castfem.design.calibration import Calibration, calibrate, followed, scaled, write
 from castfem.design.evaluator import Evaluator, serve
 from castfem.design.measured import Measured, read_measured
 from castfem.errors import InputError
-from castfem.output.summary import from_si
+from castfem.output.summary import from_si, unit_of_difference
 from castfem.plots.calibration import Compared, draw_calibration
 from castfem.plots.style import save
 from castfem.report.numbers import error_shown, shown, unit_shown
 from castfem.sweep.view import View
+from castfem.values.shown_units import scale_of, shown_in
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -39,6 +42,7 @@ def calibrate_case(
     processes: int | None = None,
     *,
     quiet: bool = False,
+    units: Sequence[str] = (),
 ) -> int:
     """Fit, print and write, and return the exit status (collective).
 
@@ -50,6 +54,7 @@ def calibrate_case(
         overrides: Assignments of --set.
         processes: How many runs at once; None for one a core, 0 in this process.
         quiet: Print nothing but errors.
+        units: Those of --units.
 
     Raises:
         InputError: Something the user wrote cannot be used.
@@ -72,7 +77,7 @@ def calibrate_case(
         evaluator = many_runs.evaluator(followed(case, measured), target, processes)
         return _Question(case, keys, measured, evaluator)
 
-    return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet=quiet), serve)
+    return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet, units), serve)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +90,20 @@ class _Question:
     evaluator: Evaluator
 
 
-def _done(asked: _Question, *, quiet: bool) -> int:
+def _done(asked: _Question, quiet: bool, units: Sequence[str]) -> int:
     """Fit (on rank 0), print and write."""
     target = asked.evaluator.store.folder
     with asked.evaluator as evaluator:
         view = View(0, 0, quiet=True)
         found = calibrate(asked.case, asked.measured, asked.keys, evaluator, view)
     write(target, found)
-    save(draw_calibration(_panels(found)), target / FIGURE_NAME)
-    if not quiet:
-        out = parallel.console()
-        out.print(_keys(found), "", highlight=False)
-        for line in _words(found, target):
-            print(line)
+    with chosen(units), shown_in(units_of(asked.case)):
+        save(draw_calibration(_panels(found)), target / FIGURE_NAME)
+        if not quiet:
+            out = parallel.console()
+            out.print(_keys(found), "", highlight=False)
+            for line in _words(found, target):
+                print(line)
     return 0
 
 
@@ -121,17 +127,15 @@ def _words(found: Calibration, target: Path) -> list[str]:
     fit, lines = found.fit, []
     for name in dict.fromkeys(m.name for m in found.measured):
         mine = [i for i, m in enumerate(found.measured) if m.name == name]
-        unit = found.after[mine[0]].shown_unit
+        unit = unit_of_difference(found.after[mine[0]].shown_unit)
+        scale = scale_of(unit, name)
         off = [
-            scaled(
-                math.sqrt(np.mean([(run[i].value - found.measured[i].value) ** 2 for i in mine])),
-                unit,
-            )
+            math.sqrt(np.mean([(run[i].value - found.measured[i].value) ** 2 for i in mine]))
             for run in (found.before, found.after)
         ]
-        shown_unit = "K" if unit == "degC" else unit_shown(unit)
+        before, after = (shown(scale(from_si(one, unit)), scale.unit) for one in off)
         lines.append(
-            f"{name}: off by {shown(off[0], 'K')} before, {shown(off[1], 'K')} {shown_unit} fitted "
+            f"{name}: off by {before} before, {after} {unit_shown(scale.unit)} fitted "
             f"(root of the mean square of {len(mine)})"
         )
     for f in fit.keys:
@@ -163,7 +167,7 @@ def _panels(found: Calibration) -> list[Compared]:
         unit = some.shown_unit
         panels.append(
             Compared(
-                some.label, unit,
+                name, some.label, unit,
                 np.array([found.measured[i].position for i in mine]),
                 np.array([from_si(found.measured[i].value, unit) for i in mine]),
                 np.array([scaled(found.measured[i].error, unit) for i in mine]),

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import load_case, shipped_cases
+from castfem.case.shown_units import units_of
 from castfem.cli import many_runs, parallel
+from castfem.cli.options import chosen
 from castfem.design.evaluator import serve
 from castfem.design.front import write_front
 from castfem.design.mould_table import mould_table, write_mould_table
@@ -17,6 +19,7 @@ from castfem.design.told import told
 from castfem.errors import RunFailure
 from castfem.support.atomic_files import write_json
 from castfem.sweep.work import Job, Outcome
+from castfem.values.shown_units import scale_of, shown_in
 
 if TYPE_CHECKING:
     from castfem.design.optimum import Optimum
@@ -35,6 +38,7 @@ class Options:
         processes: How many runs at once; None for one a core.
         figures: Draw the answer.
         quiet: Print nothing but errors.
+        units: Those of --units.
     """
 
     name: str
@@ -43,6 +47,7 @@ class Options:
     processes: int | None
     figures: bool
     quiet: bool
+    units: tuple[str, ...] = ()
 
 
 class Teller:
@@ -85,7 +90,8 @@ def _done(study: Study, target: Path, options: Options) -> int:
     assert study.evaluator is not None
     with study.evaluator:
         optimum = study.solve(Teller(options.quiet))
-    return _told(study, optimum, target, options)
+    with chosen(options.units), shown_in(units_of(study.question.case)):
+        return _told(study, optimum, target, options)
 
 
 def _prepared(options: Options, ranks: bool) -> tuple[Study, Path]:
@@ -149,8 +155,10 @@ def _mould(study: Study, optimum: Optimum) -> object:
 
     head, rows = mould_table(study.case_of(optimum), every=0.1)
     found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
+    scale = scale_of("mm")
+    size = ".3f" if scale.unit == "mm" else ".7g"
     for name in head:
-        found.add_column(name, justify="right")
+        found.add_column(name.replace("[mm]", f"[{scale.unit}]"), justify="right")
     for row in rows:
-        found.add_row(f"{row[0]:g}", *(f"{size:.3f}" for size in row[1:]))
+        found.add_row(f"{scale(row[0]):.7g}", *(f"{scale(one):{size}}" for one in row[1:]))
     return found

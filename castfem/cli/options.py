@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Annotated
 
@@ -50,7 +50,7 @@ Verbose = Annotated[
 
 
 @contextmanager
-def chosen(units: list[str] | None) -> Iterator[None]:
+def chosen(units: Sequence[str] | None) -> Iterator[None]:
     """Show numbers in the units that were asked for with --units, if any were.
 
     Raises:
@@ -64,6 +64,16 @@ def chosen(units: list[str] | None) -> Iterator[None]:
 
     with shown_in(read_choice(units)):
         yield
+
+
+def sound_units(units: list[str] | None) -> tuple[str, ...]:
+    """Return what was given with --units, for a command that needs it only when its runs are done.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    with chosen(units):
+        return tuple(units or ())
 
 
 def above_zero(option: str, text: str, unit: str) -> float:

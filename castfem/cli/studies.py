@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 from castfem.cli import completion
-from castfem.cli.options import Accuracy, At, CaseName, Overrides, Quiet
+from castfem.cli.options import (
+    Accuracy,
+    At,
+    CaseName,
+    Overrides,
+    Quiet,
+    Units,
+    sound_units,
+)
 from castfem.errors import InputError
 
 
@@ -57,6 +65,7 @@ def sweep(
     ] = None,
     at: At = None,
     accuracy: Accuracy = "default",
+    units: Units = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a case with several values, in parallel. What is finished is not run again."""
@@ -86,6 +95,7 @@ def sweep(
             script=slurm,
             at=tuple(read_positions(at or ())),
             accuracy=accuracy,
+            units=sound_units(units),
         )
     )
     if status:
@@ -108,6 +118,7 @@ def error(
     to: Annotated[
         str, typer.Option(metavar="PERCENT", help="Propose sizes with which errors are 1%, say.")
     ] = "",
+    units: Units = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a case on other meshes, with other steps and windows: the error of each number."""
@@ -122,6 +133,7 @@ def error(
             overwrite=overwrite,
             quiet=quiet,
             to=to,
+            units=sound_units(units),
         )
     )
     if status:
@@ -139,12 +151,14 @@ def optimise(
         int | None, typer.Option("-j", help="How many runs at once; by default one a core.")
     ] = None,
     figures: Annotated[bool, typer.Option(help="Draw the answer.")] = True,
+    units: Units = None,
     quiet: Quiet = False,
 ) -> None:
     """Find the best values of a case's keys, by its table [optimise]. The same command goes on."""
     from castfem.cli.optimising import Options, optimise_case
 
-    status = optimise_case(Options(case, output, tuple(set_ or ()), jobs, figures, quiet))
+    words = sound_units(units)
+    status = optimise_case(Options(case, output, tuple(set_ or ()), jobs, figures, quiet, words))
     if status:
         raise typer.Exit(status)
 
@@ -173,12 +187,16 @@ def calibrate(
     jobs: Annotated[
         int | None, typer.Option("-j", help="How many runs at once; by default one a core.")
     ] = None,
+    units: Units = None,
     quiet: Quiet = False,
 ) -> None:
     """Fit keys of a case to measured temperatures, shells or heat, within bounds."""
     from castfem.cli.calibrating import calibrate_case
 
-    status = calibrate_case(case, to, free, output, tuple(set_ or ()), jobs, quiet=quiet)
+    words = sound_units(units)
+    status = calibrate_case(
+        case, to, free, output, tuple(set_ or ()), jobs, quiet=quiet, units=words
+    )
     if status:
         raise typer.Exit(status)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from castfem.case import Case, load_case, shipped_cases
 from castfem.cli import many_runs, parallel
+from castfem.cli.options import chosen
 from castfem.errors import InputError, RunFailure
 from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import OutputFolder
@@ -47,6 +48,7 @@ class Options:
         script: Write a script that does the sweep in parts, and run nothing.
         at: Positions, m, whose results are told, too.
         accuracy: Word for the cells, steps and windows of all runs; "default" for the case's.
+        units: Those of --units.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Options:
     script: Path | None = None
     at: tuple[float, ...] = ()
     accuracy: str = "default"
+    units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +237,7 @@ def _report(sweep: _Sweep, options: Options) -> int:
     if not options.quiet:
         out = parallel.console()
         first = next((row.name for row in table if row.quantities), "")
-        with shown_in(units_of_run(target / first)):
+        with chosen(options.units), shown_in(units_of_run(target / first)):
             if table:
                 out.print(printed(table, out.width), highlight=False)
         where = f"table in {target / TABLE_NAME}, runs in {target}"

@@ -16,10 +16,10 @@ import numpy as np
 from castfem.compare.runs import Run
 from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
 from castfem.report.headline import headline, plain_label
-from castfem.report.numbers import is_gap, label_shown, shown, small_gap, unit_shown, with_error
+from castfem.report.numbers import is_gap, shown, small_gap, unit_shown, with_error
 from castfem.report.remarks import mould_exit
 from castfem.support.atomic_files import write_text
-from castfem.values.shown_units import Scale, scale_of
+from castfem.values.shown_units import Scale, label_shown, scale_of
 
 if TYPE_CHECKING:
     import pandas

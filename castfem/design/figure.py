@@ -5,9 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from castfem.design.chosen_units import (
+    difference_in,
+    difference_scale,
+    heading,
+    scale,
+    unit_name,
+    value_in,
+)
 from castfem.design.front import Front
 from castfem.design.optimum import Kept, Optimum, Value
-from castfem.output.summary import unit_of_difference
 from castfem.plots.style import DPI, look
 from castfem.support.atomic_files import replacing
 
@@ -60,26 +67,26 @@ def draw_front(front: Front, path: Path) -> None:
         figure = Figure(figsize=(1.5 * _WIDTH, 0.5 + 0.8 * _HEIGHT * rows), layout="constrained")
         FigureCanvasAgg(figure)
         axes: Any = figure.subplots(rows, 1, squeeze=False, sharex=True)[:, 0]
-        second = [front.second.shown(point.second) for point in front.points]
-        first = [front.first.shown(point.first) for point in front.points]
+        second = [value_in(front.second, point.second) for point in front.points]
+        first = [value_in(front.first, point.first) for point in front.points]
         axes[0].plot(second, first, color="#0072b2", marker="o", ms=4, lw=1.0)
         axes[0].plot(second[:1], first[:1], color="#d55e00", marker="o", ms=6, ls="none")
-        axes[0].set_ylabel(front.first.heading, fontsize=8)
+        axes[0].set_ylabel(heading(front.first), fontsize=8)
         for number, key in enumerate(front.keys):
             values = [point.values[number] for point in front.points]
             axes[1 + number].plot(second, values, color="0.35", marker="o", ms=3.5, lw=1.0)
             axes[1 + number].set_ylabel(key, fontsize=8)
-        axes[-1].set_xlabel(front.second.heading)
+        axes[-1].set_xlabel(heading(front.second))
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=DPI, format="png")
 
 
 def _name_rows(grid: Any, optimum: Optimum) -> None:
     assert optimum.objective is not None
-    unit = optimum.objective.shown_unit
+    unit = scale(optimum.objective).unit
     grid[0][0].set_ylabel(f"{optimum.objective.name}\n[{unit}]", fontsize=8)
     for row, kept in enumerate(optimum.constraints, start=1):
-        unit = unit_of_difference(kept.known.shown_unit)
+        unit = unit_name(difference_scale(kept.known).unit) or "-"
         grid[row][0].set_ylabel(f"left of {kept.text}\n[{unit}]", fontsize=7)
 
 
@@ -100,19 +107,19 @@ def _objective(axes: Axes, optimum: Optimum, value: Value) -> None:
     known = optimum.objective
     assert known is not None
     _frame(axes, value)
-    there = [known.shown(known.value + s.objective) for s in optimum.away if s.key == value.key]
-    _curve(axes, optimum, value, known.shown(known.value), there)
+    there = [value_in(known, known.value + s.objective) for s in optimum.away if s.key == value.key]
+    _curve(axes, optimum, value, value_in(known, known.value), there)
 
 
 def _constraint(axes: Axes, optimum: Optimum, value: Value, kept: Kept, number: int) -> None:
     _frame(axes, value)
-    shown = kept.known.shown_difference
+    known = kept.known
     there = [
-        shown(s.left[number]) if s.left else float("nan")
+        difference_in(known, s.left[number]) if s.left else float("nan")
         for s in optimum.away
         if s.key == value.key
     ]
-    _curve(axes, optimum, value, shown(kept.left), there)
-    error = shown(kept.error)
+    _curve(axes, optimum, value, difference_in(known, kept.left), there)
+    error = difference_in(known, kept.error)
     axes.axhspan(-error, error, color="#d55e00", alpha=0.15, lw=0)
     axes.axhline(0.0, color="#d55e00", lw=0.9)

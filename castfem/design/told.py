@@ -6,10 +6,20 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from castfem.design.chosen_units import (
+    difference_in,
+    difference_scale,
+    heading,
+    price_heading,
+    price_in,
+    scale,
+    unit_name,
+    value_in,
+)
 from castfem.design.front import Front
-from castfem.design.optimum import Kept, Known, Optimum, Spreading, Value
-from castfem.output.summary import unit_of_difference
+from castfem.design.optimum import Kept, Known, Optimum, Spreading, SpreadRow, Value
 from castfem.report.numbers import shown
+from castfem.values.shown_units import Scale, label_shown, scale_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -25,7 +35,7 @@ def told(optimum: Optimum) -> Iterator[Table | str]:
             f"{_values(optimum)}. Look into its run.log ({optimum.best or 'told by others'})"
         )
         return
-    yield f"{optimum.sense} {optimum.objective.label}: {_state(optimum)}"
+    yield f"{optimum.sense} {label_shown(optimum.objective.label)}: {_state(optimum)}"
     yield _variables(optimum)
     yield _results(optimum)
     if optimum.away:
@@ -43,12 +53,13 @@ def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
     yield f"spread by the inputs, {spread.runs} runs{failed}; Sobol indices: first order / total"
     heads = ("5 to 95 % of the draws", "error", "met", *spread.labels)
     found = _table("by the inputs", *heads)
-    for row in spread.rows:
-        unit = "" if row.unit in ("", "-") else f" [{_unit(row.unit)}]"
+    for number, row in enumerate(spread.rows):
+        scale = _spread_scale(optimum, number, row)
+        unit = f" [{unit_name(scale.unit)}]" if unit_name(scale.unit) else ""
         indices = (f"{a:.2f} / {b:.2f}" for a, b in zip(row.first, row.total, strict=True))
-        error = "" if row.error is None else f"{row.error:.2g}"
+        error = "" if row.error is None else f"{scale(row.error):.2g}"
         met = "" if row.met is None else f"{100.0 * row.met:.0f} %"
-        ends = f"{row.change[0]:+.3g} to {row.change[1]:+.3g}"
+        ends = f"{scale(row.change[0]):+.3g} to {scale(row.change[1]):+.3g}"
         found.add_row(f"{row.name}{unit}", ends, error, met, *indices)
     yield found
     if not optimum.constraints:
@@ -60,6 +71,14 @@ def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
         yield f"best of what meets all constraints in 95 % of the draws: {safe}"
 
 
+def _spread_scale(optimum: Optimum, number: int, row: SpreadRow) -> Scale:
+    """What turns the changes of a row into what is shown: those of a variable stay as asked."""
+    if row.error is None or optimum.objective is None:
+        return Scale(row.unit)
+    known = (optimum.objective, *(kept.known for kept in optimum.constraints))[number]
+    return scale_of(row.unit, known.name)
+
+
 def _front(front: Front) -> Iterator[Table | str]:
     """The points of a front, and what they have cost."""
     both = f"{front.first.name} and {front.second.name}"
@@ -67,14 +86,14 @@ def _front(front: Front) -> Iterator[Table | str]:
         yield f"{both} are best together: there is no front ({front.runs} further runs)"
         return
     yield f"the front of {both}, {front.runs} further runs"
-    found = _table(*front.keys, front.first.heading, front.second.heading, front.price_heading)
+    heads = (heading(front.first), heading(front.second), price_heading(front))
+    found = _table(*front.keys, *heads)
     for point in front.points:
-        price = front.price(point)
         found.add_row(
             *(f"{value:g}" for value in point.values),
-            shown(front.first.shown(point.first), front.first.shown_unit),
-            shown(front.second.shown(point.second), front.second.shown_unit),
-            "" if price is None else f"{price:.3g}",
+            shown(value_in(front.first, point.first), scale(front.first).unit),
+            shown(value_in(front.second, point.second), scale(front.second).unit),
+            "" if point.price is None else f"{price_in(front, point.price):.3g}",
         )
     yield found
     if front.spent:
@@ -92,11 +111,10 @@ def _state(optimum: Optimum) -> str:
     worst = optimum.worst
     if worst is None:
         return "no run meets all constraints"
-    short = worst.known.shown_difference(-worst.left)
-    unit = unit_of_difference(worst.known.shown_unit)
+    short = difference_in(worst.known, -worst.left)
     return (
         f"the constraints cannot be met; nearest, {worst.text} is missed by "
-        f"{short:.3g} {_unit(unit)}"
+        f"{short:.3g} {_difference_unit(worst.known)}".rstrip()
     )
 
 
@@ -104,8 +122,8 @@ def _values(optimum: Optimum) -> str:
     return ", ".join(f"{v.key} = {v.value:g} {v.unit}".rstrip() for v in optimum.values)
 
 
-def _unit(unit: str) -> str:
-    return {"-": "", "percent": "%"}.get(unit, unit)
+def _difference_unit(known: Known) -> str:
+    return unit_name(difference_scale(known).unit)
 
 
 def _table(*heads: str) -> Table:
@@ -138,7 +156,7 @@ def interval(value: Value) -> str:
 
 def _number(known: Known, value: float) -> str:
     """A difference in the unit of a result."""
-    return f"{known.shown_difference(value):.2g}" if math.isfinite(value) else "?"
+    return f"{difference_in(known, value):.2g}" if math.isfinite(value) else "?"
 
 
 def _results(optimum: Optimum) -> Table:
@@ -146,12 +164,14 @@ def _results(optimum: Optimum) -> Table:
     found = _table("at the optimum", "value", "noise", "numerical error", "left", by, "")
     objective = optimum.objective
     assert objective is not None
-    found.add_row(_label(objective), _shown(objective), *_errors(objective), "", "", "objective")
+    found.add_row(heading(objective), _shown(objective), *_errors(objective), "", "", "objective")
     for kept in optimum.constraints:
         known = kept.known
         left = f"{_number(known, kept.left)} ± {_number(known, kept.error)}"
         checked = _number(known, kept.checked)
-        found.add_row(kept.text, _shown(known), *_errors(known), left, checked, _word(kept))
+        unit = unit_name(scale(known).unit)
+        label = f"{kept.text} [{unit}]" if unit else kept.text  # as written, perhaps in another one
+        found.add_row(label, _shown(known), *_errors(known), left, checked, _word(kept))
     return found
 
 
@@ -163,12 +183,8 @@ def _word(kept: Kept) -> str:
     return "" if kept.left >= kept.error else "met, within its error"
 
 
-def _label(known: Known) -> str:
-    return f"{known.name} [{known.shown_unit}]" if known.shown_unit != "-" else known.name
-
-
 def _shown(known: Known) -> str:
-    return shown(known.shown(known.value), known.shown_unit)
+    return shown(value_in(known, known.value), scale(known).unit)
 
 
 def _errors(known: Known) -> tuple[str, str]:
@@ -178,7 +194,7 @@ def _errors(known: Known) -> tuple[str, str]:
 def _steps(optimum: Optimum) -> Table:
     objective = optimum.objective
     assert objective is not None
-    unit = _unit(unit_of_difference(objective.shown_unit))
+    unit = _difference_unit(objective)
     heads = [f"left of {kept.text}" for kept in optimum.constraints]
     found = _table("a step away", f"{objective.name} [{unit}]", *heads)
     units = {value.key: value.unit for value in optimum.values}
@@ -190,9 +206,9 @@ def _steps(optimum: Optimum) -> Table:
         cells = []
         for kept, left in zip(optimum.constraints, step.left, strict=True):
             missed = "" if left >= -kept.known.noise - 1e-9 * abs(kept.bound) else " (not met)"
-            left_unit = _unit(unit_of_difference(kept.known.shown_unit))
-            cells.append(f"{kept.known.shown_difference(left):.3g} {left_unit}{missed}")
-        found.add_row(name, f"{objective.shown_difference(step.objective):+.3g}", *cells)
+            amount = f"{difference_in(kept.known, left):.3g} {_difference_unit(kept.known)}"
+            cells.append(f"{amount}{missed}")
+        found.add_row(name, f"{difference_in(objective, step.objective):+.3g}", *cells)
     return found
 
 
@@ -215,8 +231,7 @@ def _remarks(optimum: Optimum) -> Iterator[str]:
         if known.twin is not None:
             name, value = known.twin
             apart = _number(known, value - known.value)
-            unit = _unit(known.shown_unit)
-            yield f"{known.name} lies {apart} {unit} below {name}, its maximum"
+            yield f"{known.name} lies {apart} {_difference_unit(known)} below {name}, its maximum"
     span = [abs(step.objective) for step in optimum.away if math.isfinite(step.objective)]
     if span and max(span) <= _SIGMAS * objective.noise:
         yield "all about it the objective changes by no more than its noise: it is flat here"

@@ -21,11 +21,18 @@ from castfem.output.folder import CASE_NAME, FIGURES_NAME
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
 from castfem.report.numbers import cells as number_cells
-from castfem.report.numbers import finely, label_shown, unit_shown
+from castfem.report.numbers import finely, unit_shown
 from castfem.report.remarks import remarks_of
 from castfem.report.show import how_it_ended
 from castfem.support.atomic_files import write_text
-from castfem.values.shown_units import ShownUnits, place_said, plain_unit, scale_of, shown_in
+from castfem.values.shown_units import (
+    ShownUnits,
+    label_shown,
+    place_said,
+    plain_unit,
+    scale_of,
+    shown_in,
+)
 
 REPORT_NAME = "report.html"
 LARGEST = 3_000_000  # bytes of a page; pictures beyond it are left out

@@ -21,11 +21,12 @@ class Compared:
     """A result where it was measured.
 
     Attributes:
-        label: What it is. unit: Of the values.
+        name: Of the result. label: What it is. unit: Of the values.
         position: (n,), m. measured: (n,). error: (n,), NaN where none is known.
         before: Of the case as it was (n,). after: As fitted (n,).
     """
 
+    name: str
     label: str
     unit: str
     position: Array
@@ -49,7 +50,7 @@ def draw_calibration(panels: Sequence[Compared]) -> Figure:
         )  # fmt: skip
         ax.plot(at, panel.before[order], color="#999999", ls="--", marker=".", label="before")
         ax.plot(at, panel.after[order], color="#0072b2", marker=".", label="fitted")
-        ax.set_ylabel(f"{panel.label} [{plain_unit(panel.unit)}]")
+        ax.set_ylabel(f"{panel.label} [{plain_unit(panel.unit)}]", gid=panel.name)
     axes[0].legend(loc="best")
     axes[-1].set_xlabel("position below the meniscus [m]")
     return figure

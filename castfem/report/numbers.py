@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 
 from castfem.output.summary import Quantity
-from castfem.values.shown_units import documented, is_chosen, plain_unit, said, scale_of
+from castfem.values.shown_units import documented, plain_unit, scale_of
 
 _FINEST = 1e-4  # an error below is printed with its power of ten
 _SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
-_MEASURED = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?) (mm|m|degC|MPa)(?![\w/])")
-_BOTH = re.compile(r"x = (\S+), y = (\S+) mm")
 _DECIMALS = {"degC": 1, "K": 1, "degF": 1, "delta_degF": 1, "mm": 2}
 
 
@@ -81,14 +78,6 @@ def finely(value: float, unit: str, name: str = "") -> str:
     if unit == "mm" and abs(value) < 1.0:
         return f"{value:.3f} mm"
     return f"{shown(value, unit)} {unit}"
-
-
-def label_shown(label: str) -> str:
-    """The label of a result, the places and temperatures in it in the units that were chosen."""
-    if not is_chosen():
-        return label
-    label = _BOTH.sub(r"x = \1 mm, y = \2 mm", label)
-    return _MEASURED.sub(lambda found: said(float(found[1]), found[2], ".6g"), label)
 
 
 def unit_shown(unit: str) -> str:

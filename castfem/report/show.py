@@ -19,7 +19,6 @@ from castfem.report.numbers import (
     cells,
     duration,
     finely,
-    label_shown,
     rounded,
     shown,
     unit_shown,
@@ -32,6 +31,7 @@ from castfem.values.same_place import ROUNDING
 from castfem.values.shown_units import (
     Scale,
     difference_of,
+    label_shown,
     place_said,
     plain_unit,
     said,

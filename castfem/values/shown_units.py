@@ -45,6 +45,8 @@ KINDS: Mapping[str, str] = {
 """What may be measured, and its SI unit; pressure is a stress."""
 _NONE = ("-", "", "1", "percent", "%")
 _DIFFERENCE = "delta_"  # before the unit of a difference of two temperatures
+_IN_WORDS = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?) (mm|m|degC|MPa)(?![\w/])")
+_PLACE = re.compile(r"x = (\S+), y = (\S+) mm")
 _PREFIXED = re.compile(r"[kMGmu]?((?:N|J|W|Pa|m|s|K)(?:[ /^].*)?)")
 
 
@@ -223,6 +225,14 @@ def place_said(position: float, *, near: str = ".6g", far: str = ".4g", beyond: 
     if position > beyond:
         return said(position, "m", far, "position")
     return said(1e3 * position, "mm", near, "position")
+
+
+def label_shown(label: str) -> str:
+    """The label of a result, the places and temperatures in it in the units that were chosen."""
+    if not is_chosen():
+        return label
+    label = _PLACE.sub(r"x = \1 mm, y = \2 mm", label)
+    return _IN_WORDS.sub(lambda found: said(float(found[1]), found[2], ".6g"), label)
 
 
 def plain_unit(unit: str) -> str:

@@ -19,7 +19,7 @@ from castfem.output.summary import Quantity
 from castfem.results.labels import last_quantities
 from castfem.support.progress import time_left
 
-RUNNING, KILLED = "running", "killed"
+RUNNING, KILLED, FINISHED, FAILED = "running", "killed", "finished", "failed"
 _TAIL = 8192  # bytes of a log that hold its last messages
 _MESSAGES = 5
 _STAMP = re.compile(r"\d{4}-\d\d-\d\d [\d:,]+ ([A-Z]+) +(.*)")
@@ -50,6 +50,14 @@ class Look:
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     left: float = math.nan
     messages: tuple[str, ...] = ()
+
+    def has_ended(self, wait: bool = False) -> bool:
+        """Whether nothing more is to be seen of the run.
+
+        Args:
+            wait: One that was killed or interrupted is expected to be taken up again.
+        """
+        return self.state in (FINISHED, FAILED) if wait else self.state != RUNNING
 
     @property
     def share(self) -> float:

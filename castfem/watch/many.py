@@ -12,9 +12,9 @@ from castfem.errors import InputError
 from castfem.output.run_record import RUN_NAME, RunRecord
 from castfem.sweep.plan import brief
 from castfem.sweep.record import Entry, Record
-from castfem.watch.look import RUNNING, Look, Watcher
+from castfem.watch.look import FAILED, FINISHED, RUNNING, Look, Watcher
 
-WAITING, FINISHED, FAILED = "waiting", "finished", "failed"
+WAITING = "waiting"
 PATIENCE = 60.0  # s without a run at work, after which a sweep is taken for ended
 
 
@@ -42,10 +42,12 @@ class Overview:
     Attributes:
         rows: Its runs.
         idle: How long no run has been at work, s.
+        patience: How long none may be, before nothing more is waited for, s.
     """
 
     rows: tuple[Row, ...]
     idle: float
+    patience: float = PATIENCE
 
     def count(self, state: str) -> int:
         """Number of runs in a state."""
@@ -59,7 +61,7 @@ class Overview:
     @property
     def ended(self) -> bool:
         """Whether nothing more is to be seen: all have ended, or none is at work any more."""
-        return self.complete or self.idle > PATIENCE
+        return self.complete or self.idle > self.patience
 
     @property
     def left(self) -> float:
@@ -80,10 +82,16 @@ class SweepWatcher:
     Args:
         folder: Of the sweep.
         clock: Seconds that only grow.
+        patience: How long no run may be at work, before nothing more is waited for, s.
     """
 
-    def __init__(self, folder: Path, clock: Callable[[], float] = time.monotonic) -> None:
-        self.folder, self._clock = folder, clock
+    def __init__(
+        self,
+        folder: Path,
+        clock: Callable[[], float] = time.monotonic,
+        patience: float = PATIENCE,
+    ) -> None:
+        self.folder, self._clock, self._patience = folder, clock, patience
         self._watchers: dict[str, Watcher] = {}
         self._ended: dict[str, tuple[Entry, Row]] = {}
         self._busy = clock()
@@ -98,7 +106,7 @@ class SweepWatcher:
         now = self._clock()
         if any(row.look.state == RUNNING for row in rows):
             self._busy = now
-        return Overview(rows, now - self._busy)
+        return Overview(rows, now - self._busy, self._patience)
 
     def _row(self, name: str, entry: Entry) -> Row:
         """One run; what has been noted as ended is not looked at again."""

@@ -30,6 +30,7 @@ class Page:
         target: The file.
         every: Time between two versions, s; longer where one takes long to make.
         clock: Seconds that only grow.
+        wait: A run that was killed or interrupted is expected to be taken up again.
     """
 
     def __init__(
@@ -38,8 +39,9 @@ class Page:
         target: Path,
         every: float,
         clock: Callable[[], float] = time.monotonic,
+        wait: bool = False,
     ) -> None:
-        self.folder, self.target, self._every = folder, target, every
+        self.folder, self.target, self._every, self._wait = folder, target, every, wait
         self._clock, self._next = clock, -math.inf
 
     def write_run(self, look: Look) -> None:
@@ -48,10 +50,10 @@ class Page:
         Raises:
             RunFailure: It cannot be written.
         """
-        ended = look.state != RUNNING
+        ended = look.has_ended(self._wait)
         if not ended and self._clock() < self._next:
             return
-        status = ending(self.folder, look) if ended else RUNNING
+        status = RUNNING if look.state == RUNNING else ending(self.folder, look)
         run = Run(self.folder, self.folder.resolve().name, self._summary(look))
         head = self._head(look.title, status, ended, (_progress("", look),), look.messages)
         self._write([run], None if look.state == FINISHED else head)

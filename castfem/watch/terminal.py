@@ -2,17 +2,33 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from castfem.errors import InputError
+from castfem.output.chosen_units import units_of_run
+from castfem.output.run_record import RUN_NAME
 from castfem.support.progress import clock
 from castfem.sweep.record import SWEEP_NAME
-from castfem.watch.look import RUNNING, Look, Watcher
-from castfem.watch.many import FAILED, FINISHED, WAITING, Overview, SweepWatcher
-from castfem.watch.words import COLUMNS, brief, ending, left, line, percent, results, where
+from castfem.values.shown_units import shown_in
+from castfem.watch.look import FAILED, FINISHED, RUNNING, Look, Watcher
+from castfem.watch.many import PATIENCE, WAITING, Overview, SweepWatcher
+from castfem.watch.words import (
+    COLUMNS,
+    brief,
+    ending,
+    left,
+    line,
+    percent,
+    results,
+    unfinished,
+    where,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -23,23 +39,38 @@ if TYPE_CHECKING:
 _STYLES = {FAILED: "red", "killed": "red", "interrupted": "yellow", WAITING: "dim", RUNNING: "bold"}
 _FEWEST = 5  # rows of a sweep that are shown, however low the terminal is
 _AROUND = 8  # lines about them
+_IDLE = 5.0  # s without a run at work that are told; between two runs there are fewer
 
 
-def watch(
-    folder: Path,
-    console: Console,
-    every: float,
-    page: Page | None = None,
-    sleep: Callable[[float], None] = time.sleep,
-) -> bool:
+@dataclass(frozen=True, slots=True)
+class Viewing:
+    """How runs are watched.
+
+    Attributes:
+        console: Where to show them: a picture on a terminal, a line at intervals elsewhere.
+        every: Time between two looks, s.
+        page: Written anew at each look that is due for it.
+        wait: Wait for runs that have not begun, or are to be taken up again.
+        sleep: Waits so many seconds.
+    """
+
+    console: Console
+    every: float
+    page: Page | None = None
+    wait: bool = False
+    sleep: Callable[[float], None] = time.sleep
+
+    def say(self, text: str) -> None:
+        """A line, as it is."""
+        self.console.print(text, highlight=False, soft_wrap=True, markup=False)
+
+
+def watch(folder: Path, viewing: Viewing) -> bool:
     """Show a run, or the runs of a sweep, until they have ended.
 
     Args:
         folder: Of the run, or of the sweep.
-        console: Where to show them: a picture on a terminal, a line at intervals elsewhere.
-        every: Time between two looks, s.
-        page: Written anew at each look that is due for it.
-        sleep: Waits so many seconds.
+        viewing: Where and how.
 
     Returns:
         Whether the run, or all runs of the sweep, have ended well.
@@ -48,66 +79,79 @@ def watch(
         InputError: The folder holds no run, or a file of it is damaged.
         RunFailure: The page cannot be written.
     """
+    _until_begun(folder, viewing)
     show = _watch_sweep if (folder / SWEEP_NAME).is_file() else _watch_run
-    return show(folder, console, every, page, sleep)
+    return show(folder, viewing)
 
 
-def _watch_run(
-    folder: Path,
-    console: Console,
-    every: float,
-    page: Page | None,
-    sleep: Callable[[float], None],
-) -> bool:
+def _until_begun(folder: Path, viewing: Viewing) -> None:
+    """Wait for a run or a sweep in a folder, if that is wanted.
+
+    Raises:
+        InputError: There is none, and none is waited for.
+    """
+    told = False
+    while not any((folder / name).is_file() for name in (SWEEP_NAME, RUN_NAME)):
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder}: is no folder")
+        if not viewing.wait:
+            what = "holds no run of castfem" if folder.is_dir() else "no such folder"
+            raise InputError(f"{folder}: {what}; --wait waits for one to begin")
+        if not told:
+            viewing.say(f"{folder}: no run has begun there; waiting for one")
+        told = True
+        viewing.sleep(viewing.every)
+
+
+def _watch_run(folder: Path, viewing: Viewing) -> bool:
     """Show one run."""
-    watcher, name = Watcher(folder), folder.resolve().name
+    watcher, name, console = Watcher(folder), folder.resolve().name, viewing.console
     look = watcher.look()
-    with _Screen(console) as screen:
+    stopped = False  # whether it has been told that the run is no more at work
+    with _Screen(console) as screen, shown_in(units_of_run(folder)):
         while True:
-            if page is not None:
-                page.write_run(look)
-            if look.state != RUNNING:
+            if viewing.page is not None:
+                viewing.page.write_run(look)
+            if look.has_ended(viewing.wait):
                 break
-            screen.show(partial(picture, look), line(name, look))
-            sleep(every)
+            if look.state == RUNNING or not stopped:
+                screen.show(partial(picture, look), line(name, look))
+            stopped = _told_stopped(folder, look, stopped, viewing)
+            viewing.sleep(viewing.every)
             look = watcher.look()
         screen.show(partial(picture, look), line(name, look))
-    console.print(ending(folder, look), highlight=False, soft_wrap=True, markup=False)
+    viewing.say(ending(folder, look))
     return look.state == FINISHED
 
 
-def _watch_sweep(
-    folder: Path,
-    console: Console,
-    every: float,
-    page: Page | None,
-    sleep: Callable[[float], None],
-) -> bool:
+def _told_stopped(folder: Path, look: Look, before: bool, viewing: Viewing) -> bool:
+    """Say once of a run that is waited for that it is not at work; return whether it is not."""
+    if look.state != RUNNING and not before:
+        viewing.say(f"{ending(folder, look)}; waiting for it to be taken up again")
+    return look.state != RUNNING
+
+
+def _watch_sweep(folder: Path, viewing: Viewing) -> bool:
     """Show all runs of a sweep."""
-    watcher = SweepWatcher(folder)
+    watcher = SweepWatcher(folder, patience=math.inf if viewing.wait else PATIENCE)
+    console = viewing.console
     with _Screen(console) as screen:
         while True:
             found = watcher.look()
-            if page is not None:
-                page.write_sweep(found)
-            screen.show(
-                partial(overview, found, max(_FEWEST, console.height - _AROUND)),
-                f"{folder.resolve().name}: {counts(found)}",
-                [line(r.name, r.look) for r in found.rows if r.look.state == RUNNING],
-            )
+            first = next((r.name for r in found.rows if r.look.quantities), "")
+            with shown_in(units_of_run(folder / first)):
+                if viewing.page is not None:
+                    viewing.page.write_sweep(found)
+                screen.show(
+                    partial(overview, found, max(_FEWEST, console.height - _AROUND)),
+                    f"{folder.resolve().name}: {counts(found)}",
+                    [line(r.name, r.look) for r in found.rows if r.look.state == RUNNING],
+                )
             if found.ended:
                 break
-            sleep(every)
-    if not found.complete:
-        console.print(
-            "no run is at work: the rest waits for its turn, or the sweep was stopped; "
-            "the same command again goes on with it",
-            highlight=False,
-        )
-    for row in found.rows:
-        if row.look.state == FAILED:
-            text = f"{row.name}: failed: {row.look.record.reason}"
-            console.print(text, highlight=False, soft_wrap=True, markup=False)
+            viewing.sleep(viewing.every)
+    for text in unfinished(found):
+        viewing.say(text)
     return found.count(FINISHED) == len(found.rows)
 
 
@@ -174,6 +218,8 @@ def counts(found: Overview) -> str:
     states = dict.fromkeys((FINISHED, RUNNING, WAITING, *(r.look.state for r in found.rows)))
     parts = [f"{found.count(state)} {state}" for state in states]
     end = "" if found.left != found.left else f", left {clock(found.left)}"
+    if found.idle >= _IDLE and not found.complete:
+        end = f"; none at work for {clock(found.idle)}"
     return f"{len(found.rows)} runs: {', '.join(parts)}{end}"
 
 

@@ -10,7 +10,9 @@ from castfem.output.folder import LOG_NAME
 from castfem.report.numbers import cells
 from castfem.report.show import how_it_ended
 from castfem.support.progress import clock
-from castfem.watch.look import KILLED, RUNNING, Look
+from castfem.values.shown_units import label_shown, plain_unit, scale_of
+from castfem.watch.look import FAILED, KILLED, RUNNING, Look
+from castfem.watch.many import WAITING, Overview
 
 COLUMNS = {
     "shell_mid_face": "shell",
@@ -19,6 +21,12 @@ COLUMNS = {
     "von_mises_max": "stress",
 }
 """What stands of a run in one line, and how it is called there."""
+_STOPPED = {
+    KILLED: "killed, or ended without a word",
+    "interrupted": "interrupted",
+    WAITING: "waiting",
+}
+_NAMED = 5  # runs, of those that are alike
 _STARTS = ("shell_", "surface_temperature_", "gap_", "von_mises_max")
 _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 
@@ -36,7 +44,7 @@ def results(look: Look) -> Iterator[tuple[str, str, str]]:
             twin = found.get(name.replace(_NARROW, _WIDE))
             if name.endswith(_NARROW) and twin and cells(name, twin) == cells(name, quantity):
                 continue
-            yield (quantity.label, *cells(name, quantity))
+            yield (label_shown(quantity.label), *cells(name, quantity))
 
 
 def brief(look: Look) -> dict[str, str]:
@@ -52,9 +60,12 @@ def where(look: Look) -> str:
     """How far the run has come."""
     if math.isnan(look.position):
         return "no step has been taken yet"
+    scale = scale_of("m", "position")
+    digits = ".3f" if scale.unit == "m" else ".5g"
+    here = f"{scale(look.position):{digits}}"
     if math.isnan(look.length):
-        return f"{look.position:.3f} m"
-    return f"{look.position:.3f} of {look.length:.3f} m"
+        return f"{here} {plain_unit(scale.unit)}"
+    return f"{here} of {scale(look.length):{digits}} {plain_unit(scale.unit)}"
 
 
 def percent(look: Look) -> str:
@@ -73,6 +84,24 @@ def line(name: str, look: Look) -> str:
     parts += [f"{word} {text}" for word, text in brief(look).items()]
     parts += [f"left {left(look)}"] if left(look) else []
     return "  ".join(part for part in parts if part)
+
+
+def unfinished(found: Overview) -> Iterator[str]:
+    """What is to be said of the runs of a sweep that have not ended well, a line each."""
+    for state, why in _STOPPED.items():
+        names = [row.name for row in found.rows if row.look.state == state]
+        if names:
+            listed = ", ".join(names[:_NAMED]) + (", ..." if len(names) > _NAMED else "")
+            yield f"{len(names)} {why}: {listed}"
+    if not found.complete:
+        yield (
+            f"no run has been at work for {clock(found.idle)}: the sweep was stopped, or the rest "
+            "waits for its turn; the command of the sweep goes on with it (--resume: from the "
+            "checkpoints), castfem watch --wait waits until it does"
+        )
+    for row in found.rows:
+        if row.look.state == FAILED:
+            yield f"{row.name}: failed: {row.look.record.reason}"
 
 
 def ending(folder: Path, look: Look) -> str:

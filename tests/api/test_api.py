@@ -13,6 +13,7 @@ from small_case import write_small
 
 import castfem
 from castfem.errors import InputError
+from castfem.values.shown_units import ShownUnits, shown_in
 
 
 @pytest.fixture(scope="module")
@@ -190,6 +191,19 @@ def test_a_notebook_shows_case_and_result(case, result):
     assert shown.startswith("<table>") and "shell, mid-face" in shown
     odd = case.with_(title="a < b")
     assert "a &lt; b" in odd._repr_html_() and "[casting]" in odd._repr_html_()
+    # In the units that were chosen.
+    si = case.with_({"output.units": {"system": "si", "time": "min"}})._repr_html_()
+    assert "speed = &quot;3.6 m/min&quot;" in case._repr_html_()
+    assert "speed = &quot;0.06 m/s&quot;" in si and "wall = &quot;433.15 K&quot;" in si
+    table = case.with_({
+        "output.units": "si",
+        "casting.speed": {"time": [0, 6], "time_unit": "s", "value": [3.6, 1.8], "unit": "m/min"},
+    })._repr_html_()  # fmt: skip
+    assert "0.06" in table and "unit = &quot;m/s&quot;" in table
+    kelvin = result._summary.quantities["surface_temperature_mid_face"].value
+    assert f"<td>{kelvin - 273.15:.5g}</td><td>°C</td>" in shown
+    with shown_in(ShownUnits.read("si")):
+        assert f"<td>{kelvin:.5g}</td><td>K</td>" in result._repr_html_()
 
 
 def test_columns_are_plotted_over_the_strand(result):

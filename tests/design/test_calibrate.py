@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from scipy import stats
 from small_case import small
 
 import castfem
+from castfem.cli import calibrating
 from castfem.cli.calibrating import calibrate_case
 from castfem.design.calibrate import Fit, Free, fit, read_free
 from castfem.design.measured import read_measured
 from castfem.errors import InputError
+from castfem.plots.style import save
 from castfem.values.types import Array
 
 X = np.linspace(0.0, 3.0, 9)
@@ -95,8 +99,10 @@ def twin(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_case_finds_the_coefficient_of_its_twin(
-    twin: Path, capsys: pytest.CaptureFixture[str]
+    twin: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    drawn: list[Figure] = []
+    monkeypatch.setattr(calibrating, "save", lambda it, path: save(drawn.append(it) or it, path))
     key = "cooling.mould.surface.0.coefficient"
     words = (str(twin / "case.toml"), twin / "data.csv", [f"{key}=800..4000 W/(m^2 K)"])
     calibrate_case(*words, twin / "fit", processes=0)
@@ -114,8 +120,18 @@ def test_a_case_finds_the_coefficient_of_its_twin(
     image = matplotlib.image.imread(twin / "fit" / "calibration.png")
     assert image[..., :3].std() > 0.02
     # A second call finds all runs there.
-    calibrate_case(*words, twin / "fit", processes=0)
-    assert "0 runs" in capsys.readouterr().out
+    calibrate_case(*words, twin / "fit", processes=0, units=("temperature=degF",))
+    again = capsys.readouterr().out
+    assert "0 runs" in again
+    kelvin, fahrenheit = (
+        float(re.search(rf"([\d.]+) {unit} fitted", one)[1])  # type: ignore[index]
+        for unit, one in (("K", text), ("°F", again))
+    )
+    assert fahrenheit == pytest.approx(1.8 * kelvin, abs=0.15)
+    assert json.loads((twin / "fit" / "calibration.json").read_text())["keys"] == [found]
+    labels = [one.axes[0].get_ylabel().rpartition(" ")[2] for one in drawn]
+    assert labels == ["[°C]", "[°F]"]
+    assert float(drawn[1].axes[0].yaxis.get_major_formatter()(1000.0)) == pytest.approx(1832.0)
 
 
 @pytest.mark.parametrize(

@@ -63,6 +63,9 @@ def test_command(case, capsys):
     again = capsys.readouterr()
     assert "run 1, " not in again.err
     assert json.loads((case / "out" / "optimum.json").read_text()) == content
+    call("-j", "1", "-o", "out", "--no-figures", "--units", "si")
+    assert "[degC]" in again.out and "[degC]" not in capsys.readouterr().out
+    assert json.loads((case / "out" / "optimum.json").read_text()) == content
     # What cannot be met, with a status that is not zero.
     call("-j", "1", "-o", "out", "--no-figures", "--set",
          'optimise.constraints=["heat_removed >= 3 MJ/m"]')  # fmt: skip

@@ -25,7 +25,8 @@ from castfem.time_loop.loop import run
 from castfem.watch.look import Look, Watcher
 from castfem.watch.many import PATIENCE, SweepWatcher
 from castfem.watch.page import Page
-from castfem.watch.terminal import watch
+from castfem.watch.terminal import Viewing, watch
+from castfem.watch.words import unfinished
 
 CASE = strip()
 
@@ -124,7 +125,8 @@ def test_it_ends_with_the_run_and_says_why(tmp_path: Path, end: str, well: bool,
         work.step()
 
     with lines() as (console, text):
-        assert watch(folder, console, 0.5, Page(folder, target, 1e-9), sleep) is well
+        seen = Viewing(console, 0.5, Page(folder, target, 1e-9), sleep=sleep)
+        assert watch(folder, seen) is well
     printed = text().splitlines()
     assert len(printed) == len(pages) + 2  # a line a look, the end, and why
     assert re.search(told, printed[-1]) and printed[-2].startswith(f"run:  {end}")
@@ -157,7 +159,7 @@ def test_the_picture_of_a_run(tmp_path: Path) -> None:
     log = "2026-11-22 18:52:19,497 WARNING the steps are short\n"
     (tmp_path / "run" / "run.log").write_text(log)
     with lines(terminal=True) as (console, text):
-        assert not watch(tmp_path / "run", console, 1.0)
+        assert not watch(tmp_path / "run", Viewing(console, 1.0))
     for part in ("killed", "shell, mid-face", "surface, corner", "warning: the steps are short"):
         assert part in text()
 
@@ -195,7 +197,7 @@ def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
     }  # fmt: skip
     assert found.left == pytest.approx(16.0) and not found.ended  # two of 8 s, one at a time
     with lines(terminal=True) as (console, text), pytest.raises(KeyboardInterrupt):
-        watch(tmp_path, console, 1.0, sleep=_stop)
+        watch(tmp_path, Viewing(console, 1.0, sleep=_stop))
     assert "speed 3 m/min" in text() and "4 runs: 1 finished, 1 running, 1 waiting" in text()
     clock.now = PATIENCE + 1.0
     assert not watcher.look().ended
@@ -205,6 +207,10 @@ def test_a_sweep_has_a_line_a_run(tmp_path: Path) -> None:
     clock.now *= 2.0
     last = watcher.look()
     assert last.ended and not last.complete
+    said = "\n".join(unfinished(last))
+    assert "1 waiting: later" in said and "no run has been at work for 1:01" in said
+    assert "--wait" in said and "fast: failed: it breaks out" in said
+    assert not SweepWatcher(tmp_path, clock, math.inf).look().ended
     target = tmp_path / "page.html"
     Page(tmp_path, target, 1.0, clock).write_sweep(last)
     root = ElementTree.fromstring(target.read_text().replace("<!DOCTYPE html>", ""))
@@ -221,15 +227,83 @@ def _stop(_: float) -> None:
 def test_a_folder_without_a_run_is_told_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for folder, told in ((tmp_path, "no run of castfem"), (tmp_path / "none", "no such folder")):
-        with pytest.raises(InputError, match=told):
-            Watcher(folder).look()
+    (tmp_path / "file").touch()
+    for folder, told in (
+        (tmp_path, "holds no run of castfem; --wait waits for one to begin"),
+        (tmp_path / "none", "no such folder; --wait waits for one to begin"),
+        (tmp_path / "file", "is no folder"),
+    ):
         assert execute(["watch", str(folder)]) == 1
-        assert len(capsys.readouterr().err.splitlines()) == 1
+        assert capsys.readouterr().err == f"castfem: {folder}: {told}\n"
+        with pytest.raises(InputError):
+            Watcher(folder).look()
     write_run(tmp_path / "run")
     for every in ("5 mm", "0 s", "soon"):
         assert execute(["watch", str(tmp_path / "run"), "--every", every]) == 1
         assert f"--every {every}: " in capsys.readouterr().err
+
+
+def test_a_run_that_is_about_to_begin_is_waited_for(tmp_path: Path) -> None:
+    """It begins, is killed, is taken up again and ends: with wait, one look at it all."""
+    folder, target, pages = tmp_path / "run", tmp_path / "page.html", list[str]()
+
+    def happens() -> Iterator[None]:
+        for end in ("killed", "finished"):
+            work = AtWork(folder, end, steps=1)
+            yield
+            for _ in range(3):  # two rows, and its end
+                pages.append(target.read_text(encoding="utf-8"))
+                work.step()
+                yield
+
+    events = happens()
+    with lines() as (console, text):
+        page = Page(folder, target, 1e-9, wait=True)
+        viewing = Viewing(console, 0.5, page, wait=True, sleep=lambda _: next(events))
+        assert watch(folder, viewing)
+    printed = text().splitlines()
+    assert printed[0] == f"{folder}: no run has begun there; waiting for one"
+    (stopped,) = (one for one in printed if "waiting for it to be taken up again" in one)
+    assert "killed or aborted" in stopped and printed[-1].startswith("finished")
+    assert printed.index(stopped) < len(printed) - 2
+    assert all('http-equiv="refresh"' in one for one in pages)
+    assert 'http-equiv="refresh"' not in target.read_text(encoding="utf-8")
+
+
+def test_a_sweep_that_is_about_to_begin_is_waited_for(tmp_path: Path) -> None:
+    folder = tmp_path / "sweep"
+
+    def sleep(seconds: float) -> None:
+        record = Record(folder)
+        record.entries = {"slow": Entry({"casting.speed": "1 m/min"}, physics="x", seconds=8.0)}
+        write_run(folder / "slow")
+        record.save()
+
+    with lines() as (console, text):
+        assert watch(folder, Viewing(console, 0.5, wait=True, sleep=sleep))
+    assert text().splitlines()[-1] == "sweep: 1 runs: 1 finished, 0 running, 0 waiting"
+
+
+@pytest.mark.parametrize("by", ["case", "option"])
+def test_it_shows_the_units_that_were_chosen(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], by: str
+) -> None:
+    folder, page = write_run(tmp_path / "run"), tmp_path / "page.html"
+    if by == "case":
+        with (folder / "case.toml").open("a", encoding="utf-8") as case:
+            case.write('[output]\nunits = "si"\n')
+    more = ["--units", "length=inch", "--units", "temperature=degF"] if by == "option" else []
+    assert execute(["watch", str(folder), "--html", str(page), *more]) == 0
+    (line,) = (one for one in capsys.readouterr().out.splitlines() if one.startswith("run:"))
+    found = re.search(r"shell (\S+) (\S+)  surface (\S+) (\S+)", line)
+    assert found is not None
+    last = rows(40)[-1]
+    shell, surface = last["shell_mid_face"], last["surface_temperature_mid_face"]
+    wanted = (1e-3 * shell, "m", surface + 273.15, "K")
+    if by == "option":
+        wanted = (shell / 25.4, "inch", 1.8 * surface + 32.0, "°F")
+    assert (found[2], found[4]) == wanted[1::2] and f"{found[3]} {found[4]}" in page.read_text()
+    assert (float(found[1]), float(found[3])) == pytest.approx(wanted[::2], rel=1e-3)
 
 
 def test_the_command_ends_with_the_status_of_the_run(
