@@ -120,7 +120,7 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
     if optimum.front is not None:
         written.append(write_front(target, optimum.front).name)
     if options.figures and optimum.away:
-        written += _drawn(optimum, target)
+        written += _drawn(study, optimum, target)
     if not options.quiet:
         out = parallel.console()
         for block in told(optimum):
@@ -137,15 +137,24 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
     return 0
 
 
-def _drawn(optimum: Optimum, target: Path) -> list[str]:
+def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
     """Draw the answer, and return the names of the files."""
-    from castfem.design.figure import FIGURE_NAME, FRONT_NAME, draw, draw_front
+    from castfem.design import figure, mould_figure, spread_figure
 
-    draw(optimum, target / FIGURE_NAME)
-    if optimum.front is None or len(optimum.front.points) == 1:
-        return [FIGURE_NAME]
-    draw_front(optimum.front, target / FRONT_NAME)
-    return [FIGURE_NAME, FRONT_NAME]
+    names = [figure.FIGURE_NAME]
+    figure.draw(optimum, target / figure.FIGURE_NAME)
+    best = study.case_of(optimum)
+    if best.mould is not None and optimum.best:
+        names.append(mould_figure.FIGURE_NAME)
+        run, path = target / optimum.best, target / mould_figure.FIGURE_NAME
+        mould_figure.draw_mould(*mould_table(best), run, path)
+    if optimum.spread is not None:
+        names.append(spread_figure.FIGURE_NAME)
+        spread_figure.draw_spread(optimum.spread, target / spread_figure.FIGURE_NAME)
+    if optimum.front is not None and len(optimum.front.points) > 1:
+        names.append(figure.FRONT_NAME)
+        figure.draw_front(optimum.front, target / figure.FRONT_NAME)
+    return names
 
 
 def _mould(study: Study, optimum: Optimum) -> object:

@@ -1,0 +1,59 @@
+"""Figure of what the inputs do to an optimum: Sobol indices of each result and each variable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from castfem.design.optimum import Spreading, SpreadRow
+from castfem.plots.style import DPI, look
+from castfem.support.atomic_files import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FIGURE_NAME = "spread.png"
+_WIDTH, _BAR = 3.0, 0.32  # inches, of a panel and of an input in it
+_COLOUR = "#0072b2"
+
+
+def draw_spread(spread: Spreading, path: Path) -> None:
+    """Draw a spread.
+
+    Raises:
+        RunFailure: The file cannot be written.
+    """
+    with look(), replacing(path) as temporary:
+        indices_figure(spread).savefig(temporary, dpi=DPI, format="png")
+
+
+def indices_figure(spread: Spreading) -> Figure:
+    """Return the figure: a panel for each row, two bars in it for each input."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    columns = len(spread.rows)
+    height = 1.4 + _BAR * len(spread.labels)
+    figure = Figure(figsize=(2.0 + _WIDTH * columns, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    grid: Any = figure.subplots(1, columns, squeeze=False, sharey=True)[0]
+    places = np.arange(len(spread.labels))
+    for axes, row in zip(grid, spread.rows, strict=True):
+        total = axes.barh(places, row.total, 0.7, color=_COLOUR, alpha=0.3, label="total")
+        first = axes.barh(places, row.first, 0.35, color=_COLOUR, label="first order")
+        axes.set_title(_title(row), fontsize=8)
+        axes.set_xlim(0.0, 1.0)
+        axes.set_xlabel("Sobol index")
+    grid[0].set_yticks(places, [label.replace(" [times]", "") for label in spread.labels])
+    grid[0].tick_params(axis="y", labelsize=7)
+    grid[0].invert_yaxis()
+    figure.legend(handles=[first, total], loc="outside lower right", ncols=2, fontsize=7)
+    return figure
+
+
+def _title(row: SpreadRow) -> str:
+    low, high = row.change
+    unit = "" if row.unit in ("", "-") else f" {row.unit}"
+    return f"{row.name}\n{low:+.2g} to {high:+.2g}{unit}"

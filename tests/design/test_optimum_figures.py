@@ -1,0 +1,59 @@
+"""Figures of an optimum: the mould with what the strand meets in it, and what the inputs do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from castfem.design.mould_figure import draw_mould, mould_figure
+from castfem.design.optimum import Spreading, SpreadRow
+from castfem.design.spread_figure import draw_spread, indices_figure
+
+HEAD = ["distance [mm]", "width [mm]", "diagonal [mm]"]
+ROWS = [[0.0, 125.0, 172.6], [300.0, 124.8, 172.3], [600.0, 124.6, 172.0]]
+SPREAD = Spreading(
+    ("h [times]", "steel.overrides.solidus.value [degC]"),
+    (
+        SpreadRow("von_mises_max", (-1.0, 2.0), "MPa", 0.1, None, (0.25, 0.5), (0.5, 0.75)),
+        SpreadRow("mould.taper", (-0.02, 0.03), "%/m", None, None, (0.9, 0.1), (0.9, 0.1)),
+    ),
+    32, 0, False,
+)  # fmt: skip
+
+
+def run(folder: Path, **columns: Any) -> Path:
+    z = np.array([0.0, 0.3, 0.6, 0.9])
+    table = pd.DataFrame({"time [s]": z / 0.06, "position [m]": z, **columns})
+    table.to_csv(folder / "history.csv", index=False)
+    return folder
+
+
+def test_the_mould_and_the_run_in_it(tmp_path):
+    """Down to the end of the mould, with the panels that the run has columns for."""
+    gaps = {"gap_mid_face [mm]": [0.0, 0.01, 0.02, 9.0], "gap_corner [mm]": [0.0, 0.02, 0.1, 9.0]}
+    folder = run(tmp_path, **gaps, **{"von_mises_max [MPa]": [0.0, 3.0, 7.0, 99.0]})
+    sizes, gap, stress = mould_figure(HEAD, ROWS, folder).axes
+    assert [line.get_label() for line in sizes.get_lines()] == ["width", "diagonal"]
+    assert sizes.get_lines()[1].get_ydata() == pytest.approx([0.0, 0.3, 0.6])
+    assert gap.get_lines()[1].get_xdata() == pytest.approx([0.0, 300.0, 600.0])
+    assert gap.get_lines()[1].get_ydata() == pytest.approx([0.0, 0.02, 0.1])
+    assert stress.get_lines()[0].get_ydata() == pytest.approx([0.0, 3.0, 7.0])
+    assert stress.get_xlim() == (0.0, 600.0)
+    assert len(mould_figure(HEAD, ROWS, run(tmp_path)).axes) == 1
+    draw_mould(HEAD, ROWS, folder, tmp_path / "mould.png")
+    assert (tmp_path / "mould.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_indices_of_each_input(tmp_path):
+    stress, place = indices_figure(SPREAD).axes
+    assert [bar.get_width() for bar in stress.patches] == [0.5, 0.75, 0.25, 0.5]
+    assert [text.get_text() for text in stress.get_yticklabels()] == [
+        "h", "steel.overrides.solidus.value [degC]",
+    ]  # fmt: skip
+    assert place.get_title() == "mould.taper\n-0.02 to +0.03 %/m"
+    draw_spread(SPREAD, tmp_path / "spread.png")
+    assert (tmp_path / "spread.png").read_bytes().startswith(b"\x89PNG")
