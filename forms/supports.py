@@ -19,6 +19,9 @@ Then f vanishes at the same distance whatever is left of the pressure.  With a l
 f is linear and may pull further: the face opposite has rolls too.  A solid strand, c = 0, is free
 within its rest, and pressed by K beyond it.
 
+Where rolls cannot pull whatever the core is, f ends at 0 (`pushed`): a face that is farther within
+its rest than p/(c K) has left them.
+
 N is the normal of the undeformed face, across which rolls and their bulge are measured. At large
 strain f acts on the surface as it is now. At small strain it has the potential
 int p u_n + K/2 (u_n - w - s)^2 ds, with c K where it is within its rest, and its tangent is
@@ -31,6 +34,8 @@ import ufl
 
 from castfem.forms import finite_strain, mechanics
 from castfem.forms.mechanics import Direction, Expr
+
+AWAY = 1e-3  # of K: what a face meets that has left its rolls
 
 
 def outward(motion: Direction, mesh: ufl.Mesh) -> Expr:
@@ -60,6 +65,23 @@ def bed_pressure(pressure: Expr, stiffness: Expr, rest: Expr, moved: Expr) -> Ex
         moved: u_n, m.
     """
     return pressure + stiffness * (moved - rest)
+
+
+def pushed(pressure: Expr, stiffness: Expr, most: Expr) -> tuple[Expr, Expr]:
+    """F and its stiffness where rolls cannot pull: a face that has left them is free.
+
+    A thousandth of K is left, so that a face that touches nowhere has a place.
+
+    Args:
+        pressure: Of `bed_pressure`, Pa.
+        stiffness: Of `bed_stiffness`, Pa/m, not 0.
+        most: K, Pa/m.
+    """
+    touches, least = ufl.ge(pressure, 0.0), AWAY * most
+    return (
+        ufl.conditional(touches, pressure, pressure * least / stiffness),
+        ufl.conditional(touches, stiffness, least),
+    )
 
 
 def virtual_work(

@@ -58,6 +58,14 @@ class Bulging(TableModel):
         examples=[True],
     )
 
+    pull: bool | None = Field(
+        None,
+        description="whether rolls hold a face to their line that lies farther within it than "
+        "the bulge, as long as the core is liquid; by default they do, but not below a [mould], "
+        "whose corners shrink off the line",
+        examples=[False],
+    )
+
     @property
     def bears(self) -> bool:
         """Whether rolls bear the wide faces."""
@@ -103,8 +111,6 @@ def check_bulging(case: Case) -> Iterator[Problem]:
             _KEY, "is for a section with wide faces; give section.shape = \"rectangle\", or leave "
             "bulging out",
         )  # fmt: skip
-    if case.mould is not None:
-        yield Problem(_KEY, "holds the faces in the mould by itself; leave [mould] out")
     if mechanics.ferrostatic == "off":
         yield Problem(
             _KEY,

@@ -26,7 +26,7 @@ from castfem.values.same_place import same_or_before
 from castfem.values.types import Array
 
 Memory = Mapping[str, Array]
-RULE = {"quadrature_rule": "default", "quadrature_degree": 5}
+POINTS = 3  # of a facet; as many as others have that act on the same facets, a wall say
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +158,9 @@ class RollSupport(SurfaceInteraction):
         between: First and last roll, m: a step that ends beyond the first, or at the last, is
             borne. Without ends it holds the section in every step, and no point is held beside it.
         knots: Further positions at which a coupling window has to end, m: rolls, say.
+        pull: Whether the bed of a face above a liquid core pulls where the face is far within its
+            rest; otherwise the face leaves it.
+        points: Quadrature points a facet.
         loose: Groups of `on` whose beds have no stiffness in some of the steps: what they alone
             would hold is left to points.
 
@@ -170,6 +173,8 @@ class RollSupport(SurfaceInteraction):
     position: Callable[[float], float] = _still
     between: tuple[float, float] = ALWAYS
     knots: tuple[float, ...] = ()
+    pull: bool = True
+    points: int = POINTS
     loose: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -235,7 +240,8 @@ class WinklerFoundation(Interaction):
         if solid.large_strain:
             self._now = finite_strain.deformation(motion.u, motion.generalized_strains, mesh)
         self._values = {n: fem.Constant(mesh, np.zeros(4)) for n in given.on}  # p, K, w + s, c
-        ds = ufl.Measure("ds", domain=mesh, subdomain_data=section.facet_tags, metadata=RULE)
+        rule = {"quadrature_rule": "default", "quadrature_degree": 2 * given.points - 1}
+        ds = ufl.Measure("ds", domain=mesh, subdomain_data=section.facet_tags, metadata=rule)
         self._faces = {n: ds(tuple(section.required((n,)))) for n in given.on}
         across = of_generalized_strains(motion.generalized_strains, mesh).shift
         self._moved = ufl.dot(ufl.FacetNormal(mesh), motion.u + across)
@@ -248,6 +254,8 @@ class WinklerFoundation(Interaction):
             p, most, rest, within = self._values[name]
             stiffness = supports.bed_stiffness(most, within, rest, self._moved)
             f = supports.bed_pressure(p, stiffness, rest, self._moved)
+            if not self.given.pull:
+                f, stiffness = supports.pushed(f, stiffness, most)
             found.append((ds, f, stiffness))
         return found
 

@@ -37,8 +37,38 @@ def jit_options() -> dict[str, str]:
 
 
 def compile_form(form: ufl.Form) -> fem.Form:
-    """Compile a form, or find it compiled."""
+    """Compile a form, or find it compiled.
+
+    Raises:
+        ValueError: It would be integrated by a wrong rule, see `_check_rules`.
+    """
+    _check_rules(form)
     return fem.form(form, jit_options=jit_options())
+
+
+def _check_rules(form: ufl.Form) -> None:
+    """Refuse two quadrature rules on a tag that do not hold on the same tags.
+
+    What one rule is for on several tags alike becomes one kernel of them. DOLFINx 0.9 finds kernels
+    by their tag: of two that share one it takes either for both, a wrong number, and no word of it.
+    Rules that hold on the same tags share a kernel, and are right.
+    """
+    parts: dict[tuple[str, Any], dict[Any, tuple[Any, ...]]] = {}
+    for one in form.integrals():
+        asked, rule = one.subdomain_id(), tuple(sorted(one.metadata().items()))
+        for tag in asked if isinstance(asked, tuple) else (asked,):
+            rules = parts.setdefault((one.integral_type(), tag), {})
+            rules[rule] = (*rules.get(rule, ()), one.integrand())
+    if all(len(rules) == 1 for rules in parts.values()):
+        return
+    kernels: dict[Any, set[Any]] = {}
+    for (kind, tag), rules in parts.items():
+        for rule, integrands in rules.items():
+            kernels.setdefault((kind, rule, integrands), set()).add(tag)
+    for (kind, tag), rules in parts.items():
+        where = [kernels[kind, rule, integrands] for rule, integrands in rules.items()]
+        if any(tags != where[0] for tags in where):
+            raise ValueError(f"two quadrature rules share the tag {tag} ({kind}), not all tags")
 
 
 class CellForm:
@@ -47,9 +77,13 @@ class CellForm:
     Args:
         mesh: The mesh.
         form: Its measures on cells have the identifier `CELLS`, those on the surface facet tags.
+
+    Raises:
+        ValueError: It would be integrated by a wrong rule, see `_check_rules`.
     """
 
     def __init__(self, mesh: dmesh.Mesh, form: ufl.Form) -> None:
+        _check_rules(form)
         scalar = {"scalar_type": dolfinx.default_scalar_type}
         self._mesh, self._form = mesh, form
         self._compiled = fem.compile_form(mesh.comm, form, scalar, jit_options())

@@ -20,7 +20,8 @@ from castfem.bulging import (
 )
 from castfem.bulging.result import along
 from castfem.case.bulging import Bulging
-from castfem.contact.roll_support import Bed, RollSupport
+from castfem.contact.roll_support import POINTS, Bed, RollSupport
+from castfem.contact.surface_interaction import ALWAYS
 from castfem.errors import RunFailure
 from castfem.fem.line_probes import LineProbes, Profile
 from castfem.values.same_place import same_or_before
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from castfem.bulging.uneven import UnevenRolls
     from castfem.case import Case
     from castfem.constitutive.base import Law
+    from castfem.contact.settings import Contact
     from castfem.fem.section import Section
     from castfem.machine import Machine
     from castfem.materials import Steel
@@ -68,21 +70,36 @@ class Core:
 
 
 @dataclass(frozen=True, slots=True)
+class Face:
+    """A wide face.
+
+    Attributes:
+        probe: Name of the line inwards from its middle.
+        start: Where the first roll has it, outwards from the undeformed section, m: where the
+            mould leaves it, if there is one.
+    """
+
+    probe: str
+    start: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class PitchByPitch:
     """Foundation of the wide faces: a bulge for each pitch, from the shell that enters it.
 
     A pitch begins with the first step that ends beyond its roll, and its strip goes at the mean
     speed of the slice from roll to roll: where the strand stops in between it creeps for longer.
     Above the first roll the mould holds all faces against the pressure, softly: its taper is that
-    of the shell.
+    of the shell. A mould that is there holds them itself, and its end bears the shell like a roll.
 
     Attributes:
         model: Makes a bulge of a shell and a pitch, by the position of the pitch's middle, m.
         nodes: Of a bulge.
         machine: Of the case.
-        rolls: Positions of the pairs, m.
+        rolls: Positions of the pairs, m; before them that of the end of a mould that is there.
         offsets: Of the rolls from where the first is, outwards, m.
-        faces: Groups of the wide faces, each with the probe in its middle.
+        above: How many of `rolls` are no rolls: 1 with the end of a mould, else 0.
+        faces: The wide faces by their groups.
         others: Groups that the mould alone holds.
         probes: Have those lines.
         front: Temperature at the inside of the shell, K.
@@ -97,7 +114,7 @@ class PitchByPitch:
     machine: Machine
     rolls: Array
     offsets: Array
-    faces: Mapping[str, str]
+    faces: Mapping[str, Face]
     others: tuple[str, ...]
     probes: LineProbes
     front: float
@@ -105,6 +122,7 @@ class PitchByPitch:
     half_width: float | None = None
     uneven: UnevenRolls | None = None
     lines: Array | None = None
+    above: int = 0
 
     def initial(self) -> Memory:
         """See `Foundation`: `pitch` counts the rolls that were passed, the rest is its bulge's."""
@@ -123,7 +141,9 @@ class PitchByPitch:
         """See `Foundation`."""
         place, profiles = self.machine.position(end), self.probes.sample(temperature)
         passed = sum(not same_or_before(place, float(roll)) for roll in self.rolls)
-        handed_on = {g: self.core.handed_on(profiles[p], end) for g, p in self.faces.items()}
+        handed_on = {
+            g: self.core.handed_on(profiles[face.probe], end) for g, face in self.faces.items()
+        }
         if passed == 0:
             soft = self.core.head(self.machine.time_near(float(self.rolls[0]))) / MOULD_PLAY
             beds = {group: Bed(p, soft) for group, p in handed_on.items()}
@@ -136,10 +156,11 @@ class PitchByPitch:
         for i, (group, pressure) in enumerate(handed_on.items()):
             way = place - self.rolls[passed - 1]
             w = along(memory["z"][i], memory["deflection"][i], memory["slope"][i], way)
-            out = offset
+            out = offset + self.faces[group].start
             if self.lines is not None:
                 out += _outward(group) * float(np.interp(place, self.rolls, self.lines))
-            within = max(self.core.share_handed_on(profiles[self.faces[group]]), LEAST_WITHIN)
+            profile = profiles[self.faces[group].probe]
+            within = max(self.core.share_handed_on(profile), LEAST_WITHIN)
             beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), out, within)
         return beds, memory
 
@@ -160,20 +181,22 @@ class PitchByPitch:
         head = self.core.head(self.machine.time_near(middle))
         speed = self.machine.speed_between(float(first), float(last))
         share = 1.0 / max(self.core.head(time), 1e-300)
-        for i, (group, probe) in enumerate(self.faces.items()):
-            p = head * share * self.core.handed_on(profiles[probe], time)
+        for i, (group, face) in enumerate(self.faces.items()):
+            profile = profiles[face.probe]
+            p = head * share * self.core.handed_on(profile, time)
             span = Span(float(last - first), p, speed)
-            bulge, added = self._bulge(passed - 1, _outward(group), span, profiles[probe])
+            bulge, added = self._bulge(passed - 1, _outward(group), span, profile)
             top, _, low = bulge.extremes()
             if (most := max(top, -low)) > MOST_BULGE * span.length:
                 raise RunFailure(_breaks_out(float(first), float(last), bulge, most))
             # That of the shell between its rolls, p/w, and p is what is left of the head. Below
             # a lost roll a shell that has crept dips all along: it is as soft there.
-            left = max(self.core.share_handed_on(profiles[probe]), LEAST_WITHIN)
+            left = max(self.core.share_handed_on(profile), LEAST_WITHIN)
             new["stiffness"][i] = head / max(most / left, LEAST_BULGE)
             new["thickness"][i], new["largest"][i] = bulge.thickness, top
             new["load"][i], new["error"][i] = p * span.length, max(old["error"][i], bulge.error)
-            new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])
+            if passed > self.above:  # the end of a mould is no roll
+                new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])
             if added is not None:
                 new["force"][i], new["added"][i] = bulge.roll_force[0], added
             new["neutral"][i] = bulge.neutral
@@ -195,8 +218,8 @@ class PitchByPitch:
         way = np.array([self.machine.position(time) for time in (begun, end)]) - roll
         edge = np.clip((self.half_width - np.abs(places[:, 0])) / (EDGE * length), 0.0, 1.0)
         found = np.zeros(len(places))
-        for i, probe in enumerate(self.faces.values()):
-            surface = float(self.probes.lines[probe][0][1])
+        for i, face in enumerate(self.faces.values()):
+            surface = float(self.probes.lines[face.probe][0][1])
             depth = abs(surface) - np.sign(surface) * places[:, 1]
             bent, stretched = (
                 float(np.diff(np.interp(way, new["z"][i], new[name][i]))[0])
@@ -220,8 +243,9 @@ class PitchByPitch:
         if not span.pressure > 0.0:
             return Bulge.none(span, shell), None
         try:
-            if self.uneven is not None and self.uneven.near(pitch):
-                found = self.uneven.bulge(pitch, span, shell, outward)
+            below = pitch - self.above  # the index of the roll above it
+            if self.uneven is not None and below >= 0 and self.uneven.near(below):
+                found = self.uneven.bulge(below, span, shell, outward)
                 return found.bulge, found.added
             return self.model(middle).bulge(span, shell), None
         except RunFailure as error:
@@ -237,8 +261,9 @@ def build_roll_support(
     probes: LineProbes,
     law: Law,
     liquid: Ferrostatic | None,
+    wall: Contact | None,
 ) -> RollSupport:
-    """The support of the wide faces by the rolls of a sound case."""
+    """The support of the wide faces by the rolls of a sound case, below the mould it has."""
     from castfem.case.machine import thickness_of
 
     rolls = case.machine.pairs() if case.machine is not None else None
@@ -246,8 +271,10 @@ def build_roll_support(
     assert rolls is not None and height is not None, "the case was checked"
     places = np.array([rolls.pairs[i].position for i in rolls.there])
     apertures = np.array([rolls.aperture(i, height) for i in rolls.there])
-    faces = {g: _probe(g, probes) for g in section.outer_groups if g.startswith("wide_face")}
-    others = tuple(g for g in section.outer_groups if g not in faces)
+    wide = [g for g in section.outer_groups if g.startswith("wide_face")]
+    end = None if wall is None else case.mould_exit()
+    faces = {g: Face(_probe(g, probes), _left_by(wall, end, 0.5 * height)) for g in wide}
+    others = tuple(g for g in section.outer_groups if g not in faces and wall is None)
     width = float(case.section.width)  # type: ignore[attr-defined]
     model, nodes = _model(table, law, width)
     uneven, lines = None, None
@@ -255,18 +282,34 @@ def build_roll_support(
         from castfem.simulation.uneven_rolls import build_uneven_rolls
 
         uneven, lines = build_uneven_rolls(case, table, rolls, law, nodes)
+    above = int(end is not None and not same_or_before(float(places[0]), end))
+    if above:
+        places = np.append(float(end or 0.0), places)
+        apertures = np.append(apertures[0], apertures)
+        lines = None if lines is None else np.append(0.0, lines)
     foundation = PitchByPitch(
         model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
         _front(steel, table.solid_fraction), _core(liquid),
-        0.5 * width if table.axial_strain else None, uneven, lines,
+        0.5 * width if table.axial_strain else None, uneven, lines, above,
     )  # fmt: skip
     return RollSupport(
         on=(*faces, *others),
         foundation=foundation,
         position=machine.position,
+        between=ALWAYS if end is None else (end, ALWAYS[1]),
         knots=tuple(float(place) for place in places),
+        pull=wall is None if table.pull is None else table.pull,
+        points=POINTS if wall is None else wall.points,
         loose=others,
     )
+
+
+def _left_by(wall: Contact | None, end: float | None, half: float) -> float:
+    """Where a mould has the middle of a wide face at its end, m outwards."""
+    if wall is None or end is None:
+        return 0.0
+    middle, outward = np.array([[0.0, half]]), np.array([[0.0, 1.0]])
+    return float(wall.wall.gap_function(middle, outward, end).gap[0])
 
 
 def _breaks_out(first: float, last: float, bulge: Bulge, most: float) -> str:

@@ -33,6 +33,8 @@ from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.case import Case
+    from castfem.case.mould import Mould
+    from castfem.case.section import Section as Strand
     from castfem.extraction.effort import Effort
     from castfem.machine import Machine
     from castfem.materials import Steel
@@ -90,14 +92,16 @@ def make_slice(
     probes: LineProbes,
 ) -> Slice:
     """What the slice of `case` is made of and how it is held."""
-    law, interactions = build_law(table, steel), _interactions(case, machine, section)
+    law = build_law(table, steel)
+    wall = None if case.mould is None else _wall(case.mould, case.section, machine, section)
+    interactions: tuple[SurfaceInteraction, ...] = () if wall is None else (wall,)
     held = any(one.holds_liquid for one in interactions)
     ferrostatic = _ferrostatic(table, machine, steel, "free" if held else "held")
     if table.bulging is not None and table.bulging.bears:
         from castfem.simulation.bulging import build_roll_support
 
         rolls = build_roll_support(
-            case, table.bulging, machine, steel, section, probes, law, ferrostatic
+            case, table.bulging, machine, steel, section, probes, law, ferrostatic, wall
         )
         interactions = (*interactions, rolls)
     return Slice(
@@ -112,20 +116,16 @@ def make_slice(
     )
 
 
-def _interactions(case: Case, machine: Machine, section: Section) -> tuple[SurfaceInteraction, ...]:
-    """What acts on the surface: the mould, unless it is idealised."""
-    if case.mould is None:
-        return ()
-    table = case.mould
-    mould = Contact(
-        wall=build_mould(table, case.section),
+def _wall(table: Mould, strand: Strand, machine: Machine, section: Section) -> Contact:
+    """What the mould of a case does to the surface of its strand."""
+    return Contact(
+        wall=build_mould(table, strand),
         on=section.outer_groups,
         position=machine.position,
         method=table.contact.method,
         factor=table.contact.factor,
         friction=table.friction.build(),
     )
-    return (mould,)
 
 
 def _shared(value: float | Table, machine: Machine, parts: int) -> TimeHistory:

@@ -41,6 +41,7 @@ SLOW = {
     "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
     "slab_cells": "processes of their own, with up to some 4000 cells",
+    "slab_downstream": "slabs down their caster; test_slab_tables.py has their cases",
     "slab_mould": "slabs through a mould; tests/benchmarks/test_slab_tables.py has its cases",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
     "optimum": "some 150 billets; tests/design drives the search by results that are known",

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import slab_bending, slab_error, slab_mould, slab_sprays, slabs
+from benchmarks import slab_bending, slab_downstream, slab_error, slab_mould, slab_sprays, slabs
 from benchmarks.report import Output
 from castfem.case import load_case
 from castfem.machine.rolls import Rolls
@@ -220,3 +220,17 @@ def test_ways_through_the_mould_differ_by_the_mould_alone() -> None:
     assert contacts[0].coefficient == contacts[1].coefficient == 1200.0
     assert contacts[0].gap_conductivity is None and contacts[1].gap_conductivity == 0.15
     assert mean.mesh == own.mesh and len(own.cooling) == 1
+
+
+def test_ways_to_the_rolls_differ_by_their_start_alone() -> None:
+    """One caster, steel and mesh; a mould with stresses, or none, below which no roll pulls."""
+    own, _, mean, pulled, _ = slab_downstream.WAYS
+    cases = [slab_downstream.case_of(way) for way in (own, mean, pulled)]
+    assert [case.mould is not None for case in cases] == [True, False, False]
+    assert [case.casting.start is None for case in cases] == [True, False, False]
+    assert len({case.casting.length for case in cases}) == 1
+    assert cases[0].mesh == cases[1].mesh and cases[0].machine == cases[1].machine
+    assert cases[0].cooling[1:] == cases[1].cooling[1:]
+    bulging: list[Any] = [case.mechanics.bulging for case in cases if case.mechanics is not None]
+    assert [one.pull for one in bulging] == [None, False, None]
+    assert {one.model for one in bulging} == {"creep"}

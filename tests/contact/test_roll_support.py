@@ -111,11 +111,12 @@ def test_an_edge_that_holds_itself_gives_way_over_the_length_of_the_foundation()
     assert 3.5 < errors[0] / errors[1] < 5.5
 
 
-@pytest.mark.parametrize("within", [1.0, 0.3])
+@pytest.mark.parametrize(("within", "pull"), [(1.0, True), (0.3, True), (0.3, False)])
 @pytest.mark.parametrize("large", [False, True])
-def test_jacobian(large: bool, within: float) -> None:
+def test_jacobian(large: bool, within: float, pull: bool) -> None:
     size = 1e-3 if large else 2e-5
-    bed = Bed(1e14 * size, 4e12, bulge=0.5 * size, offset=0.1 * size, within=within)
+    pressure = (1e14 if pull else 1e11) * size  # the latter is too little to touch everywhere
+    bed = Bed(pressure, 4e12, bulge=0.5 * size, offset=0.1 * size, within=within)
     law = NortonCreep.constant(Elasticity.constant(200e9, 0.3), 1e-2, 1e8, 3.0)
     setup = SliceSetup(
         mapped(2, 2, skewed(0.1, 0.06), groups=GROUPS),
@@ -124,7 +125,7 @@ def test_jacobian(large: bool, within: float) -> None:
         given={
             "planes": PlainPlanes(("a0", "a1", "a2", "across")),
             "large_strain": large,
-            "interactions": (rolls("right", "top", bed=bed),),
+            "interactions": (rolls("right", "top", bed=bed, pull=pull),),
         },
     )
     exact, found, free = jacobians(setup, size)
@@ -138,12 +139,23 @@ def test_jacobian(large: bool, within: float) -> None:
     assert np.abs(found[:, -1]).max() > 0.0
 
 
-def under(bed: Bed) -> tuple[float, float]:
+def under(bed: Bed, **given: Any) -> tuple[float, float]:
     """A block held at its top on a bed: force of the bed, N/m, and what its foot moves, m."""
-    setup = block(rolls("bottom", bed=bed), held=(PrescribedDisplacement(("top",), 1),))
+    setup = block(rolls("bottom", bed=bed, **given), held=(PrescribedDisplacement(("top",), 1),))
     setup.step(1.0)
     (state,) = setup.state.interactions
     return float(state.force[0]), float(state.moved[0])
+
+
+def test_a_face_leaves_rolls_that_cannot_pull() -> None:
+    """Up to p/K from its rest it is borne alike; beyond, a thousandth of the stiffness is left."""
+    p, stiffness = 2e5, 1e10
+    near, far = Bed(p, stiffness, offset=0.5 * p / stiffness), Bed(p, stiffness, offset=1e-4)
+    assert under(near, pull=False) == pytest.approx(under(near), rel=1e-9)
+    assert under(far)[0] < -50e3
+    force, moved = under(far, pull=False)
+    left = 1e-3 * 0.1 * (p + stiffness * (moved - far.rest))
+    assert force == pytest.approx(left, rel=1e-6) and -100.0 < force < 0.0
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5, 0.01])
