@@ -67,7 +67,8 @@ def run(
     Args:
         case: A case, or what `load` takes.
         folder: Where the files go (docs/output.md); a run of the same physics in it is replaced.
-            None takes a temporary folder, which goes when the result is closed or no longer used.
+            None takes a temporary folder, which is removed when the result is closed or no longer
+            used.
         resume: Go on from the checkpoint in `folder`.
         overwrite: Replace a run of another case, too, or one that has come further down.
         comm: Ranks of the run; all when None.
@@ -129,7 +130,8 @@ def sensitivities(
 
     Args:
         case: A case, or what `load` takes.
-        to: By what: keys of the case ("casting.superheat"), "steel.conductivity" and the like.
+        to: The parameters: keys of the case ("casting.superheat"), "steel.conductivity" and the
+            like.
         of: Names of results; by default heat removed, shell and surface temperature.
         folder: Where tables and checkpoints go; None writes nothing.
         resume: Go on from the checkpoint in `folder`.
@@ -197,10 +199,11 @@ class Snapshot:
 
 
 class Result(Closing):
-    """What a run has found, read from its folder when it is asked for.
+    """The results of a run, read from its folder when they are asked for.
 
-    `Result(folder)` looks at a run of an earlier day. With a temporary folder, use it as a context
-    manager, call `close`, or let go of it; `summary` and what has been read stay.
+    `Result(folder)` opens an earlier run. One with a temporary folder is a context manager and has
+    `close`; the folder is removed, too, when nothing refers to the result any more. `summary` and
+    what has been read stay.
 
     Attributes:
         folder: Of the run.
@@ -209,7 +212,7 @@ class Result(Closing):
     def __init__(
         self, folder: Path | str, summary: Summary | None = None, *, temporary: bool = False
     ) -> None:
-        """Names the folder; `summary` spares reading it, `temporary` removes the folder later.
+        """Open a folder; `summary` if it is known already, `temporary` to remove the folder later.
 
         Raises:
             InputError: The folder holds no summary of a run.
@@ -250,10 +253,9 @@ class Result(Closing):
         return read_history(self.folder / HISTORY_NAME)
 
     def at(self, position: float | str) -> dict[str, float]:
-        """Name to result in SI where the slice came to a position.
+        """Name to result in SI where the slice reached a position.
 
-        Between two rows of the history by straight lines; what the history has no column of is
-        left out.
+        Linear between two rows of the history; results without a column there are left out.
 
         Args:
             position: "800 mm", or a number in m.

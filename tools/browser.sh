@@ -3,6 +3,7 @@
 # of tests/browser inside the environment HOME, which reach it through its debugging port.
 #
 #   tools/browser.sh HOME [PYTEST ARGUMENT ...]
+#   tools/browser.sh HOME SCRIPT.py [ARGUMENT ...]     runs a script instead of the tests
 #
 # $CHROMIUM names the browser; otherwise one of the usual names, from Debian as root if there is none.
 
@@ -48,4 +49,6 @@ done
 [[ -s $profile/DevToolsActivePort ]] || die "$program has not opened its debugging port in 30 s"
 port=$(head -n 1 "$profile/DevToolsActivePort")
 "$program" --version 2>/dev/null
-CASTFEM_BROWSER=$port tools/enter.sh "$home" python -m pytest -n 0 tests/browser "$@"
+what=(-m pytest -n 0 tests/browser)
+[[ ${1:-} != *.py ]] || what=()
+CASTFEM_BROWSER=$port tools/enter.sh "$home" python "${what[@]}" "$@"

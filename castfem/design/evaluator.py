@@ -48,10 +48,10 @@ class Evaluator(Closing):
     killed goes on from its checkpoint. A run that fails is kept, too, with how far it came.
 
     Args:
-        case: The case; what it says of optimisation is left out of its runs.
+        case: The case; its [optimise] is left out of the runs.
         folder: Where the runs go.
-        processes: How many at once, in processes of this machine; 0: in this one, one after the
-            other (a script whose processes are to be others needs `if __name__ == "__main__"`).
+        processes: How many runs at once, each in a process of its own, for which a script needs
+            `if __name__ == "__main__":`; 0: in this process, one after the other.
         comm: Ranks that do the runs instead, the others within `serve`.
 
     Attributes:

@@ -19,8 +19,10 @@ class Value:
     Attributes:
         key: Of the case. unit: "" for none.
         value: At the best run.
-        low: Lowest value that cannot be told from the best. high: Likewise.
-        open_low: Whether it may lie lower still. open_high: Likewise.
+        low: Lowest value that cannot be told from the best.
+        high: Likewise.
+        open_low: Whether it may lie lower still.
+        open_high: Likewise.
         checked: Where the optimum is with the constraints as the level of the check has them; None
             where that failed.
         range: In which it was looked for.
@@ -56,7 +58,8 @@ class SpreadRow:
         unit: As it is shown, "-" or "" for none.
         error: Of the quadratics by which it was computed; None of a variable.
         met: Share of the draws in which the constraint is met; None of anything else.
-        first: Sobol index of the first order of each input. total: Likewise.
+        first: Sobol index of the first order of each input.
+        total: Likewise.
     """
 
     name: str
@@ -73,8 +76,10 @@ class Spreading:
     """The spread of an optimum by its inputs.
 
     Attributes:
-        labels: Of the inputs. rows: Results and variables.
-        runs: How many were made for it. failed: Of these.
+        labels: Of the inputs.
+        rows: Results and variables.
+        runs: How many were made for it.
+        failed: Of these.
         open: Whether draws lead to where the runs about the optimum end.
     """
 
@@ -90,7 +95,9 @@ class Known:
     """A result at the optimum and its errors, in SI.
 
     Attributes:
-        name: Of the result. label: In words. shown_unit: In which it is shown.
+        name: Of the result.
+        label: In words.
+        shown_unit: In which it is shown.
         value: At the best run.
         noise: Scatter between runs that differ by next to nothing.
         numerical: Difference to the level of fidelity that checks it; NaN where that run failed.
@@ -119,11 +126,14 @@ class Kept:
     """A constraint at the optimum.
 
     Attributes:
-        text: As written. known: The result. bound: In SI.
+        text: As written.
+        known: The result.
+        bound: In SI.
         left: How far it is on the right side, SI.
         checked: The same by the level of the check; NaN where that failed.
         error: Of that: noise and numerical error.
-        met: Whether it holds. binding: Whether it keeps the objective from being better.
+        met: Whether it holds.
+        binding: Whether it keeps the objective from being better.
     """
 
     text: str
@@ -141,7 +151,8 @@ class Away:
     """What a step of one variable from the optimum costs.
 
     Attributes:
-        key: The variable. value: Where the step leads, in its unit.
+        key: The variable.
+        value: Where the step leads, in its unit.
         objective: Change of the objective, SI; NaN where the run fails.
         left: What the constraints have left there, SI.
         message: Why that run failed.
@@ -156,22 +167,25 @@ class Away:
 
 @dataclass(frozen=True, slots=True)
 class Optimum:
-    """What a search has found.
+    """What a search has found: the best values, what they give, and how sure they are.
 
     Attributes:
         title: Of the case.
         status: "found"; "impossible" where no run meets all constraints, of which this is the one
             that misses them least; "failed" where no run has come to its end.
         sense: "minimise" or "maximise".
-        values: The variables. objective: The result that is best. constraints: What must hold.
-        away: What steps away from it cost.
-        elsewhere: Other runs that are as good as can be told, by their values.
-        fidelity: Of the search. checked: The level by which it was checked, "" where that failed.
+        values: The variables.
+        objective: The result that is best.
+        constraints: What must hold.
+        away: What steps away from the optimum cost.
+        elsewhere: Values of other runs that are as good within the errors.
+        fidelity: Of the search.
+        checked: The level by which it was checked, "" where that failed.
         step: Of the last steps, as a share of the ranges.
         runs: Counts: of the search, about the optimum, failed, in all.
-        spent: Whether the search ended for it had no more runs.
-        seconds: That all runs took.
-        best: Name of the best run's folder, "" where it was told by others.
+        spent: Whether the search ended because the allowed runs were used up.
+        seconds: Duration of all runs, s.
+        best: Name of the best run's folder, "" of a run that was made elsewhere.
         spread: By inputs that are not known exactly; None where that was not asked for, or where
             too many of its runs have failed.
         front: Of the objective and what it is weighed against; None where that was not asked for.

@@ -1,8 +1,8 @@
 """Runs in a folder, as `castfem sweep` keeps them, found again by the case they are of.
 
-What a run gives hangs on its case: physics, followed length, when fields are written (that ends
-coupling windows), solvers. Two cases that agree in these are the same run, whatever their titles
-and their other output, and it is run once, by whichever command.
+The results of a run depend on its case: physics, followed length, when fields are written (that
+ends coupling windows), solvers. Two cases that agree in these are the same run, whatever their
+titles and their other output, and it is run once, by whichever command.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ _DIGITS = 10  # of the key in the name of a run
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """What a run has given.
+    """The results of a run, or how it failed.
 
     Attributes:
         quantities: Name to result, as in summary.json; empty of a run that has failed.
         share: How far it came, of the followed length: 1 of a run that has come to its end.
         message: Why it failed, one line; empty if it did not.
         seconds: How long it took; 0 where that is not known.
-        folder: Of the run; None of one that was told by others.
+        folder: Of the run; None of one that was made elsewhere.
     """
 
     quantities: Mapping[str, Quantity] = field(default_factory=dict)

@@ -43,12 +43,12 @@ _TURNS = 3  # of search and look around
 class Study:
     """The search for the best values of a case with [optimise].
 
-    What has been told, and what lies in the folder, is known; the search itself keeps nothing: it
-    takes the same way through the same runs whenever it is asked.
+    The search has no state of its own: with the same results, from `tell` or from the folder, it
+    asks for the same runs.
 
     Args:
         case: The case.
-        folder: Of runs, as `Evaluator` keeps them; None if all runs are told.
+        folder: Of runs, as `Evaluator` keeps them; None if all results come by `tell`.
         origin: What messages call the case.
         evaluator: Does the runs, instead of one made for the folder.
 
@@ -96,7 +96,7 @@ class Study:
 
         Args:
             watcher: Told of the runs.
-            obtain: Does runs and tells what they give, instead of the study's evaluator.
+            obtain: Does runs and hands in their results, instead of the study's evaluator.
 
         Raises:
             InputError: The study has no folder, or a run has no result that is asked for.
@@ -118,7 +118,7 @@ class Study:
         return self._cases[wanted]
 
     def tell(self, wanted: Wanted, given: Evaluation | Result | Mapping[str, float]) -> None:
-        """Say what a run has given.
+        """Hand in the results of a run.
 
         Args:
             wanted: The run.
@@ -138,7 +138,7 @@ class Study:
         self._told[wanted] = given
 
     def run(self, wanted: Sequence[Wanted], watcher: Watcher | None = None) -> list[Evaluation]:
-        """Do runs that are wanted, or find them, and tell what they give.
+        """Do runs that are wanted, or find them in the folder, and hand in their results.
 
         Raises:
             InputError: The study has no folder.
@@ -177,7 +177,7 @@ class Study:
         return self._result
 
     def case_of(self, optimum: Optimum) -> Case:
-        """Return the case with the values of an optimum, as the user wrote it else."""
+        """Return the user's case with the values of an optimum."""
         return self.question.case.with_(optimum.changes())
 
     def known(self, wanted: Wanted) -> Evaluation | None:

@@ -204,8 +204,8 @@ class Summary:
         zones: The cooling, in casting order.
         mould_exit: Where the mould ends, below the meniscus [m], though the run may end before;
             None if there is no mould.
-        unchecked: Data from memory of their source (status M), each with it: the results hang on
-            them as on the others.
+        unchecked: Data of steel, law and cooling that the run used and that are from memory of
+            their source (status M), each with the source.
     """
 
     title: str

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from castfem.results.sample import MechanicalSample, Sample
     from castfem.simulation.simulation import Simulation
 
+# Properties of a steel that a run of temperature alone does not use.
+_MECHANICAL = ("thermal_expansion", "youngs_modulus", "poisson_ratio")
+
 
 def summarise(run: RunState, status: str) -> Summary:
     """The summary of the run as it stands."""
@@ -38,7 +41,9 @@ def summarise(run: RunState, status: str) -> Summary:
 def _unchecked(simulation: Simulation) -> tuple[str, ...]:
     """Data of steel, law and cooling that are from memory of their source, one line a source."""
     found = {key: o.source for key, o in simulation.steel.origins.items() if o.status == "M"}
-    if simulation.case.mechanics is not None:
+    if simulation.case.mechanics is None:
+        found = {key: source for key, source in found.items() if key not in _MECHANICAL}
+    else:
         from castfem.constitutive.parameters import unchecked
 
         law = unchecked(simulation.case.mechanics.law)

@@ -12,10 +12,12 @@ import re
 import shlex
 import tomllib
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
+from PIL import Image
 
 from castfem.case import load_case
 from castfem.case.shipped_cases import find
@@ -193,3 +195,19 @@ def test_a_page_does_what_it_says(
         else:
             assert kind == "{toctree}", kind
     assert status == 0
+
+
+def test_each_picture_is_made_from_its_page_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the same files and commands; `docs/how_to_pictures.py PAGE` makes it anew."""
+    monkeypatch.syspath_prepend(DOCS)
+    pictures = import_module("how_to_pictures")
+    stale = []
+    for page in pictures.PICTURES:
+        target = pictures.picture(page)
+        text = (DOCS / "how_to" / f"{page}.md").read_text(encoding="utf-8")
+        assert f"](../figures/{target.name})" in text, page
+        with Image.open(target) as made:
+            assert made.width == pictures.WIDTH
+            stale += [page] if made.info["made from"] != pictures.fingerprint(page) else []
+    assert not stale, f"python docs/how_to_pictures.py {' '.join(stale)}"
+    assert len({pictures.fingerprint(page) for page in pictures.PICTURES}) == 11

@@ -190,5 +190,10 @@ def test_data_from_memory_are_told_in_every_run(tmp_path: Path) -> None:
     console = Console(record=True, width=200)
     show(tmp_path / "run", console, figures=False)
     assert "from memory, not compared with its source: density" in console.export_text()
+    steel = ["steel.name=plain_carbon", "steel.composition={C=0.2}"]
+    short = ["casting.length=6 mm", "mesh.surface_size=3 mm", "output.fields=[]"]
+    with castfem.run(load_case(find("billet125/thermal"), [*steel, *short])) as result:
+        told = " ".join(result.summary.unchecked)
+    assert "density" in told and "modulus" not in told, "not used without mechanics"
     # Its numbers are an own fit, but the range of the measurements behind is from memory.
     assert unchecked("norton_hoff_kozlowski") == {"data": "Kozlowski et al. (1992), model III"}
