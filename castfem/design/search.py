@@ -29,6 +29,8 @@ _APART = 1e-3  # of the ranges: how far apart they are
 FIRST, LAST = 0.1, 0.002  # of the ranges: first step, and the smallest worth taking
 _LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
 _FAILED = 10.0  # of a failed run's missing way, in scales of the other constraints
+_UNSEEN = 1e-2  # of a result: its scale where no two runs have shown one
+_LOST = 1e30  # violation of a failed run: more than that of any that came to its end
 _ROUNDING = 1e-9  # of a bound: what misses it by less has met it
 
 
@@ -38,6 +40,14 @@ Done = dict[tuple[object, ...], tuple[Wanted, ...]]
 
 class Spent(Exception):
     """The search has had its runs."""
+
+
+class _Through(Exception):
+    """A run has come to its end."""
+
+    def __init__(self, wanted: Wanted) -> None:
+        super().__init__()
+        self.wanted = wanted
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +85,7 @@ class Search:
         self._order: list[Wanted] = []
         self.noise: Noise | None = None
         self.radius, self.spent = LAST, False
-        self._scale = np.ones(1 + outputs.count)
+        self._scale, self._scaled = np.ones(1 + outputs.count), True
         self._given: dict[Wanted, Array] = {}
         self._worst = np.zeros(1 + outputs.count)
 
@@ -150,8 +160,11 @@ class Search:
         count = (self._most - len(self.outputs.seen)) // 2
         return explore(given, begin, count) if count > 1 else [begin]
 
-    def _settle(self, start: Array) -> Array:
-        """Measure noise, scales and the last step about the start; return the start."""
+    def _settle(self, start: Array, among_failures: bool = False) -> Array:
+        """Measure noise, scales and the last step about the start; return the start.
+
+        Where none of the runs about it comes through, that is done about the first one that does.
+        """
         begin = np.clip(start, 0.0, 1.0)
         inner = np.clip(begin, FIRST, 1.0 - FIRST)
         cross = [inner, *(inner + s * FIRST * e for e in np.eye(len(begin)) for s in (1.0, -1.0))]
@@ -160,9 +173,13 @@ class Search:
         runs = list(dict.fromkeys(self.question.at(u) for u in [begin, *cross, *line]))
         self._fetch(runs)
         values = np.array([self.outputs.vector(self.question.at(u)) for u in cross])
-        slope = np.array(
-            [(values[1 + 2 * i] - values[2 + 2 * i]) / (2.0 * FIRST) for i in range(len(begin))]
-        ).T
+        sides = range(len(begin))
+        self._scaled = bool(np.any(~np.isnan(values[:, 0])))
+        if not self._scaled and not among_failures:
+            through = self._through(begin)
+            if through is not None:
+                return self._settle(self.question.shares(through), among_failures=True)
+        slope = np.array([_slope(values[0], *values[1 + 2 * i : 3 + 2 * i]) for i in sides]).T
         sigma, count = self._scatter(along, line)
         self.noise = Noise(sigma, slope, count)
         spread = np.nanmax(np.abs(values - values[0]), axis=0, initial=0.0, where=~np.isnan(values))
@@ -179,6 +196,25 @@ class Search:
         if count:
             self.radius = float(np.clip(np.min(steps), LAST, _LARGEST_LAST))
         return begin
+
+    def _through(self, begin: Array) -> Wanted | None:
+        """The first run found that comes to its end, from a start where they fail; None if none."""
+        from scipy.optimize import Bounds, minimize
+
+        def missing(u: Array) -> float:
+            wanted = self.question.at(u)
+            self._fetch([wanted])
+            if not self.outputs.seen[wanted].failed:
+                raise _Through(wanted)
+            return 1.0 - self.outputs.seen[wanted].share
+
+        options = {"initial_tr_radius": FIRST, "final_tr_radius": LAST, "maxfev": 4 * self._most}
+        box = Bounds(np.zeros(len(begin)), np.ones(len(begin)))
+        try:
+            minimize(missing, begin, method="COBYQA", bounds=box, options=options)
+        except _Through as found:
+            return found.wanted
+        return None
 
     def _bounds(self, runs: Sequence[Wanted]) -> list[float]:
         for run in runs:
@@ -213,6 +249,10 @@ class Search:
                 left = _FAILED * (evaluation.share - 1.0) - 1.0 / _FAILED
                 self._given[wanted] = np.array([*self._worst, left])
             else:
+                if not self._scaled:  # none has come through yet
+                    self._scaled, bounds = True, self._bounds([wanted])
+                    sizes: Array = np.abs(np.array([vector[0], *bounds]))
+                    self._scale = np.asarray(np.where(sizes > 0.0, _UNSEEN * sizes, 1.0))
                 scaled = vector / self._scale
                 self._worst[0] = max(self._worst[0], scaled[0])
                 self._worst[1:] = np.minimum(self._worst[1:], scaled[1:])
@@ -268,7 +308,7 @@ class Search:
         """By how much a run misses what must hold, in scales of its constraints; 0: it does not."""
         evaluation = self.outputs.seen[wanted]
         if evaluation.failed:
-            return float(1e3 + _FAILED * (1.0 - evaluation.share))
+            return float(_LOST * (2.0 - evaluation.share))
         if not self.outputs.count:
             return 0.0
         margins = self.outputs.margins(wanted)
@@ -287,3 +327,14 @@ class Search:
             return self.violation(wanted), np.inf if failed else self.outputs.cost(wanted)
 
         return min(own, key=order)
+
+
+def _slope(here: Array, above: Array, below: Array) -> Array:
+    """Slope of results (1 + m,) over the range; to one side where the other run has failed."""
+    if np.isnan(above).any():
+        above, width = here, FIRST
+    elif np.isnan(below).any():
+        below, width = here, FIRST
+    else:
+        width = 2.0 * FIRST
+    return np.asarray((above - below) / width)

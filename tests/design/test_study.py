@@ -11,6 +11,7 @@ import pytest
 from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
+from castfem.api import load
 from castfem.design import Evaluation, Optimum, Study, Wanted
 from castfem.design.told import told
 from castfem.errors import InputError
@@ -172,6 +173,55 @@ def test_a_start_among_failures():
     found = solve(study({**SPEED, "start": "2.5 m/min"}), given)
     assert found.status == "found"
     assert found.values[0].value == pytest.approx(4.5, abs=0.05)
+
+
+TAPER = {"key": "mould.taper", "range": ["-10 %/m", "10 %/m"]}
+
+
+def tapered(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+    """As the 125 mm billet: 9.2 MJ/m from +0.59 %/m on, where its stress has begun to rise."""
+    taper = wanted.values[0]
+    if taper < -3.0:
+        return Evaluation({}, 1.0 + (taper + 3.0) / 8.0, "breakout")
+    if taper > 7.0:
+        return Evaluation({}, 0.9 - (taper - 7.0) / 10.0, "the mechanics do not converge")
+    heat = np.interp(taper, [-3.0, -1.0, 0.0, 0.59, 0.8, 10.0], [7.9, 8.3, 8.7, 9.2, 9.29, 9.3])
+    stress = np.interp(taper, [-3.0, 0.0, 0.4, 0.59, 1.0, 10.0], [4.2, 4.1, 4.0, 8.9, 14.5, 40.0])
+    return {STRESS: float(stress), HEAT: 1e6 * float(heat)}
+
+
+def any_taper(bound: str, start: str) -> Optimum:
+    variable = {**TAPER, "start": start}
+    asked = {"minimise": STRESS, "constraints": [f"heat_removed >= {bound}"]}
+    case = load("billet125/taper_1").with_({"optimise": {**asked, "variable": [variable]}})
+    return solve(Study(case), tapered)
+
+
+@pytest.mark.parametrize("start", ["-9.9 %/m", "0 %/m", "9.5 %/m"])
+def test_tapers_of_ten_percent(start: str):
+    """Runs that fail at both ends, also all about the start, neither stop it nor mislead it."""
+    found = any_taper("9.2 MJ/m", start)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(0.59, abs=0.05)
+    assert covered(found, 0.59)
+    assert found.runs["search"] <= 30
+
+
+def test_what_cannot_be_met_from_a_start_among_failures():
+    """Runs that miss a bound are nearer than runs that fail."""
+    found = any_taper("9.9 MJ/m", "-8 %/m")
+    assert found.status == "impossible"
+    assert found.worst is not None
+    assert found.worst.left == pytest.approx(-0.603e6, rel=2e-3)
+    assert found.values[0].at_end == "runs fail"
+
+
+def test_an_objective_of_steps():
+    """Without a slope, or with one that is no help: a place on the lowest step."""
+    found = solve(study(), lambda w: {STRESS: 5.0 + 2.0 * np.floor(abs(w.values[0] - 3.3) / 0.25)})
+    assert found.objective is not None
+    assert found.objective.value == pytest.approx(5.0)
+    assert covered(found, 3.3)
 
 
 def test_all_runs_fail():
