@@ -51,6 +51,14 @@ pytest_on_two_ranks() {
   return "$status"
 }
 
+# What mypy, begun beside the tests on two ranks, has found.
+told_by_mypy() {
+  local status=0
+  wait "$types" || status=$?
+  cat "$home/mypy.log"
+  return "$status"
+}
+
 # All others, spread over the cores.
 pytest_on_one_rank() {
   local cores status=0
@@ -64,14 +72,17 @@ step 'ruff check' inside ruff check --quiet --output-format concise .
 step 'ruff format' inside ruff format --check --quiet --output-format concise .
 # Later DOLFINx are annotated otherwise: one set of types can satisfy one of them alone.
 dolfinx=$(inside python -c 'import dolfinx; print(dolfinx.__version__)')
+types=
 if [[ $dolfinx == 0.9.* ]]; then
-  step 'mypy' inside python -m mypy
+  inside python -m mypy >"$home/mypy.log" 2>&1 & # on the core that is free
+  types=$!
 else
   summary+=("   mypy                   left out: the types are those of DOLFINx 0.9, not $dolfinx")
 fi
 if [[ $what == all ]]; then
   step 'pytest, 2 ranks' pytest_on_two_ranks "$@"
 fi
+[[ -z $types ]] || step 'mypy' told_by_mypy
 printf '== summary so far\n'
 printf '%s\n' "${summary[@]}"
 if [[ $what == all ]]; then

@@ -16,8 +16,10 @@ from castfem.results.sample import Sample
 
 CASE = Path(__file__).parents[2] / "cases" / "slab1200" / "bending.toml"
 COARSE = (
-    "coupling.interval=300 mm",
-    "thermal.time.adaptive.tolerance=4 K",
+    "coupling.interval=500 mm",
+    "thermal.time.adaptive.tolerance=12 K",
+    "mesh.core_size=30 mm",
+    "mesh.face_size=100 mm",
     "output.fields=[]",
     "output.figures=false",
 )
