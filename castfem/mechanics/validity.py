@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 FOLDED = 0.1  # what is left of the area of a cell that counts as folded
 COMPRESSED = 0.02  # elastic strain of the mean stress: hundreds of MPa, which no hot steel carries
+FRESH = 50.0  # K below the solidus: what is warmer has just frozen
 LOOK = "look at loads, supports, mould and cooling"
 SCANT = 0.01  # of the section: solid that is no shell yet, were it spread all round
 NO_SHELL = "there is no shell yet that could bear a load: let that begin later, or leave it out"
@@ -182,6 +183,7 @@ class Validity:
             found.append(Judged(-area, place, 0.0, "the liquid folds"))
         else:
             message = f"the shell turns by {{0:.3g}} rad (at most {limits.rotation:g})"
+            message += self._fresh(turned, temperature[: len(place)])
             found.append(Judged(turned[solid], place[solid], limits.rotation, message))
             shell = reductions.any_of(self._comm, bool(solid.any()))
             found += self._bulges(place, moved[solid] if shell else moved)
@@ -192,6 +194,21 @@ class Validity:
         squeezed = self._squeezed(state, temperature, mean)
         found.append(Judged(squeezed, self._points.mean.position[mean], COMPRESSED, message))
         return found + self._pressed(state)
+
+    def _fresh(self, turned: Array, temperature: Array) -> str:
+        """What to add where steel that has just frozen is turned, not the shell (collective).
+
+        Its cells have turned while they were liquid, whose stand-in follows the shell without
+        stiffness, and have kept that as they froze.
+        """
+        set_ = temperature <= self._law.elasticity.solidity.solidus - FRESH
+        most = reductions.largest(self._comm, turned[set_])
+        if not 0.0 <= most < 0.5 * self._limits.rotation:
+            return ""
+        return (
+            f", and no more than {most:.2g} rad where it is {FRESH:g} K below its solidus: cells "
+            "of the front that turned as liquid; other mesh.core_size, core_depth or face_size"
+        )
 
     def _pressed(self, state: MechanicalState) -> list[Judged]:
         """Elastic strain along each axis that pressure on the surface would make."""

@@ -44,6 +44,10 @@ MOST_BULGE = 0.05  # of the pitch: beyond, slopes are no longer small, and no st
 LEAST_BULGE = 50e-6  # m: a bed is no stiffer than the pressure over this
 LEAST_WITHIN = 1e-3  # of its stiffness: what holds a solid strand that no roll touches in its place
 EDGE = 0.32  # of the pitch: from the narrow face to where a clamped plate bulges as a strip
+WIDTHLESS = (
+    ". That is a strip, held by its rolls alone: where the narrow faces are not many pitches apart "
+    'they would hold it, too; mechanics.bulging = "elastic" leaves its creep out and goes on'
+)
 MOULD_PLAY = 1e-3  # m: what a face moves in the mould under a change of the pressure by itself
 
 
@@ -188,7 +192,8 @@ class PitchByPitch:
             bulge, added = self._bulge(passed - 1, _outward(group), span, profile)
             top, _, low = bulge.extremes()
             if (most := max(top, -low)) > MOST_BULGE * span.length:
-                raise RunFailure(_breaks_out(float(first), float(last), bulge, most))
+                creeps = isinstance(self.model(middle), CreepingStrip)
+                raise RunFailure(_breaks_out(float(first), float(last), bulge, most, creeps))
             # That of the shell between its rolls, p/w, and p is what is left of the head. Below
             # a lost roll a shell that has crept dips all along: it is as soft there.
             left = max(self.core.share_handed_on(profile), LEAST_WITHIN)
@@ -312,7 +317,7 @@ def _left_by(wall: Contact | None, end: float | None, half: float) -> float:
     return float(wall.wall.gap_function(middle, outward, end).gap[0])
 
 
-def _breaks_out(first: float, last: float, bulge: Bulge, most: float) -> str:
+def _breaks_out(first: float, last: float, bulge: Bulge, most: float, creeps: bool) -> str:
     """What is said of a shell that cannot span a pitch."""
     length = last - first
     by = f"{1e3 * most:.3g} mm" if most < length else "more than its pitch"
@@ -321,7 +326,7 @@ def _breaks_out(first: float, last: float, bulge: Bulge, most: float) -> str:
         f"{1e3 * bulge.thickness:.3g} mm would bulge by {by} (at most "
         f"{1e3 * MOST_BULGE * length:.3g} mm): it is too thin or too hot for a pitch of "
         f"{1e3 * length:.4g} mm; look at cooling and speed, and for rolls that are lost"
-    )
+    ) + (WIDTHLESS if creeps else "")
 
 
 def _outward(group: str) -> float:

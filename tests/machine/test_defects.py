@@ -128,6 +128,23 @@ def test_there_and_back_cancel() -> None:
         assert one.radius == other.radius
 
 
+@pytest.mark.parametrize(("roll", "pitch"), [(7, 0.25), (48, 0.335)])
+def test_neighbours_that_are_off_to_either_side_strain_by_a_closed_form(
+    roll: int, pitch: float
+) -> None:
+    """1/R goes by 6 d/p^2 in a pitch of time p/v: the surface by 3 f d v/p^3, 2.5e-3 1/s at #7."""
+    d, speed, thickness = 3e-3, 0.02, 0.22
+    off = {"kind": "misaligned", "roll": roll, "by": "3 mm"}
+    normal, largest = rolls_of(REFERENCE), []
+    for defects in ([off, off | {"roll": roll + 1, "by": "-3 mm"}], [off]):
+        pairs = zip(rolls_of(slab(*defects)).pairs, normal.pairs, strict=True)
+        change = np.array([1.0 / its.radius - 1.0 / pair.radius for its, pair in pairs])
+        time = np.diff([pair.position for pair in normal.pairs]) / speed
+        largest.append(np.abs(0.5 * thickness * np.diff(change) / time).max())
+    assert largest[0] == pytest.approx(3.0 * thickness * d * speed / pitch**3, rel=0.06)
+    assert largest[1] == pytest.approx(0.5 * largest[0], rel=0.2)  # its pitches are not alike
+
+
 def test_ten_millimetres_bend_the_strand_the_other_way() -> None:
     off = rolls_of(slab({"kind": "misaligned", "roll": 48, "by": "10 mm"}))
     assert off.pairs[47].radius == pytest.approx(-1.0 / (0.02 / 0.335**2 - 1 / 8.006), rel=5e-3)

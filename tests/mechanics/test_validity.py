@@ -20,6 +20,7 @@ def refusal(
     *,
     large: bool = False,
     generalized_strains: tuple[float, ...] = (0, 0, 0, 0),
+    right: float | None = None,
     **u: float,
 ) -> str:
     """What is said of a square of 4 x 4 cells whose middle, or all of it, is displaced.
@@ -28,7 +29,9 @@ def refusal(
         temperature: Of all of it, K.
         large: Whether strain is large.
         generalized_strains: Generalized strains.
-        u: "middle": the middle node along x, m; "xx", "xy", "yx": displacement gradients.
+        right: Of its right half, K, if that is another.
+        u: "middle": the middle node along x, m; "xx", "xy", "yx": displacement gradients; "half":
+            that is yx of the right half alone.
     """
     given = {"large_strain": large}
     setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), LAW, judge=True, given=given)
@@ -37,6 +40,7 @@ def refusal(
     x, y = problem.space.tabulate_dof_coordinates()[:, :2].T
     moved = np.column_stack([u.get("xx", 0.0) * x + u.get("xy", 0.0) * y, u.get("yx", 0.0) * x])
     moved[np.hypot(x - 0.5 * SIZE, y - 0.5 * SIZE) < 1e-9, 0] += u.get("middle", 0.0)
+    moved[:, 1] += u.get("half", 0.0) * np.maximum(x - 0.5 * SIZE, 0.0)
     problem.fields.u.x.array[:] = moved.ravel()
     problem.fields.generalized_strains.value[:] = generalized_strains
     state = replace(
@@ -44,7 +48,10 @@ def refusal(
         displacement=moved.ravel(),
         generalized_strains=np.array(generalized_strains, float),
     )
-    return judge.refusal(state, np.full(problem.points.count, temperature))
+    heat = np.full(problem.points.count, temperature)
+    if right is not None:
+        heat[problem.points.position[:, 0] > 0.5 * SIZE] = right
+    return judge.refusal(state, heat)
 
 
 @pytest.mark.parametrize("large", [False, True])
@@ -85,6 +92,17 @@ def test_small_strain_has_a_range() -> None:
     assert "look at loads" in refusal(HOT, xx=0.15)
     assert "there is no shell yet" in refusal(HOT, generalized_strains=(0.15, 0, 0, 0))
     assert refusal(HOT, xx=0.15, large=True) == ""
+
+
+def test_what_has_turned_as_liquid_is_told_from_a_shell_that_turns() -> None:
+    """The right half turns by atan(0.3), and is 10 or 700 K below the solidus of 1700 K."""
+    fresh = "and no more than 0 rad where it is 50 K below its solidus: cells of the front"
+    for right, told in ((1690.0, True), (COLD, False)):
+        found = refusal(COLD, half=0.6, right=right)
+        assert "the shell turns by 0.291 rad (at most 0.2)" in found
+        assert (fresh in found) == told
+    # Nothing is colder: it is not known which it is.
+    assert "below its solidus" not in refusal(1690.0, half=0.6)
 
 
 def test_strain_that_is_borne() -> None:

@@ -404,9 +404,10 @@ def test_a_pitch_that_no_shell_can_span_ends_the_run() -> None:
     places = {"position": ["0.9 m", "2.4 m", "2.6 m"]}
     rolls = deepcopy(SLAB["machine"]["rolls"]) | places  # type: ignore[index]
     said = r"between the rolls at 0\.9 and 2\.4 m a shell of \d.* \(at most 75 mm\)"
-    for model in ("creep", "elastic"):
-        with pytest.raises(RunFailure, match=said):
+    for model, creeps in (("creep", True), ("elastic", False)):
+        with pytest.raises(RunFailure, match=said) as told:
             run_in_memory(slab(machine={"rolls": rolls}, mechanics__bulging=model))
+        assert ("a strip, held by its rolls alone" in str(told.value)) == creeps
 
 
 def test_a_strand_without_a_shell_ends_the_run() -> None:
