@@ -266,16 +266,25 @@ def parse_any(text: object) -> tuple[float, str]:
     _, written = split(text)
     if not written:
         return parse(text, "1"), "1"
-    parsed = _parse_unit(written)
+    si = _si_of(written)
+    return parse(text, si), si
+
+
+@lru_cache(maxsize=1024)  # a sweep reads the same units again for each of its cases
+def _si_of(unit: str) -> str:
+    """Return the name of the SI unit of the same dimension, as `parse_any`.
+
+    Raises:
+        ValueError: The unit is unknown.
+    """
+    parsed = _parse_unit(unit)
     if parsed.dimensionless:
-        si = "rad" if "radian" in str(parsed) or "degree" in str(parsed) else "1"
-        return parse(text, si), si
+        return "rad" if "radian" in str(parsed) or "degree" in str(parsed) else "1"
     registry = _registry()
     for si in NAMES:
         if si != "1" and registry.parse_units(si).dimensionality == parsed.dimensionality:
-            return parse(text, si), si
-    si = f"{registry.get_base_units(parsed)[1]:C}"
-    return parse(text, si), si
+            return si
+    return f"{registry.get_base_units(parsed)[1]:C}"
 
 
 def number_in(text: object, unit: str) -> float | None:
