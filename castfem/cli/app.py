@@ -12,7 +12,6 @@ from typing import Annotated
 import typer
 
 from castfem import __version__
-from castfem.case import shipped_cases
 from castfem.cli import studies
 from castfem.cli.options import Accuracy, At, CaseName, Overrides, Quiet, Units, Verbose
 from castfem.errors import InputError
@@ -25,6 +24,17 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _find(case: str) -> Path:
+    """The file of a case; nothing of the models of cases is imported before one is asked for.
+
+    Raises:
+        InputError: There is no such case.
+    """
+    from castfem.case import shipped_cases
+
+    return shipped_cases.find(case)
 
 
 def _version(wanted: bool) -> None:
@@ -91,7 +101,7 @@ def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
     """Check a case, its steel and its mesh without running it."""
     from castfem.cli.checking import check_case
 
-    text = check_case(case, shipped_cases.find(case), set_ or ())
+    text = check_case(case, _find(case), set_ or ())
     if not quiet:
         print(text)
 
@@ -99,6 +109,8 @@ def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
 @app.command()
 def cases() -> None:
     """List the cases shipped with castfem."""
+    from castfem.case import shipped_cases
+
     shipped = shipped_cases.shipped()
     width = max((len(name) for name in shipped), default=0)
     for name, path in shipped.items():
@@ -246,7 +258,7 @@ def mesh(
     from castfem.case import load_case
     from castfem.cli.drawing import draw_mesh
 
-    path = shipped_cases.find(case)
+    path = _find(case)
     draw_mesh(load_case(path, set_ or ()), output or Path(f"{path.stem}_mesh.png"))
 
 
@@ -271,7 +283,7 @@ def mould(
     from castfem.case import load_case
     from castfem.cli.mould import draw_mould
 
-    path = shipped_cases.find(case)
+    path = _find(case)
     if hot or coupled:
         from castfem.cli.hot_mould import draw_hot_mould
 
@@ -296,7 +308,7 @@ def section(
     from castfem.case import load_case
     from castfem.cli.section import find
 
-    path = shipped_cases.find(case)
+    path = _find(case)
     find(load_case(path, set_ or ()), output or Path(f"{path.stem}_section.png"), case, at)
 
 
@@ -315,7 +327,7 @@ def machine(
     from castfem.case import load_case
     from castfem.cli.machine import draw_machine
 
-    path = shipped_cases.find(case)
+    path = _find(case)
     target = output or Path(f"{path.stem}_machine.png")
     draw_machine(load_case(path, set_ or ()), target, case, run)
 

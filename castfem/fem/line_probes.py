@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 from petsc4py import PETSc
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
 
 from castfem.fem import reductions
 from castfem.fem.locate import locate
 from castfem.fem.section import Section
 from castfem.values.types import Array, Indices
+
+if TYPE_CHECKING:
+    from scipy import sparse
 
 SAMPLES = 401  # along a line, packed towards the surface
 _INSIDE = 1e-9  # of the line's length: how far the first and last sample are drawn inward
@@ -87,7 +91,7 @@ class LineProbes:
         rows, columns, weights, sizes = locate(section, self._points, self._along)
         self._matrix = self._interpolation(rows, columns, weights)
         self._field, self._samples = self._matrix.createVecs()
-        self._starts = self._rows_of_starts(rows, columns, weights)
+        self._of_starts = self._rows_of_starts(rows, columns, weights)
         self._cells = dict(zip(self.lines, self._per_line(self._of_all(rows, sizes)), strict=True))
 
     def _interpolation(
@@ -107,8 +111,8 @@ class LineProbes:
 
     def _rows_of_starts(
         self, mine: Indices, columns: list[npt.NDArray[np.int32]], weights: list[Array]
-    ) -> sparse.csr_matrix:
-        """This rank's columns of the samples on the surface: (lines x owned vertices)."""
+    ) -> Array:
+        """This rank's columns of the samples on the surface: line, owned vertex, weight (n, 3)."""
         first, last = self._matrix.getOwnershipRangeColumn()
         found = [
             (row // SAMPLES, column - first, weight)
@@ -119,9 +123,16 @@ class LineProbes:
             for column, weight in zip(cols, vals, strict=True)
             if first <= column < last
         ]
-        entries = np.array(found, float).reshape(-1, 3)
-        places = (entries[:, 0].astype(int), entries[:, 1].astype(int))
-        return sparse.csr_matrix((entries[:, 2], places), shape=(len(self.lines), last - first))
+        return np.array(found, float).reshape(-1, 3)
+
+    @cached_property
+    def _starts(self) -> sparse.csr_matrix:
+        """The same as a matrix (lines x owned vertices)."""
+        from scipy import sparse  # slow to import; a run of the temperature does without
+
+        lines, columns, weights = self._of_starts.T
+        shape = (len(self.lines), self.section.owned)
+        return sparse.csr_matrix((weights, (lines.astype(int), columns.astype(int))), shape=shape)
 
     def _of_all(self, mine: Indices, values: Array) -> Array:
         """Values of the samples, each from the rank that has it (n,)."""

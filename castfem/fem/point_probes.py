@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import sparse
 
 from castfem.fem import reductions
 from castfem.fem.locate import locate
@@ -23,6 +22,8 @@ class PointProbes:
     """
 
     def __init__(self, section: Section, points: Array) -> None:
+        from scipy import sparse  # slow to import, and most runs have no such points
+
         self._comm, n = section.comm, len(points)
         along = np.tile([1.0, 0.0], (n, 1))
         rows, columns, weights, _ = locate(section, points, along)

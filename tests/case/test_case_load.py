@@ -337,6 +337,15 @@ def test_cases_are_loaded_without_heavy_modules(write):
     subprocess.run([sys.executable, "-c", code, str(write())], check=True)
 
 
+def test_the_commands_are_known_without_the_models_of_cases():
+    """`castfem --help` and the shell's completion answer without numpy and pydantic."""
+    code = (
+        "import sys, castfem.cli.app; bad = {'numpy', 'pydantic', 'pint', 'castfem.case'} "
+        "& set(sys.modules); assert not bad, bad"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_overrides_take_bare_names(write, sound):
     case = load_case(write(sound), ("speed=3 m/min",))
     assert case.casting.speed == pytest.approx(0.05)
