@@ -207,7 +207,8 @@ class Validity:
             return ""
         return (
             f", and no more than {most:.2g} rad where it is {FRESH:g} K below its solidus: cells "
-            "of the front that turned as liquid; other mesh.core_size, core_depth or face_size"
+            "of the front that turned as liquid; another mesh.core_size, or liquid that presses "
+            "(mechanics.ferrostatic)"
         )
 
     def _pressed(self, state: MechanicalState) -> list[Judged]:
