@@ -13,7 +13,6 @@ from benchmarks.report import Output
 
 def test_springs_carry_less_than_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wall_study, "SPRINGS", (None, 1e-7))
-    monkeypatch.setattr(wall_study, "QUIET", (*wall_study.QUIET, 'casting.length="200 mm"'))
     wall_study.springs(Output(tmp_path), quick=True)
     with (tmp_path / "data" / "springs.csv").open(encoding="utf-8") as file:
         held, sprung = csv.DictReader(file)

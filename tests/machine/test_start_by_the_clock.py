@@ -47,11 +47,12 @@ def test_a_whole_run_by_the_clock() -> None:
     spray = {"law": "spray", "correlation": "nozaki", "water_temperature": "25 degC"}
     flows = {"time": [60, 61], "time_unit": "s", "value": [0, 2], "unit": "L/min"}
     then = {**flows, "time": [0, 1]}
+    water = {"cooling.0.to": "100 mm"}  # over which it is spread
     by_clock = cast(**{
-        "cooling.0.surface": [spray | {"flow": flows}], "casting__speed": RAMP,
-        "casting__start__time": "60 s",
+        **water | {"cooling.0.surface": [spray | {"flow": flows}]},
+        "casting__speed": RAMP, "casting__start__time": "60 s",
     })  # fmt: skip
-    own = cast(**{"cooling.0.surface": [spray | {"flow": then}], "casting__speed": LATER})
+    own = cast(**water | {"cooling.0.surface": [spray | {"flow": then}], "casting__speed": LATER})
     one, other = (castfem.run(case).history["heat_removed"].to_numpy() for case in (by_clock, own))
     assert len(one) == len(other) and one == pytest.approx(other, rel=1e-9)
 

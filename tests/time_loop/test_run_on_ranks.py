@@ -106,7 +106,7 @@ def assert_same_state(one: Path, other: Path) -> dict[str, np.ndarray]:
 def test_nitsche_with_friction_on_two_ranks(tmp_path: Path) -> None:
     """What Nitsche's method keeps at the wall among it."""
     elastic = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
-    changes = (*MOULDED, *elastic, "mould.contact=nitsche", "casting.length=150 mm")
+    changes = (*MOULDED, *elastic, "mould.contact=nitsche", "casting.length=120 mm")
     for ranks in (1, 2):
         run(tmp_path / str(ranks), ranks, "taper_0", changes)
     one, two = (tmp_path / str(ranks) for ranks in (1, 2))
