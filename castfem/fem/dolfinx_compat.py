@@ -13,7 +13,7 @@ import dolfinx
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem, graph, la
 from dolfinx import mesh as dmesh
 
 CELLS = 1  # identifier of the cells in the measures of a `CellForm`
@@ -138,11 +138,24 @@ def create_mesh(
     points: npt.NDArray[np.float64],
     cell: str,
     order: int,
+    parts: npt.NDArray[np.int32] | None = None,
 ) -> dmesh.Mesh:
-    """Distribute `points` (n, dimension) and `cells` (m, k), both given on rank 0 alone."""
+    """Distribute `points` (n, dimension) and `cells` (m, k), both given on rank 0 alone.
+
+    `parts` are the ranks of the cells (m,), there alone, too; without it a graph partitioner cuts.
+    """
     element = basix.ufl.element("Lagrange", cell, order, shape=(points.shape[1],))
+
+    def given(*_: Any) -> Any:
+        assert parts is not None
+        found = graph.adjacencylist(parts, np.arange(len(parts) + 1, dtype=np.int32))
+        return getattr(found, "_cpp_object", found)
+
     # 0.10 swapped the order of x and e: by name it is the same call.
-    return dmesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element))
+    partitioner = None if parts is None or comm.size == 1 else given
+    return dmesh.create_mesh(
+        comm, cells=cells, x=points, e=ufl.Mesh(element), partitioner=partitioner
+    )
 
 
 def geometry_dofmap(mesh: dmesh.Mesh) -> npt.NDArray[np.int32]:

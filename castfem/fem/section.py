@@ -14,6 +14,7 @@ from dolfinx import mesh as dmesh
 
 from castfem.errors import InputError
 from castfem.fem import dolfinx_compat
+from castfem.fem.partition import straight_cuts
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -56,14 +57,24 @@ class Section:
         per_cell = {("triangle", 1): 3, ("triangle", 2): 6}.get((cell, order), (order + 1) ** 2)
         if root and source is not None:
             points, cells = np.ascontiguousarray(source.points), source.cells.astype(np.int64)
+            parts = self._ranks_of_cells(source)
         else:
             points, cells = np.zeros((0, 2)), np.zeros((0, per_cell), np.int64)
-        self.mesh = dolfinx_compat.create_mesh(comm, cells, points, cell, order)
+            parts = np.zeros(0, np.int32)
+        self.mesh = dolfinx_compat.create_mesh(comm, cells, points, cell, order, parts)
         self.vertex_space = fem.functionspace(self.mesh, ("Lagrange", 1))
         self.cells = int(self.mesh.topology.index_map(2).size_local)
         self._number_nodes()
         self.facet_tags = self._tag(facets, facet_group)
         self.compiled: list[str] = []
+
+    def _ranks_of_cells(self, source: SectionMesh) -> npt.NDArray[np.int32]:
+        """Which rank each cell goes to (m,)."""
+        outer = [i for i, name in enumerate(self.groups) if name in self.outer_groups]
+        at_surface = np.zeros(len(source.points), dtype=bool)
+        at_surface[source.facets[np.isin(source.facet_group, outer)]] = True
+        rim = at_surface[source.cells].any(axis=1)
+        return straight_cuts(source.points, source.cells, rim, self.comm.size)
 
     def compile(self, name: str, form: ufl.Form) -> fem.Form:
         """Compile `form`, noting `name`: what a simulation compiled is part of its record."""

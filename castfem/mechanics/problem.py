@@ -133,7 +133,7 @@ class MechanicalProblem:
     def _build_solver(self, options: Options) -> None:
         """SNES on displacement and scalars."""
         symmetric = self.kinematics.symmetric
-        nonlinear, linear = split_options(options, symmetric)
+        nonlinear, linear = split_options(options, symmetric, self.section.comm.size)
         self._part = ActivePart(self.kinematics, self.space, self.scales)
         self._tangent = Tangent(self.kinematics, self.fields, self.constraints, self._work)
         prefix = "mechanical_"
