@@ -58,13 +58,13 @@ def test_coarse_run_is_near_the_reference_at_every_instant() -> None:
 def test_independent_script_gives_the_same_on_the_same_triangles(corner: str) -> None:
     """Lumped storage on triangles is the vertex rule: what is left is Newton's tolerance."""
     pytest.importorskip("skfem", reason="scikit-fem is an extra: pip install 'castfem[benchmark]'")
-    from benchmarks import duel, opponent
+    from benchmarks import duel, opponent, plain_heat
 
     settings = replace(COARSE, corner=corner)
     ours = run(settings)
     mesh = build_mesh(billet_case(settings))
     problem = opponent.Billet(
-        opponent.mesh_from(mesh.points, mesh.cells), "lumped", "splu", duel._outer(corner)
+        plain_heat.mesh_from(mesh.points, mesh.cells), "lumped", "splu", duel._outer(corner)
     )
     theirs = opponent.advance(problem, "sdirk2", settings.step or 0.0)
     assert theirs.vertices == ours.vertices
