@@ -126,9 +126,24 @@ def _cells(row: Row) -> tuple[str, str, str]:
     return f"  by {p.name}, {at}", slope, relative
 
 
+def _told(found: Sensitivity, name: str) -> str:
+    """Return where contact is about to change with a parameter; "" where it is not."""
+    met = [kink for kink in found.kinks if kink.parameter == name]
+    if not met:
+        return ""
+    x, y = (1e3 * part for part in met[0].place)
+    return (
+        f"by {name}: {met[0].points} points of the surface are about to touch the mould or to "
+        f"leave it {1e3 * met[0].position:.4g} mm below the meniscus (x = {x:.4g} mm, "
+        f"y = {y:.4g} mm), in {len(met)} windows of the run: what hangs on them has the "
+        "derivative to one side"
+    )
+
+
 def remarks(found: Sensitivity) -> list[str]:
     """Return what else is to be known of the derivatives, a line each."""
-    lines = []
+    lines = [_told(found, p.name) for p in found.parameters]
+    lines = [line for line in lines if line]
     for row in found.rows():
         if row.sides is not None:
             lines.append(

@@ -214,7 +214,12 @@ class Sliding:
 
 
 def return_friction(
-    law: Friction, trial: Array, pressure: Array, stiffness: Array, dt: float
+    law: Friction,
+    trial: Array,
+    pressure: Array,
+    stiffness: Array,
+    dt: float,
+    held: tuple[Flags, Flags] | None = None,
 ) -> Sliding:
     """Bring trial friction back to what the law allows, along its own direction.
 
@@ -224,15 +229,18 @@ def return_friction(
         pressure: Contact pressure (n,), Pa; no friction where it is 0.
         stiffness: K_tau (n,), Pa/m.
         dt: Length of the step, s.
+        held: Points that touch, and those that slide, whatever pressure and trial say.  Viscous
+            friction slides where it does.
     """
-    touches = pressure > 0.0
+    touches = pressure > 0.0 if held is None else held[0]
     size = np.hypot(*trial.T)
     limit, slope = law.threshold(pressure)
     limit, slope = limit * touches, slope * touches
-    slides = touches & (size > limit)
+    viscous = law.excess(np.zeros(0)) is not None
+    slides = touches & (size > limit) if held is None or viscous else held[1]
     direction = trial / np.maximum(size, 1e-300)[:, None]
     new, by_pressure, by_size = limit, slope, np.zeros_like(size)
-    if law.excess(np.zeros(0)) is not None:
+    if viscous:
         new, by_limit = limit.copy(), np.ones_like(size)
         damping = stiffness[slides] * dt
         new[slides], by_limit[slides] = _viscous(law, size[slides], limit[slides], damping)

@@ -15,7 +15,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from castfem.contact.interfaces import Motion
+from castfem.contact.interfaces import Motion, Solid
 from castfem.fem import reductions
 from castfem.fem.section import Section
 from castfem.forms.mechanics import Direction, of_generalized_strains
@@ -140,15 +140,30 @@ class Interaction(ABC):
         """
         if not directions.shape[1]:
             return np.zeros(0)
+        form, work = self._work_form(), np.zeros(directions.shape[1])
+        for i, direction in enumerate(directions.T):
+            self._motion.one.value[:] = direction
+            work[i] = fem.assemble_scalar(form)
+        resistance = directions[:3].T @ self._old.withdrawal_resistance
+        return reductions.totals(self.section.comm, work) - resistance
+
+    def _work_form(self) -> fem.Form:
+        """Its work on the direction that the motion holds, compiled when it is asked for first."""
         if self._generalized_work is None:
             form = self.virtual_work(of_generalized_strains(self._motion.one, self.section.mesh))
             self._generalized_work = self.section.compile(f"{self.name}.generalized_work", form)
-        work = np.zeros(directions.shape[1])
-        for i, direction in enumerate(directions.T):
-            self._motion.one.value[:] = direction
-            work[i] = fem.assemble_scalar(self._generalized_work)
-        resistance = directions[:3].T @ self._old.withdrawal_resistance
-        return reductions.totals(self.section.comm, work) - resistance
+        return self._generalized_work
+
+    def of_slice(self, given: Any, solid: Solid) -> Interaction:
+        """The same for another slice on the same mesh, to be asked for its residual alone.
+
+        It shares forms and what they see: use the two in turn. What acts here does so there.
+
+        Args:
+            given: Its settings.
+            solid: What the other slice is made of.
+        """
+        raise NotImplementedError(f"{self.name} has no derivatives")
 
     def hold(self, on: bool) -> bool:
         """Keep closed what was so at the start of the step, or let it open again (collective).

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -10,6 +10,7 @@ import numpy.typing as npt
 from castfem.values.types import Array, Flags
 
 OPEN, STICK, SLIP = 0, 1, 2
+CONTACT = "contact."  # before the names of its numbers among those of the whole slice
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,13 +41,19 @@ class ContactState:
     status: npt.NDArray[np.int8]
     weight: Array
 
+    def numbers(self) -> dict[str, Array]:
+        """All but the status, by its name with "contact." before it."""
+        names = (one.name for one in fields(self) if one.name != "status")
+        return {f"{CONTACT}{name}": getattr(self, name) for name in names}
+
 
 @dataclass(slots=True)
 class ContactEvaluation:
     """Contact at one set of unknowns, by facet point; most names are those of `ContactState`.
 
     Attributes:
-        slides: Whether points slide. stretch: Length of surface over undeformed length.
+        closed: Whether points touch. slides: Whether they slide.
+        stretch: Length of surface over undeformed length.
         coefficients: What the forms see (n, columns). strain: Increment (n, 4), of Nitsche's law.
     """
 
@@ -55,6 +62,7 @@ class ContactEvaluation:
     gap: Array
     pressure: Array
     friction: Array
+    closed: Flags
     slides: Flags
     stretch: Array
     coefficients: Array

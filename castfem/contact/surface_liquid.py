@@ -6,6 +6,8 @@ depth; friction is borne by what is solid, and so is the stress that Nitsche's m
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 import ufl
 
@@ -53,7 +55,15 @@ class SurfaceLiquid:
         self.temperatures: tuple[Array, Array] = (nothing, nothing)
         self.pool = self._gap = nothing
         self.molten: Flags = np.zeros(facets.count, dtype=bool)
-        self._opened = self.molten
+        self._opened: Flags = self.molten
+        self._fluid: Flags = self.molten
+        self._run: SurfaceLiquid | None = None
+
+    def of_solid(self, solid: Solid) -> SurfaceLiquid:
+        """That of another slice: what is molten or liquid here is so there."""
+        other = copy.copy(self)
+        other._solid, other._run = solid, self
+        return other
 
     def begin(self, gap: Array, before: Array, after: Array, end: float) -> None:
         """Prepare a step (collective).
@@ -73,9 +83,12 @@ class SurfaceLiquid:
             backed = np.maximum(new, self._below()) if self.fed else new
             self.molten = backed > solidity.solidus
         if self.fed:
-            fluid = solidity.weight(new) == 0.0
-            self.pool = np.where(fluid, self._pressure(new), 0.0)
-            self._opened = fluid & (old <= solidity.solidus) & (gap > LEAK)
+            self._fluid = solidity.weight(new) == 0.0
+        if self._run is not None:
+            self.molten, self._fluid = self._run.molten, self._run._fluid
+        if self.fed:
+            self.pool = np.where(self._fluid, self._pressure(new), 0.0)
+            self._opened = self._fluid & (old <= solidity.solidus) & (gap > LEAK)
 
     def breakout(self) -> str:
         """Where the shell melts open off the wall in a step; empty if nowhere (collective).

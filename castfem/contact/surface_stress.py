@@ -5,6 +5,8 @@ The constitutive law has a further rule of points there, with a state of its own
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from scipy import sparse
 
@@ -72,6 +74,13 @@ class SurfaceStress:
         self._old, self._temperatures, self._dt = old, temperatures, dt
         self._coefficients = self._law.coefficients(before, after)
         self._liquid = liquid
+
+    def of_law(self, law: Law) -> SurfaceStress:
+        """The same for another law, with a response of its own."""
+        other = copy.copy(self)
+        other._law = law
+        other.response = Response.empty(len(self.strain), len(law.state_names))
+        return other
 
     def _increments(self) -> tuple[Array, Array, Array]:
         """Strain increments (n, 4), and the old stress and state turned with the material."""

@@ -6,6 +6,7 @@ Everything is evaluated at the facets' quadrature points with numpy; the forms o
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 
 import numpy as np
@@ -80,6 +81,17 @@ class WallContact(Interaction):
         # One for all points: uniform pressure is then a uniform penetration (patch test).
         self._height = area / length
         self.now: ContactEvaluation | None = None
+        self._run: WallContact | None = None
+
+    def of_slice(self, given: Contact, solid: Solid) -> WallContact:
+        """See `Interaction`: what touches, sticks, slides and is liquid here does so there."""
+        self._work_form()
+        other = copy.copy(self)
+        other.contact, other._solid, other._run, other.now = given, solid, self, None
+        other.liquid = self.liquid.of_solid(solid)
+        if self._stress is not None:
+            other._stress = self._stress.of_law(solid.law)
+        return other
 
     def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
         """Geometry the forms see, and Nitsche's stress."""
@@ -190,12 +202,16 @@ class WallContact(Interaction):
         drawn = -stress - self.stiffness * near
         pool = np.where(np.isfinite(gap), self.liquid.pool, 0.0)
         wets = pool > 0.0
+        status = None if self._run is None else self._run.status
         if self._stress is not None:
             drawn[wets] = -self.stiffness[wets] * near[wets]
             by_strain[wets], by_turn[wets] = 0.0, 0.0
         pressure = np.where(self._kept_closed | wets, drawn, pressure)
         # What just touches holds, too: a block laid on a wall would have no support at first.
         closed = (drawn >= 0.0) | self._kept_closed | wets
+        if status is not None:
+            closed = status[0]
+            pressure = np.where(closed, drawn, 0.0)
         coefficients: Array = np.zeros((self.facets.count, WIDTH))
         coefficients[:, NORMAL], coefficients[:, STIFFNESS] = n, self.stiffness * closed
         if self._stress is not None:
@@ -213,20 +229,27 @@ class WallContact(Interaction):
         slides: Flags = closed
         friction: Array = np.zeros((self.facets.count, 2))
         if self.contact.friction is not None:
-            slides, friction = self._with_friction(coefficients, along, moved - before, pressure)
+            slides, friction = self._with_friction(
+                coefficients, along, moved - before, pressure, status
+            )
         self._given.fill(coefficients)
         if wets.any():
             pressure, n = _directed(borne, n, wets, pressure)
         strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
         place = self.facets.position + moved
         self.now = ContactEvaluation(
-            place, n, gap, pressure, friction, slides, stretch, coefficients, strain
+            place, n, gap, pressure, friction, closed, slides, stretch, coefficients, strain
         )
         far = float(np.abs(moved).max(initial=0.0))
         return self._rounding * reductions.largest(self.section.comm, np.array([far]))
 
     def _with_friction(
-        self, coefficients: Array, along: Array, slip: Array, pressure: Array
+        self,
+        coefficients: Array,
+        along: Array,
+        slip: Array,
+        pressure: Array,
+        status: tuple[Flags, Flags] | None,
     ) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction.
 
@@ -238,7 +261,9 @@ class WallContact(Interaction):
             [np.einsum("ni,ni->n", along, slip), np.full(len(along), self._slip)]
         )
         trial = self._old.friction - self.stiffness[:, None] * moved
-        answer = return_friction(self.contact.friction, trial, pressure, self.stiffness, self._dt)
+        answer = return_friction(
+            self.contact.friction, trial, pressure, self.stiffness, self._dt, status
+        )
         for part in (answer.traction, answer.by_pressure, answer.by_trial):
             part[self.liquid.molten] = 0.0
         frame = np.zeros((len(along), 3, 2))
@@ -264,6 +289,12 @@ class WallContact(Interaction):
             gap = self.strand.gap_to(self.contact.wall, self._position, moved, strand)[1]
             self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
+
+    @property
+    def status(self) -> tuple[Flags, Flags]:
+        """Which points (n,) touched when they were evaluated last, and which slid."""
+        assert self.now is not None
+        return self.now.closed, self.now.slides
 
     def evaluated(self) -> ContactEvaluation | None:
         """See `Interaction`."""

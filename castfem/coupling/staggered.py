@@ -20,6 +20,7 @@ from castfem.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
 from castfem.errors import RunFailure
 from castfem.fem import reductions
 from castfem.support import log
+from castfem.thermal.boundary import Patch
 from castfem.thermal.stepper import ThermalState
 from castfem.values.types import Array
 
@@ -122,6 +123,9 @@ class CooledSurface(Protocol):
     def follow_shape(self) -> None:
         """Cool the surface where it is now."""
 
+    def weights_now(self) -> list[tuple[Patch, Array]]:
+        """Shares of the perimeter that its patches would have where it is now, m."""
+
 
 def difference(one: Array, other: Array) -> Array:
     """One gap less another; 0 where both are without a wall."""
@@ -219,7 +223,7 @@ class StaggeredCoupling:
         given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
         repeats = begun is not None and self.order == "thermal_first"
         learnt = self.thermal.control.step
-        relaxed = Relaxation(self.mechanics.comm, self.surface.perimeter_share())
+        relaxed = self._relaxation()
         taken = self._iterate(old, end, gap)
         while taken.converged and repeats:
             assert begun is not None and gap is not None and taken.state.mechanical is not None
@@ -242,6 +246,10 @@ class StaggeredCoupling:
         if not (taken.converged and taken.gap_converged):
             self.thermal.control.step = learnt
         return taken if taken.converged else replace(taken, state=given)
+
+    def _relaxation(self) -> Relaxation:
+        """Of the gap of one window."""
+        return Relaxation(self.mechanics.comm, self.surface.perimeter_share())
 
     def _iterate(self, old: StrandState, end: float, gap: Array | None) -> CouplingWindow:
         """One iteration of the coupling, with one gap at each vertex."""

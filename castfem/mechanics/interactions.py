@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -55,6 +56,13 @@ class Interactions:
     ) -> Iterator[tuple[Interaction, InteractionState]]:
         """Each with its state."""
         return zip(self._each, states, strict=True)
+
+    def of_slice(self, given: Sequence[SurfaceInteraction], solid: Solid) -> Interactions:
+        """Those of another slice, see `Interaction.of_slice`."""
+        other = copy.copy(self)
+        pairs = zip(self._each, given, strict=True)
+        other._each = tuple(one.of_slice(its, solid) for one, its in pairs)
+        return other
 
     def always_held(self) -> tuple[Array, Array] | None:
         """Places (n, 2), m, and directions (n, 2) along which they are held in every step."""

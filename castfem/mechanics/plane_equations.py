@@ -5,6 +5,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -52,6 +53,12 @@ class PlaneEquations:
         self._interactions, self._scales = interactions, scales
         self._comm, self._drag = scales.comm, 0.0
         self._rest: Array = np.zeros(4)
+
+    def of_slice(self, planes: Planes, interactions: Interactions) -> PlaneEquations:
+        """Those of another slice on the same mesh, which share the compiled forms."""
+        other = copy.copy(self)
+        other._planes, other._interactions = planes, interactions
+        return other
 
     def begin(self, old: MechanicalState, time: float) -> None:
         """Prepare a step from the committed state `old` to `time` (s)."""

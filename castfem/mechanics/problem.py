@@ -16,6 +16,7 @@ import numpy as np
 from dolfinx import fem, la
 
 from castfem.constitutive.base import Response
+from castfem.contact.state import ContactState
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
 from castfem.fem.bordered_system import BorderedSystem
@@ -399,6 +400,8 @@ class MechanicalProblem:
         other = copy.copy(self)
         other._run = self
         other.slice, other._material = slice_, Material(slice_.law, self.active)
+        other.interactions = self.interactions.of_slice(slice_.interactions, slice_)
+        other.planes = self.planes.of_slice(slice_.planes, other.interactions)
         other.residual_state, other._integrated = None, None
         return other
 
@@ -422,7 +425,12 @@ class MechanicalProblem:
         beside = self.slice.law.initial_state(points)
         if self.liquid is not None:
             self.liquid.follow(self.fields.u)
-        return {
+        contact = next((s for s in self.interactions.states() if isinstance(s, ContactState)), None)
+        of_contact = {} if contact is None else contact.numbers()
+        dissipation, n = np.zeros(self.points.deviator_points), self.active.deviator_points
+        dissipation[self.active.deviator] = self.response.dissipation[:n]
+        return of_contact | {
+            "dissipation": dissipation,
             "displacement": self.fields.u.x.array.copy(),
             "generalized_strains": found.generalized_strains.copy(),
             "scalars": self.free_scalars(found.local),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from castfem.contact.wall_contact import WallContact
@@ -30,6 +32,12 @@ class SurfaceGap:
         # What a vertex off the surface gets of the facets around it is rounding.
         self.dofs = np.flatnonzero(length > 1e-9 * reductions.largest(section.comm, length))
         self._places = section.vertex_space.tabulate_dof_coordinates()[self.dofs, :2]
+
+    def to_wall(self, contact: WallContact) -> SurfaceGap:
+        """The gap of the same vertices to the wall of another contact on the same points."""
+        other = copy.copy(self)
+        other._contact = contact
+        return other
 
     def _gathered(self, density: Array) -> Array:
         """Sum of values at facet points by the vertices' hat functions (owned,)."""

@@ -17,15 +17,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from castfem.case.build_machine import build_machine
+from castfem.contact.state import CONTACT
 from castfem.errors import RunFailure
 from castfem.fem import reductions
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
+from castfem.mechanics.surface_gap import SurfaceGap
+from castfem.sensitivity.kinks import Kinks
 from castfem.sensitivity.varied import Variation, Varied
 from castfem.simulation.mechanics import make_slice
 from castfem.simulation.simulation import Simulation, case_steel
@@ -35,6 +40,9 @@ CARRIED = ("displacement", "generalized_strains", "scalars", "stress", "internal
 """Parts of a mechanical state that depend on what was before."""
 NARROW = (5e-2, 5e-4)  # of the step of a parameter: differences of the residual to try
 UNEVEN = 1e-3  # of a difference: how far its two halves may be apart
+
+EXACT = 1e-7  # of the right-hand side: what the derivative may leave out of balance
+SOLVES = 3  # with the tangent, at most
 
 Slopes = dict[str, Array]
 
@@ -71,11 +79,12 @@ class MechanicalDerivatives:
             for end, sign in ((variation.above, 1.0), (variation.below, -1.0)):
                 self._give_mechanics(variation, end, sign * variation.parameter.step)
         self.slopes: list[Slopes] = [{} for _ in self.variations]
-        self._marked = self.slopes
+        self.marked = self.slopes
+        self.kinks = Kinks(simulation.section.comm)
 
     def mark(self) -> None:
         """Keep the derivatives of a committed state: a window that fails begins there again."""
-        self._marked = self.slopes
+        self.marked = self.slopes
 
     def _slice(self, variation: Variation, by: float) -> Slice:
         """The slice with a parameter moved, in its unit."""
@@ -85,11 +94,10 @@ class MechanicalDerivatives:
         assert case.mechanics is not None
         alike = case.steel == simulation.case.steel
         steel = parameter.steel_at(simulation.steel if alike else case_steel(case), value)
-        end = variation.above if by > 0.0 else variation.below
+        machine = build_machine(case)
         made = make_slice(
-            case, case.mechanics, end.simulation.machine, steel, simulation.section,
-            simulation.probes,
-        )  # fmt: skip
+            case, case.mechanics, machine, steel, simulation.section, simulation.probes
+        )
         return replace(made, law=parameter.law_at(made.law, value))
 
     def _sides_of(self, variation: Variation) -> list[tuple[Side, Side]]:
@@ -107,6 +115,48 @@ class MechanicalDerivatives:
         problem = self._problem.of_slice(self._slice(variation, by))
         stepper = MechanicalStepper(problem, judge=False)
         end.simulation = replace(end.simulation, mechanics=stepper)
+
+    def gaps(
+        self, gap: SurfaceGap, state: MechanicalState, slopes: Sequence[Slopes]
+    ) -> list[Array]:
+        """Derivatives of the gap that heat crosses by each parameter (owned,), m (collective).
+
+        Args:
+            gap: Measures it.
+            state: Whose gap it is.
+            slopes: Of that state, by each parameter.
+        """
+        here, found = gap.at(state), []
+        open_ = (here > 0.0) & np.isfinite(here)
+        for variation, its, pairs in zip(self.variations, slopes, self._sides, strict=True):
+            pair, ends = pairs[0], []
+            for side in pair:
+                moved = _moved(state, its, side.by)
+                moved = replace(moved, time=state.time + side.by * variation.lateness(state.time))
+                contact = side.problem.contact
+                assert contact is not None
+                ends.append(gap.to_wall(contact).at(moved))
+            slope = np.zeros(self._simulation.section.owned)
+            apart = _apart(ends[0], ends[1]) / (pair[0].by - pair[1].by)
+            slope[gap.dofs] = np.where(open_, apart, 0.0)
+            found.append(slope)
+        return found
+
+    def look(self, state: MechanicalState) -> None:
+        """Note where contact is about to change in a committed state (collective)."""
+        contact = self._problem.contact
+        if contact is None or contact.now is None or state.contact is None:
+            return
+        position = self._simulation.machine.position(state.time)
+        for variation, slopes in zip(self.variations, self.slopes, strict=True):
+            if slopes:
+                self.kinks.look(
+                    variation.parameter, position, state.contact, contact.status[0], slopes
+                )
+
+    def at(self, state: MechanicalState, slopes: Slopes, by: float) -> MechanicalState:
+        """A state as it would be with a parameter moved, by derivatives that are given."""
+        return _moved(state, slopes, by)
 
     def moved(self, number: int, state: MechanicalState, by: float) -> MechanicalState:
         """A state as it would be with a parameter moved, in its unit."""
@@ -131,64 +181,94 @@ class MechanicalDerivatives:
         assert problem.residual_state is not None
         local = problem.residual_state.local.copy()
         problem.linearise()
-        starts = [slopes or _none(old) for slopes in self._marked]
-        moves: list[tuple[tuple[Side, Side], Array]] = []
-        for number, pairs in enumerate(self._sides):
-            temperatures = before[number], after[number]
-            for pair in pairs:
-                parts = [
-                    self._residual(side, number, (old, state), starts[number], temperatures, local)
-                    for side in pair
-                ]
-                halves = np.abs(parts[0] + parts[1]), np.abs(parts[0] - parts[1])
-                apart, whole = (
-                    reductions.largest(self._simulation.section.comm, h) for h in halves
-                )
-                if apart <= UNEVEN * whole:
-                    break
-            span = pair[0].by - pair[1].by
-            move = problem.solve_linearised(np.asarray((parts[1] - parts[0]) / span))
-            if move is None:
-                raise RunFailure("the derivative of a mechanical step cannot be solved for")
-            moves.append((pair, move))
         found: list[Slopes] = []
-        for number, (pair, move) in enumerate(moves):
+        for number, pairs in enumerate(self._sides):
+            start = self.marked[number] or _none(old)
             temperatures = before[number], after[number]
-            ends: list[Slopes] = []
-            for side in pair:
-                at = local + side.by * move
-                self._residual(side, number, (old, state), starts[number], temperatures, at)
-                ends.append(side.problem.carried(old))
-            span = pair[0].by - pair[1].by
-            above, below = ends
-            found.append({n: np.asarray((above[n] - below[n]) / span) for n in CARRIED})
+            step = _Step(self.variations[number], old, state, start, temperatures, local)
+            found.append(self._solved(pairs, step))
         self.slopes = found
 
-    def _residual(
-        self,
-        side: Side,
-        number: int,
-        states: tuple[MechanicalState, MechanicalState],
-        slopes: Slopes,
-        temperatures: tuple[Array, Array],
-        local: Array,
-    ) -> Array:
-        """Residual on one side at some unknowns."""
-        old, new = states
-        v, by = self.variations[number], side.by
-        times = [t + by * v.lateness(t) for t in (old.time, new.time)]
-        warm = [s.temperature + by * t for s, t in zip(states, temperatures, strict=True)]
-        begun = replace(_moved(old, slopes, by), time=times[0], temperature=warm[0])
+    def _solved(self, pairs: Sequence[tuple[Side, Side]], step: _Step) -> Slopes:
+        """Derivatives at the end of a step by one parameter (collective).
+
+        Newton's tangent may leave something out, as the turn of friction round an arc does: what
+        is out of balance where x has moved corrects it.
+        """
+        comm = self._simulation.section.comm
+        move = np.zeros_like(step.local)
+        for pair in pairs:
+            parts = [step.residual(side, move) for side in pair]
+            halves = np.abs(parts[0] + parts[1]), np.abs(parts[0] - parts[1])
+            apart, whole = (reductions.largest(comm, h) for h in halves)
+            if apart <= UNEVEN * whole:
+                break
+        span = pair[0].by - pair[1].by
+        for _ in range(SOLVES):
+            more = self._problem.solve_linearised(np.asarray((parts[1] - parts[0]) / span))
+            if more is None:
+                raise RunFailure("the derivative of a mechanical step cannot be solved for")
+            move, ends = move + more, []
+            for number, side in enumerate(pair):
+                parts[number] = step.residual(side, move)
+                ends.append(side.problem.carried(step.old))
+            if reductions.largest(comm, np.abs(parts[0] - parts[1])) <= EXACT * whole:
+                break
+        return {n: np.asarray(_apart(ends[0][n], ends[1][n]) / span) for n in ends[0]}
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A step of the slice, as it is on the sides of one parameter.
+
+    Attributes:
+        variation: The parameter. old: The state it began with. state: At its end.
+        start: Derivatives of the old state.
+        temperatures: Derivatives of the temperatures at its start and end (owned,), K.
+        local: Unknowns at its end.
+    """
+
+    variation: Variation
+    old: MechanicalState
+    state: MechanicalState
+    start: Slopes
+    temperatures: tuple[Array, Array]
+    local: Array
+
+    def residual(self, side: Side, move: Array) -> Array:
+        """What is out of balance on one side, the unknowns moved by so much per unit."""
+        by, states = side.by, (self.old, self.state)
+        times = [s.time + by * self.variation.lateness(s.time) for s in states]
+        warm = [s.temperature + by * t for s, t in zip(states, self.temperatures, strict=True)]
+        begun = replace(_moved(self.old, self.start, by), time=times[0], temperature=warm[0])
         side.problem.begin(begun, times[1], warm[1])
-        return side.problem.residual_at(local)
+        return side.problem.residual_at(self.local + by * move)
 
 
 def _none(state: MechanicalState) -> Slopes:
-    return {name: np.zeros_like(getattr(state, name)) for name in CARRIED}
+    found = {name: np.zeros_like(getattr(state, name)) for name in CARRIED}
+    if state.contact is not None:
+        found |= {name: np.zeros_like(v) for name, v in state.contact.numbers().items()}
+    return found
+
+
+def _apart(above: Array, below: Array) -> Array:
+    """One less the other; 0 where both are without bounds, as the gap to no wall."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.nan_to_num(above - below, nan=0.0), dtype=np.float64)
 
 
 def _moved(state: MechanicalState, slopes: Slopes, by: float) -> MechanicalState:
     if not slopes:
         return state
-    changed = {name: getattr(state, name) + by * slopes[name] for name in CARRIED}
+    changed: dict[str, Any] = {name: getattr(state, name) + by * slopes[name] for name in CARRIED}
+    if state.contact is not None:
+        numbers = state.contact.numbers()
+        touched: dict[str, Any] = {
+            name.removeprefix(CONTACT): value + by * slopes[name] for name, value in numbers.items()
+        }
+        contact = replace(state.contact, **touched)
+        changed["interactions"] = tuple(
+            contact if one is state.contact else one for one in state.interactions
+        )
     return replace(state, **changed)

@@ -38,6 +38,7 @@ LEVELS = {"degC", "degF", "°C", "°F"}
 """Units of temperatures that do not begin at absolute zero."""
 _SHIFT = 1e-3  # of a unit of temperature: half the distance of the difference quotients
 _SHARE = 1e-5  # of anything else
+_OF_WALL = 1e-4  # of sizes of the mould: taper moves the wall by less than its place is rounded
 _HELD = {
     "section": "it changes the mesh",
     "mesh": "it changes the mesh",
@@ -226,7 +227,8 @@ def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
     wide = _spread(spread, parameter, temperature) if spread else usual
     if not wide > 0.0:
         raise ValueError(f"it is 0; say by how much it may differ: {name}=SPREAD")
-    size = _SHARE * max(abs(parameter.value), wide)
+    share = _OF_WALL if parameter.key.startswith("mould.") else _SHARE
+    size = share * max(abs(parameter.value), wide)
     return replace(parameter, spread=wide, step=_SHIFT if temperature else size)
 
 

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,21 @@ class Derivative:
 
 
 @dataclass(frozen=True, slots=True)
+class Kink:
+    """Points of the surface that touch the mould or leave it within a hair of a parameter.
+
+    Attributes:
+        parameter: Its name. position: Of the slice below the meniscus, m. points: Their number.
+        place: Of the outermost of them, (x, y), m.
+    """
+
+    parameter: str
+    position: float
+    points: int
+    place: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Row:
     """A derivative as it is shown.
 
@@ -86,6 +101,7 @@ class Sensitivity:
         parameters: By which they are differentiated.
         derivatives: Each result by each parameter.
         steps: Thermal steps of the run.
+        kinks: Where contact is about to change: there derivatives are those to one side.
     """
 
     title: str
@@ -94,6 +110,7 @@ class Sensitivity:
     parameters: tuple[Parameter, ...]
     derivatives: tuple[Derivative, ...]
     steps: int
+    kinks: tuple[Kink, ...] = ()
 
     @property
     def gradient(self) -> dict[str, dict[str, float]]:
@@ -166,6 +183,7 @@ class Sensitivity:
                 }
                 for row in self.rows()
             ],
+            "kinks": [asdict(kink) for kink in self.kinks],
         }
 
     def to_csv(self) -> str:

@@ -21,7 +21,7 @@ from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
 from castfem.sensitivity.parameters import read_parameters
 from castfem.sensitivity.readings import Readings, asked_quantities
-from castfem.sensitivity.result import Sensitivity
+from castfem.sensitivity.result import Kink, Sensitivity
 from castfem.sensitivity.thermal import ThermalDerivatives
 from castfem.sensitivity.varied import Variation, vary
 from castfem.simulation.simulation import Simulation, build
@@ -33,6 +33,7 @@ from castfem.time_loop.loop import TimeLoop
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
+    from castfem.coupling.staggered import StaggeredCoupling, StrandState
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.sensitivity.mechanical import MechanicalDerivatives
     from castfem.support.progress import Progress
@@ -93,6 +94,16 @@ class FollowedMechanics(MechanicalSteps):
         return result
 
 
+def mark_coupled(coupling: StaggeredCoupling, state: StrandState) -> None:
+    """Keep the derivatives of a committed state, after those of its temperatures (collective)."""
+    from castfem.sensitivity.coupled import FollowedCoupling
+
+    assert isinstance(coupling, FollowedCoupling)
+    assert isinstance(coupling.mechanics, FollowedMechanics)
+    coupling.mechanics.mark(state.thermal)
+    coupling.mark(state)
+
+
 def refuse(case: Case) -> None:
     """Refuse a case whose run has parts that are not differentiated.
 
@@ -111,18 +122,13 @@ def refuse(case: Case) -> None:
 
 
 def _refused_mechanics(case: Case) -> Iterator[str]:
-    """Yield what a case has beside a slice that is strained by its temperatures alone."""
+    """Yield what a case has beside a slice that is strained in its mould."""
     mechanics, coupling = case.mechanics, case.coupling
     assert mechanics is not None
     refused = {
-        "mould": (case.mould is not None, "contact and gap are not differentiated"),
         "machine": (case.machine is not None, "bending, rolls and drives are not differentiated"),
         "mechanics.strain": (mechanics.strain == "large", 'take strain = "small"'),
         "mechanics.bulging": (mechanics.bulging is not None, "bulging is not differentiated"),
-        "coupling.follow_shape": (
-            coupling.follow_shape, "heat that follows the shape is not differentiated; take false"
-        ),
-        "coupling.dissipation": (coupling.dissipation > 0.0, "take dissipation = 0"),
         "coupling.order": (coupling.order != "thermal_first", 'take order = "thermal_first"'),
         "coupling.mechanical_step": (
             coupling.mechanical_step is not None, "leave it out: one step a window"
@@ -161,8 +167,8 @@ class Recorder:
         """Take in one committed step, and save a checkpoint in turn (collective)."""
         thermal, coupling = run.state.thermal, self.simulation.coupling
         self.derivatives.mark(thermal)
-        if coupling is not None and isinstance(coupling.mechanics, FollowedMechanics):
-            coupling.mechanics.mark(thermal)
+        if coupling is not None:
+            mark_coupled(coupling, run.state)
         self.readings.follow(sample)
         if self.path is not None and self._every and run.counts.taken % self._every == 0:
             self.save(run)
@@ -268,10 +274,22 @@ def sensitivity(
         assert run.sample is not None
         values, found = readings.read(run.sample)
         kept = tuple(v.parameter for v in derivatives.variations)
-        result = Sensitivity(case.title, run.position, values, kept, tuple(found), run.counts.steps)
+        result = Sensitivity(
+            case.title, run.position, values, kept, tuple(found), run.counts.steps,
+            _kinks(simulation),
+        )  # fmt: skip
         if folder is not None:
             on_root(comm, lambda: result.write(folder))
         return result
+
+
+def _kinks(simulation: Simulation) -> tuple[Kink, ...]:
+    """Where contact was about to change in a run."""
+    if simulation.coupling is None:
+        return ()
+    steps = simulation.coupling.mechanics
+    assert isinstance(steps, FollowedMechanics)
+    return tuple(steps.mechanical.kinks.found)
 
 
 def follow(simulation: Simulation, to: Sequence[str]) -> ThermalDerivatives:
@@ -291,12 +309,15 @@ def follow(simulation: Simulation, to: Sequence[str]) -> ThermalDerivatives:
         raise InputError(problems)
     derivatives = ThermalDerivatives(simulation, variations)
     simulation.steps = FollowedSteps(simulation.stepper, simulation.steps.control, derivatives)
-    if (coupling := simulation.coupling) is not None:
+    if simulation.coupling is not None:
+        from castfem.sensitivity.coupled import FollowedCoupling
         from castfem.sensitivity.mechanical import MechanicalDerivatives
 
         mechanical = MechanicalDerivatives(simulation, variations)
+        coupling = FollowedCoupling(simulation, derivatives, mechanical)
         coupling.thermal = simulation.steps
         coupling.mechanics = FollowedMechanics(coupling.mechanics, derivatives, mechanical)
+        simulation.coupling = coupling
     return derivatives
 
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from castfem.fem import reductions
+from castfem.sensitivity.feedback import Feedback
 from castfem.sensitivity.linear import StageTangent
 from castfem.sensitivity.varied import Variation, surface_heat
 from castfem.simulation.simulation import Simulation
@@ -43,6 +44,7 @@ class ThermalDerivatives:
         rate: d(dH/dt)/dp likewise, W/m3.
         removed: Derivatives of the heat removed from the modelled part (parameters,), J/m.
         solves: Back substitutions so far. reached: State they belong to; None before a step.
+        feedback: Of the mechanics on the thermal steps of a window; None without any.
     """
 
     def __init__(self, simulation: Simulation, variations: Sequence[Variation]) -> None:
@@ -60,6 +62,7 @@ class ThermalDerivatives:
         self.solves = 0
         self._begun: ThermalState | None = None
         self.reached: ThermalState | None = None
+        self.feedback: Feedback | None = None
         self._marked: tuple[Array, Array, Array] = (self.enthalpy, self.rate, self.removed)
 
     def warming(self, number: int, state: ThermalState) -> Array:
@@ -86,7 +89,7 @@ class ThermalDerivatives:
         Raises:
             RunFailure: A matrix cannot be factored.
         """
-        if old is self._begun:
+        if self._begun is not None and old.time == self._begun.time:
             self.enthalpy, self.rate, self.removed = self._marked
         self._enter(old.time)
         step = _Step.of(old.time, result.state.time, self.variations)
@@ -101,9 +104,15 @@ class ThermalDerivatives:
                 gained = step.span * self.rate + np.outer(step.lengthened, stage.rate)
                 base = started + (1.0 - GAMMA) * gained
         self.enthalpy, self.reached = found, result.state
+        comm, problem, feedback = self._simulation.section.comm, self._problem, self.feedback
         # What the strand has lost has been removed: stages close their balance to rounding.
-        lost = (self._start - found) @ self._problem.volume
-        self.removed = reductions.totals(self._simulation.section.comm, lost)
+        if feedback is None:
+            self.removed = reductions.totals(comm, (self._start - found) @ problem.volume)
+            return
+        share, change = step.span / feedback.duration, result.state.enthalpy - old.enthalpy
+        beside = [feedback.gained(i, share, change, problem) for i in range(len(found))]
+        lost = (started - found) @ problem.volume + np.array(beside)
+        self.removed = self.removed + reductions.totals(comm, lost)
 
     def _enter(self, time: float) -> None:
         """Follow the cooling of the run into the zone of a step that begins at `time` (s)."""
@@ -125,6 +134,8 @@ class ThermalDerivatives:
             change = self._change(v, stage, step, i)
             if change is not None:
                 right = right - change
+            if self.feedback is not None:
+                right = right + self.feedback.of_stage(i, stage, problem)
             above, below = (end.simulation.problem for end in (v.above, v.below))
             apart = above.fixed_enthalpy - below.fixed_enthalpy
             found[i] = self._tangent.solve(right, np.asarray(apart / v.span, dtype=np.float64))
@@ -134,7 +145,8 @@ class ThermalDerivatives:
     def _change(self, v: Variation, stage: Stage, step: _Step, number: int) -> Array | None:
         """D(tau F)/dp at the enthalpies of a stage (owned,), J/m per unit; None if it is 0."""
         problem, point = self._problem, stage.point
-        if v.above.same_cooling and v.below.same_cooling and not step.lengthened[number]:
+        alike = v.above.same_cooling and v.below.same_cooling and self.feedback is None
+        if alike and not step.lengthened[number]:
             return None
         share, place = stage.tau / step.span, (stage.time - step.begin) / step.span
         conduction, surface = np.zeros_like(point.conduction), np.zeros_like(point.conduction)

@@ -77,6 +77,16 @@ class Surface:
         for key, patch in self._patches.items():
             patch.weights[:] = np.sum([self._share(t) for t in key], axis=0)[patch.dofs]
 
+    def weights_now(self) -> list[tuple[Patch, Array]]:
+        """What `follow_shape` would give the patches, which keep what they have (collective)."""
+        kept, self._shares = self._shares, {}
+        found = [
+            (patch, np.sum([self._share(t) for t in key], axis=0)[patch.dofs])
+            for key, patch in self._patches.items()
+        ]
+        self._shares = kept
+        return found
+
     def whole(self) -> Patch:
         """The whole surface of the strand, without the lines of symmetry."""
         return self.patch(self.section.matching(self.section.outer_groups))

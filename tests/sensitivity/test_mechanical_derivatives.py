@@ -20,7 +20,7 @@ from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
 from castfem.sensitivity.mechanical import CARRIED, MechanicalDerivatives
 from castfem.sensitivity.parameters import Parameter, read_parameters
-from castfem.sensitivity.run import FollowedMechanics, follow
+from castfem.sensitivity.run import FollowedMechanics, follow, mark_coupled
 from castfem.sensitivity.thermal import ThermalDerivatives
 from castfem.simulation import mechanics as making
 from castfem.simulation import simulation as building
@@ -60,9 +60,7 @@ class Marks:
         """Mark a committed window."""
         self.thermal.mark(run.state.thermal)
         assert self.simulation.coupling is not None
-        steps = self.simulation.coupling.mechanics
-        assert isinstance(steps, FollowedMechanics)
-        steps.mark(run.state.thermal)
+        mark_coupled(self.simulation.coupling, run.state)
 
 
 def ended(simulation: Simulation, recorder: Marks | None = None) -> StrandState:
@@ -136,10 +134,12 @@ def test_results_of_the_slice() -> None:
 
 def test_what_is_not_differentiated_is_refused_by_name() -> None:
     with pytest.raises(InputError) as caught:
-        castfem.sensitivities("billet125/taper_1", "mould.taper")
+        castfem.sensitivities("slab1200/bending", "casting.speed")
     text = str(caught.value)
-    assert "mould: contact and gap are not differentiated" in text
-    assert "coupling.follow_shape: heat that follows the shape is not" in text
+    assert "machine: bending, rolls and drives are not differentiated" in text
+    large = castfem.load("billet125/taper_1").with_({"mechanics.strain": "large"})
+    with pytest.raises(InputError, match=r'mechanics.strain: take strain = "small"'):
+        castfem.sensitivities(large, "mould.taper")
     with pytest.raises(InputError, match=r"law weiner_boley has yield_stress; did you mean yield"):
         castfem.sensitivities(strip(), "law.yield_stres")
     with pytest.raises(InputError, match=r"the case has no \[mechanics\]"):

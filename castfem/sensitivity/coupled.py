@@ -1,0 +1,188 @@
+"""Coupling windows that carry derivatives along, repeated as often as the windows are.
+
+A window is repeated with another gap until it agrees with the one it leads to; each repetition is a
+step from the same committed state, and so is its derivative.  What the next one is told, the gap,
+is relaxed, and so is its derivative, that of the factor of relaxation included.  The number of
+repetitions is held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from castfem.coupling.staggered import (
+    FACTORS,
+    CouplingWindow,
+    Relaxation,
+    StaggeredCoupling,
+    StrandState,
+)
+from castfem.fem import reductions
+from castfem.sensitivity.feedback import Feedback, ShapeSlopes
+from castfem.sensitivity.mechanical import MechanicalDerivatives, Slopes
+from castfem.sensitivity.thermal import ThermalDerivatives
+from castfem.values.types import Array
+
+if TYPE_CHECKING:
+    from castfem.mechanics.state import MechanicalState
+    from castfem.simulation.simulation import Simulation
+
+
+class FollowedCoupling(StaggeredCoupling):
+    """A staggered coupling whose windows are followed by derivatives.
+
+    Args:
+        simulation: The run.
+        thermal: Derivatives of its temperatures. mechanical: Of its slice.
+    """
+
+    def __init__(
+        self, simulation: Simulation, thermal: ThermalDerivatives, mechanical: MechanicalDerivatives
+    ) -> None:
+        assert simulation.coupling is not None
+        self.__dict__.update(simulation.coupling.__dict__)
+        self._derivatives, self._mechanical = thermal, mechanical
+        count, owned = len(thermal.variations), simulation.section.owned
+        nothing: Array = np.zeros((count, owned))
+        self.gap_slopes = self.mean_slopes = self._begun = nothing
+        self._warmed = self._warms_now = np.zeros((count, owned if self.dissipation else 0))
+        self._filled = self._fed = np.zeros((count, owned))
+        problem = simulation.problem
+        self._shape: list[ShapeSlopes] = []
+        if problem.shape is not None:
+            self._shape = [
+                ShapeSlopes(problem.new_matrix(), [], np.zeros(owned)) for _ in range(count)
+            ]
+            self._spare = problem.new_matrix()
+
+    def mark(self, state: StrandState) -> None:
+        """Keep the derivatives of a committed state: a window that fails begins there again."""
+        self._warmed, self._fed = self._warms_now, self._filled
+        assert state.mechanical is not None
+        self._mechanical.look(state.mechanical)
+
+    def take(self, old: StrandState, end: float, allowed: float = np.inf) -> CouplingWindow:
+        """See `StaggeredCoupling`."""
+        assert old.mechanical is not None
+        self._old, self._duration = old, end - old.time
+        if self.gap is not None:
+            self._begun = self._gaps(old.mechanical, self._mechanical.marked)
+            self.gap_slopes = self._begun
+        return super().take(old, end, allowed)
+
+    def _gaps(self, state: MechanicalState, slopes: Sequence[Slopes]) -> Array:
+        assert self.gap is not None
+        return np.array(self._mechanical.gaps(self.gap, state, slopes))
+
+    def _iterate(self, old: StrandState, end: float, gap: Array | None) -> CouplingWindow:
+        """See `StaggeredCoupling`: one iteration, with its derivatives."""
+        if self.gap is not None or self.dissipation or self._shape:
+            self._derivatives.feedback = Feedback(self._duration, self._warmed, self._shape)
+        if gap is not None:
+            for variation, slope in zip(self._derivatives.variations, self.gap_slopes, strict=True):
+                by = variation.parameter.step * slope
+                variation.above.simulation.zones.set_gap(gap + by)
+                variation.below.simulation.zones.set_gap(gap - by)
+        taken = super()._iterate(old, end, gap)
+        if taken.converged and taken.state.mechanical is not None:
+            if self.gap is not None:
+                ended = self._gaps(taken.state.mechanical, self._mechanical.slopes)
+                self.mean_slopes = np.asarray(0.5 * (self._begun + ended))
+            if self.dissipation:
+                self._warms_now = np.array([self._warms(s) for s in self._mechanical.slopes])
+        return taken
+
+    def _warms(self, slopes: Slopes) -> Array:
+        """Derivative of the heat of a window's viscoplastic work (owned,), J/m3."""
+        points = self.mechanics.stepper.problem.points
+        work = points.to_vertices(slopes["dissipation"])
+        return np.asarray(self.dissipation * work / self.thermal.stepper.problem.area)
+
+    def _relaxation(self) -> Relaxation:
+        return FollowedRelaxation(self)
+
+    def _follow_shape(self, state: MechanicalState) -> None:
+        """See `StaggeredCoupling`; the derivatives are differences of what is assembled."""
+        problem = self.thermal.stepper.problem
+        if problem.shape is not None:
+            for number in range(len(self._shape)):
+                self._differ(number, state)
+        super()._follow_shape(state)
+
+    def _differ(self, number: int, state: MechanicalState) -> None:
+        """Derivatives of conduction, surface and volume by one parameter (collective)."""
+        problem, shape = self.thermal.stepper.problem, self._shape[number]
+        variation = self._derivatives.variations[number]
+        slopes = self._mechanical.marked[number]
+        volumes, weights = [], []
+        for sign in (1.0, -1.0):
+            by = sign * variation.parameter.step
+            moved = self._mechanical.at(state, slopes, by)
+            assert problem.shape is not None
+            problem.shape.take(moved.displacement, moved.generalized_strains)
+            problem.assemble_conduction(shape.conduction if sign > 0.0 else self._spare)
+            weights.append(self.surface.weights_now())
+            thermal = self._old.thermal
+            before = thermal.filled + by * self._fed[number]
+            volumes.append(problem.shape.filled(before, thermal.point.temperature))
+        span = variation.span
+        shape.conduction.axpy(-1.0, self._spare)
+        shape.conduction.scale(1.0 / span)
+        shape.weights = [
+            (patch, (one - other) / span) for (patch, one), (_, other) in zip(*weights, strict=True)
+        ]
+        shape.filled = np.asarray((volumes[0] - volumes[1]) / span)
+        filled = self._filled.copy()
+        filled[number] = shape.filled
+        self._filled = filled
+
+
+class FollowedRelaxation(Relaxation):
+    """Aitken's relaxation of a gap, and of its derivatives.
+
+    Args:
+        coupling: Has the derivatives of the gap that was tried, and of the one it led to.
+    """
+
+    def __init__(self, coupling: FollowedCoupling) -> None:
+        share = coupling.surface.perimeter_share()
+        super().__init__(coupling.mechanics.comm, share)
+        self._coupling = coupling
+        self._slopes: Array | None = None
+        self._factor_slopes: Array = np.zeros(len(coupling.gap_slopes))
+
+    def __call__(self, tried: Array, found: Array) -> Array:
+        """See `Relaxation`; the coupling is told the derivatives of what comes next."""
+        before, factor = self._before, self._factor
+        result = super().__call__(tried, found)
+        now = self._before
+        assert now is not None
+        coupling, reached = self._coupling, np.isfinite(tried) & np.isfinite(found)
+        slopes = np.where(reached, coupling.mean_slopes - coupling.gap_slopes, 0.0)
+        if before is not None and self._slopes is not None:
+            self._factor_slopes = self._of_factor(factor, before, now, slopes)
+        self._slopes = slopes
+        relaxed = np.outer(self._factor_slopes, now) + self._factor * slopes
+        coupling.gap_slopes = np.where(reached, coupling.gap_slopes + relaxed, coupling.mean_slopes)
+        return result
+
+    def _of_factor(self, factor: float, before: Array, now: Array, slopes: Array) -> Array:
+        """Derivatives of the factor - factor before . change / change . change (parameters,)."""
+        assert self._slopes is not None
+        change, turned = now - before, slopes - self._slopes
+        weighted = self._weight * change
+        along, size, *rest = reductions.totals(
+            self._comm,
+            [
+                float(before @ weighted), float(change @ weighted), *(self._slopes @ weighted),
+                *(turned @ (self._weight * before)), *(turned @ weighted),
+            ],
+        )  # fmt: skip
+        if not size > 0.0 or not FACTORS[0] < -factor * along / size < FACTORS[1]:
+            return np.zeros_like(self._factor_slopes) if size > 0.0 else self._factor_slopes
+        one, other, third = np.array(rest).reshape(3, -1)
+        of_share = (one + other) / size - 2.0 * along * third / size**2
+        return np.asarray(-self._factor_slopes * along / size - factor * of_share)

@@ -1,0 +1,182 @@
+"""Derivatives of a slice in its mould: closed form of a block, differences of a billet's runs.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from sensitivity.test_mechanical_derivatives import Marks
+
+import castfem
+from castfem.case import Case
+from castfem.case.load import from_document
+from castfem.cli.sensitivity import remarks
+from castfem.results.registry import columns_of
+from castfem.results.run_state import RunState
+from castfem.sensitivity.parameters import read_parameters
+from castfem.sensitivity.run import follow
+from castfem.simulation.simulation import build, case_steel
+from castfem.time_loop.loop import TimeLoop
+
+HALF, CELL, YOUNG, POISSON = 0.05, 0.0125, 40e9, 0.3
+TAPER, MOULD, DEPTH = 5e-4, 0.4, 0.2  # 1/m; length of the mould and of the run, m
+
+
+def block(method: str, taper: str = "0.05 %/m") -> Case:
+    """A quarter of a square block, warm and even, pushed into a tapered mould without heat."""
+    return from_document(
+        {
+            "title": "elastic block in a tapered mould",
+            "casting": {"speed": "3 m/min", "length": "200 mm", "temperature": "1000 degC"},
+            "steel": {"name": "weiner_boley"},
+            "section": {
+                "shape": "rectangle", "width": "100 mm", "height": "100 mm", "symmetry": "quarter",
+            },
+            "mesh": {
+                f"{place}_size": "12.5 mm" for place in ("surface", "corner", "face", "core")
+            },
+            "cooling": [{"name": "mould", "surface": [{"law": "flux", "value": "0 W/m^2"}]}],
+            "mould": {"length": "400 mm", "taper": taper, "contact": method},
+            "mechanics": {"law": "weiner_boley", "liquid": "elastic", "ferrostatic": "off"},
+            "coupling": {"interval": "2 s"},
+            "thermal": {"time": {"step": "2 s"}},
+            "output": {"figures": False, "fields": []},
+        }
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["penalty", "nitsche"])
+def test_a_block_has_the_derivatives_of_its_closed_form(method: str) -> None:
+    """Pressure, face and axial strain by the taper (300): w = w0 (1 - t z / (1 + t h)).
+
+    Squeezed alike along x and y, free along z: p = E / (1 - nu) closure / w0, and nu / (1 - nu) of
+    twice the closure along z; the penalty gives way by p over its stiffness.
+    """
+    found = castfem.sensitivities(
+        block(method), "mould.taper", "contact_pressure_max,displacement_mid_face,axial_strain"
+    )
+    slope = {name: slopes["mould.taper"] for name, slopes in found.gradient.items()}
+    by_taper = 0.01 * HALF * DEPTH / (1.0 + TAPER * MOULD) ** 2  # closure of a half, m by %/m
+    stiff = YOUNG / (1.0 - POISSON) / HALF  # Pa/m
+    if method == "penalty":
+        wall = 10.0 * YOUNG / (3.0 * (1.0 - 2.0 * POISSON)) / CELL
+        by_taper *= wall / (wall + stiff)
+    assert slope["contact_pressure_max"] == pytest.approx(stiff * by_taper, rel=1e-6)
+    assert slope["displacement_mid_face"] == pytest.approx(-by_taper, rel=1e-6)
+    axial = 2.0 * POISSON / (1.0 - POISSON) * by_taper / HALF
+    assert slope["axial_strain"] == pytest.approx(axial, rel=1e-6)
+    assert not found.kinks
+
+
+def test_contact_that_is_about_to_change_is_told() -> None:
+    """A mould without taper, whose wall the block just touches: with some it is squeezed."""
+    case, name = block("penalty", "0 %/m"), "mould.taper=0.1 %/m"
+    found = castfem.sensitivities(case, name, "contact_pressure_max")
+    assert found.kinks and found.kinks[0].position == pytest.approx(0.1)
+    (line,) = (one for one in remarks(found) if one.startswith("by mould.taper"))
+    assert "points of the surface are about to touch the mould or to leave it 100 mm below" in line
+    assert found.to_json()["kinks"][0]["points"] == found.kinks[0].points
+
+
+BILLET: Mapping[str, Any] = {
+    "title": "coarse billet in a mould with friction",
+    "casting": {"speed": "3.6 m/min", "length": "45 mm", "superheat": "10 K"},
+    "steel": {"name": "carbon_042"},
+    "section": {
+        "shape": "rectangle", "width": "60 mm", "height": "60 mm", "corner_radius": "5 mm",
+        "symmetry": "quarter",
+    },
+    "mesh": {
+        "order": 2, "surface_size": "3 mm", "corner_size": "3 mm", "face_size": "10 mm",
+        "core_size": "10 mm",
+    },
+    "cooling": [
+        {
+            "name": "mould",
+            "surface": [
+                {"law": "contact", "coefficient": "2500 W/(m^2 K)", "wall": "160 degC",
+                 "gap_conductivity": "0.15 W/(m K)"},
+            ],
+        },
+    ],
+    "mould": {
+        "length": "400 mm", "taper": "1 %/m",
+        "friction": {"law": "coulomb", "coefficient": 0.2},
+    },
+    "mechanics": {"law": "norton_hoff_kozlowski", "tolerance": 1e-12},
+    "coupling": {"interval": "0.25 s", "window_error": "500 K", "settled": "0.02 K"},
+    "thermal": {"time": {"step": "0.25 s"}},
+    "output": {"figures": False, "fields": []},
+}  # fmt: skip
+READ = (
+    "heat_removed", "von_mises_max", "axial_strain", "displacement_mid_face", "gap_corner",
+    "surface_temperature_corner",
+)  # fmt: skip
+
+
+@cache
+def billet() -> Case:
+    """Heat follows gap and shape and comes of flow; windows are repeated four times or so."""
+    return from_document(BILLET)
+
+
+def short() -> Case:
+    """The first window of it."""
+    return billet().with_({"casting.length": "15 mm"})
+
+
+def results(case: Case) -> tuple[RunState, dict[str, float]]:
+    """The end of a plain run, and what is read there."""
+    simulation = build(case, MPI.COMM_SELF)
+    simulation.problem.tolerance = 1e-12
+    loop = TimeLoop(simulation)
+    sample = loop.run()
+    having = {one.named(probe): (one, probe) for one, probe in columns_of(simulation)}
+    read = {name: float(having[name][0].value(sample, having[name][1]) or 0.0) for name in READ}
+    simulation.destroy()
+    return loop.run_state, read
+
+
+def test_a_billet_in_its_mould_has_the_differences_of_runs() -> None:
+    """Contact, friction, gap, repeated windows, shape and heat of flow, all at once."""
+    case, name = billet(), "mould.taper"
+    found = castfem.sensitivities(case, name, ",".join(READ))
+    (parameter,) = read_parameters(case, case_steel(case), [name])
+    by = 4e-4 * parameter.value
+    ends = [results(parameter.case_at(case, parameter.value + s * by)) for s in (1.0, -1.0)]
+    for run, _ in ends:
+        assert run.counts.coupling_iterations > run.counts.windows + 1
+    for result in READ:
+        known = (ends[0][1][result] - ends[1][1][result]) / (2.0 * by)
+        assert found.gradient[result][name] == pytest.approx(known, rel=1e-4), result
+
+
+def test_a_followed_billet_is_the_plain_one_bit_by_bit() -> None:
+    simulation = build(short(), MPI.COMM_SELF)
+    marks = Marks(simulation, follow(simulation, ["mould.taper"]))
+    loops = TimeLoop(simulation, marks), TimeLoop(build(short(), MPI.COMM_SELF))
+    for loop in loops:
+        loop.run()
+    one, other = (loop.run_state.state for loop in loops)
+    assert one.mechanical is not None and other.mechanical is not None
+    assert np.array_equal(one.thermal.enthalpy, other.thermal.enthalpy)
+    assert np.array_equal(one.mechanical.displacement, other.mechanical.displacement)
+
+
+@pytest.mark.mpi
+def test_many_ranks_give_what_one_gives() -> None:
+    names = "heat_removed,axial_strain,von_mises_max"
+    one, many = (
+        castfem.sensitivities(short(), "mould.taper", names, comm=comm).gradient
+        for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
+    )
+    for name, slopes in one.items():
+        assert many[name]["mould.taper"] == pytest.approx(slopes["mould.taper"], rel=1e-5), name
