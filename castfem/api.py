@@ -42,10 +42,14 @@ if TYPE_CHECKING:
 
 
 def load(name: str | Path) -> Case:
-    """Return a case: that of a file (with or without .toml), or one shipped with castfem.
+    """Return a case of a file, or one shipped with castfem, checked.
+
+    Args:
+        name: Path of a case file, with or without .toml, or the name of a shipped case
+            ("billet125/thermal").
 
     Raises:
-        InputError: There is none, or something is wrong in it; all problems, one line each.
+        InputError: There is no such case, or it is wrong: all mistakes, one line each.
     """
     from castfem.case import load_case
     from castfem.case.shipped_cases import find

@@ -109,11 +109,13 @@ class CrackIndex:
     """What a crack index is called, and how it is computed.
 
     Attributes:
-        name: Of the index and its map. unit: In which it is shown. label: In tables.
+        name: Of the index and its map.
+        unit: In which it is shown.
+        label: In tables.
         compute: Its values after a step (n,), in SI.
         needs: What a simulation must have, of `castfem.results.registry.NEEDS`.
         on: Where it counts: at the surface, or in the whole section; then it has no map.
-        accumulates: Whether it goes on from its own values before the step.
+        accumulates: Whether it continues from its own values before the step.
     """
 
     name: str
@@ -138,7 +140,10 @@ def crack_index(
     on: Where = "surface",
     accumulates: bool = False,
 ) -> Callable[[Computed], Computed]:
-    """Declare the decorated function as a crack index; the arguments are those of `CrackIndex`.
+    """Declare the decorated function as a crack index: a map, columns and results.
+
+    The function takes the step of the slice and returns a value in SI for each vertex of the
+    surface, or each point of the section. The arguments are those of `CrackIndex`.
 
     Raises:
         ValueError: There is a quantity of that name, or something it needs is not known.

@@ -97,9 +97,10 @@ class QuantityDefinition:
         needs: What a simulation must have, of `NEEDS`.
         each: Whether it is taken at each probe, or at those that end in the centre of the section.
         shown: Unit in summary.json and tables, if not that of the history.
-        column: Whether it is a column of history.csv. row: Whether it is a result in summary.json.
-        after: The result behind which it stands in the summary, if not in the order of declaration.
-        place: Where in the section the value was found, to stand behind the label; "" for nowhere.
+        column: Whether it is a column of history.csv.
+        row: Whether it is a result in summary.json.
+        after: The result that it follows in the summary, if not in the order of declaration.
+        place: Where in the section the value was found, shown after the label; "" for nowhere.
         labels: Labels at single probes that differ.
         axis: On the axis of a figure, if not the label.
     """
@@ -171,7 +172,10 @@ def quantity(
     labels: Mapping[str, str] | None = None,
     axis: str = "",
 ) -> Callable[[Computed], Computed]:
-    """Declare the decorated function as a quantity; the arguments are those of the definition.
+    """Declare the decorated function as a quantity: a column, a result, a row of tables.
+
+    The function takes the sample of a step (with `each` a probe's name as well) and returns a
+    number in SI, or None where there is none. The arguments are those of `QuantityDefinition`.
 
     Raises:
         ValueError: There is one of that name, or something it needs is not known.

@@ -80,7 +80,7 @@ class Contact:
     """Contact with the mould through a gap d (301): h = h_c k_g / (k_g + h_c d).
 
     Radiation and convection beside it cross the gap in parallel with its conduction, and with it
-    in series with the resistance of contact 1/h_c (Fig. 90): where the strand touches there is
+    in series with the resistance of contact 1/h_c, ours: where the strand touches there is
     contact alone (35), elsewhere they add up across the gap (36), and the flux does not jump in
     between.
 
