@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from castfem.case.check_cooling import in_mm
 from castfem.case.model import Case
-from castfem.case.problems import Problem
+from castfem.case.probe import Probe
+from castfem.case.problems import Path, Problem
 from castfem.case.shown_units import faults
+from castfem.values.same_place import ROUNDING
 
 _WAYS = (("x", "y"), ("under", "depth"))
 
@@ -36,3 +39,22 @@ def check_output(case: Case) -> Iterator[Problem]:
         if probe.name is not None and probe.name.lower() in names:
             yield Problem((*path, "name"), f'("{probe.name}") is used twice')
         names.append((probe.name or "").lower())
+        yield from _beyond(case, probe, path)
+
+
+def _beyond(case: Case, probe: Probe, path: Path) -> Iterator[Problem]:
+    """Yield a place beyond the rectangle round the section; the run looks closer."""
+    section = case.section
+    if section is None or getattr(section, "bulge", None) is not None:
+        return
+    width, height = section.outline()
+    if width is None or height is None:
+        return
+    for key, size in (("x", width), ("y", height)):
+        at = getattr(probe, key)
+        if at is not None and abs(at) > 0.5 * size * (1.0 + ROUNDING):
+            yield Problem(
+                (*path, key),
+                f"({in_mm(at)}) lies outside of the section, which reaches to {in_mm(0.5 * size)} "
+                "from its middle",
+            )

@@ -145,6 +145,8 @@ def test_two_ranks_read_what_one_reads(folder: Path, tmp_path: Path) -> None:
         ({"name": "a", "x": "1 mm", "y": "1 mm", "under": "corner", "depth": "1 mm"}, "one of x"),
         ({"name": "../a", "x": "1 mm", "y": "1 mm"}, r"output\.probe\.0\.name"),
         ({"x": "1 mm", "y": "1 mm"}, r"probe\.0\.name: is missing"),
+        ({"name": "a", "x": "1 m", "y": "0 mm"}, r"probe\.0\.x: .*outside .* reaches to 62\.5 mm"),
+        ({"name": "a", "x": "0 mm", "y": "-63 mm"}, r"probe\.0\.y: \(-63 mm\) lies outside"),
     ],
 )
 def test_what_says_no_place_is_refused(probe: dict[str, Any], message: str) -> None:
