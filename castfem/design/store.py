@@ -34,6 +34,15 @@ _DIGITS = 10  # of the key in the name of a run
 
 
 @dataclass(frozen=True, slots=True)
+class _Run:
+    """A run as its row has it; see `castfem.sweep.results.Named`."""
+
+    name: str
+    given: Mapping[str, str]
+    label: str
+
+
+@dataclass(frozen=True, slots=True)
 class Evaluation:
     """The results of a run, or how it failed.
 
@@ -140,16 +149,17 @@ class Store:
         return found
 
     def write_table(self) -> None:
-        """Write sweep.csv: the runs that were asked for here, a row each.
+        """Write sweep.csv: the runs that have ended, a row each, those of earlier calls too.
 
         Raises:
             RunFailure: It cannot be written.
         """
-        done = [v for name, v in self._variants.items() if name in self.record.entries]
-        keys = list(dict.fromkeys(key for v in done for key in v.given))
+        entries = self.record.entries.items()
+        done = {name: entry for name, entry in entries if entry.message or entry.physics}
+        keys = list(dict.fromkeys(key for entry in done.values() for key in entry.given))
         even = [
-            Variant(v.name, {key: v.given.get(key, "") for key in keys}, v.case, v.label)
-            for v in done
+            _Run(name, {key: entry.given.get(key, "") for key in keys}, entry.label)
+            for name, entry in done.items()
         ]
         write_table(self.folder / TABLE_NAME, rows(even, self.record))
 

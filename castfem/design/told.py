@@ -24,6 +24,7 @@ from castfem.values.shown_units import Scale, label_shown, scale_of
 if TYPE_CHECKING:
     from rich.table import Table
 
+_VAGUE = 0.25  # of 5 to 95 %, some three standard deviations: an error of that size hides them
 _SIGMAS = 4.0  # of noise, that a handful of runs may lie apart by it
 
 
@@ -50,18 +51,30 @@ def told(optimum: Optimum) -> Iterator[Table | str]:
 def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
     """What the inputs do, and where it is safe from them."""
     failed = f", {spread.failed} of them failed" if spread.failed else ""
-    yield f"spread by the inputs, {spread.runs} runs{failed}; Sobol indices: first order / total"
-    heads = ("5 to 95 % of the draws", "error", "met", *spread.labels)
-    found = _table("by the inputs", *heads)
+    yield f"spread by the inputs, {spread.runs} runs{failed}"
+    found = _table("by the inputs", "5 to 95 % of the draws", "error of the fit", "met")
+    vague = []
     for number, row in enumerate(spread.rows):
         scale = _spread_scale(optimum, number, row)
         unit = f" [{unit_name(scale.unit)}]" if unit_name(scale.unit) else ""
-        indices = (f"{a:.2f} / {b:.2f}" for a, b in zip(row.first, row.total, strict=True))
         error = "" if row.error is None else f"{scale(row.error):.2g}"
         met = "" if row.met is None else f"{100.0 * row.met:.0f} %"
-        ends = f"{scale(row.change[0]):+.3g} to {scale(row.change[1]):+.3g}"
-        found.add_row(f"{row.name}{unit}", ends, error, met, *indices)
+        low, high = row.change
+        found.add_row(f"{row.name}{unit}", f"{scale(low):+.3g} to {scale(high):+.3g}", error, met)
+        if row.error is not None and row.error > _VAGUE * (high - low):
+            vague.append(row.name)
     yield found
+    found = _table("Sobol indices: first order / total", *(row.name for row in spread.rows))
+    for number, label in enumerate(spread.labels):
+        found.add_row(
+            label, *(f"{row.first[number]:.2f} / {row.total[number]:.2f}" for row in spread.rows)
+        )
+    yield found
+    if vague:
+        yield (
+            f"the fit misses the runs by as much as the inputs make of {', '.join(vague)}: what "
+            "stands there is rough, its indices say nothing"
+        )
     if not optimum.constraints:
         return
     if optimum.values[0].safe is None:
@@ -132,7 +145,7 @@ def _table(*heads: str) -> Table:
 
     found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     for i, head in enumerate(heads):
-        found.add_column(head, justify="left" if i == 0 else "right")
+        found.add_column(head, justify="left" if i == 0 else "right", overflow="fold")
     return found
 
 

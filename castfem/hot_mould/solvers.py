@@ -106,7 +106,9 @@ class LinearSolver:
         if reason < 0:
             raise RunFailure(
                 f"hot mould: the {self._prefix.strip('_')} solver does not converge (PETSc's "
-                f"reason {reason} after {self._ksp.getIterationNumber()} iterations)"
+                f"reason {reason} after {self._ksp.getIterationNumber()} iterations, of its "
+                f'preconditioner {self._ksp.getPC().getFailedReason()}); solver = "direct" of '
+                "[mould.tube] needs no iterations, and some 10 kB of memory an unknown"
             )
         direct = self._ksp.getType() == "preonly"
         return self._x.getArray().copy(), 0 if direct else self._ksp.getIterationNumber()

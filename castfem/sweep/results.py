@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from castfem.errors import CastfemError
 from castfem.output.history import HISTORY_NAME, read_history
@@ -18,7 +18,7 @@ from castfem.report.derived import derived
 from castfem.report.headline import headline, plain_label
 from castfem.results.places import quantities_at
 from castfem.support.atomic_files import write_text
-from castfem.sweep.plan import Variant, shortened
+from castfem.sweep.plan import shortened
 from castfem.sweep.record import Record
 from castfem.values import units
 from castfem.values.shown_units import plain_unit, scale_of
@@ -53,7 +53,23 @@ class Row:
     label: str = ""
 
 
-def rows(variants: Sequence[Variant], record: Record, at: Sequence[float] = ()) -> list[Row]:
+class Named(Protocol):
+    """A run as its row has it, a `Variant` or what is left of one of an earlier call."""
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+
+    @property
+    def given(self) -> Mapping[str, str]:
+        """Key to value of what is varied."""
+
+    @property
+    def label(self) -> str:
+        """What it is called, if not by what is varied."""
+
+
+def rows(variants: Sequence[Named], record: Record, at: Sequence[float] = ()) -> list[Row]:
     """Return the rows of a sweep as it stands.
 
     Args:

@@ -115,6 +115,8 @@ def test_goes_on_after_a_kill(tmp_path):
     undisturbed = Evaluator(small(), tmp_path / "others")
     for speed, line in zip((3.0, 3.2, 3.4, 3.6), after, strict=True):
         assert undisturbed({"speed": f"{speed} m/min"})["heat_removed"] == float(line)
+    Evaluator(small(), tmp_path / "runs")({"speed": "3.8 m/min"})
+    assert len((tmp_path / "runs" / "sweep.csv").read_text().splitlines()) == 1 + 5  # all
 
 
 def test_a_folder_in_use_teaches_nothing(tmp_path, monkeypatch):

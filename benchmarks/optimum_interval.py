@@ -1,0 +1,133 @@
+"""How sure the best single taper of the 125 mm billet is, and what the last of the heat costs.
+
+The optimum as an interval: noise, numerical error and spread by the inputs, each by itself and all
+together; the front of stress and heat; the mould at the optimum.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from benchmarks.optimum import folder
+from benchmarks.report import Output, table
+from castfem.api import load
+from castfem.design import Evaluator, Optimum, Study, Wanted
+from castfem.design.figure import draw_front
+from castfem.design.mould_figure import draw_mould
+from castfem.design.mould_table import mould_table
+from castfem.design.spread_figure import draw_spread
+
+POINTS = 3  # of the front
+INPUTS = {
+    "cooling.mould.surface.0.coefficient [times]": "heat transfer, ± 10 %",
+    "steel.conductivity [times]": "conductivity, ± 10 %",
+    "steel.overrides.solidus.value [degC]": "solidus, ± 10 K",
+    "mechanics.law.strength [times]": "flow stress, ± 20 %",
+}
+PARTS = {
+    "part": "what is taken into account",
+    "low": "from [%/m]",
+    "high": "to [%/m]",
+}
+FRONT = {
+    "taper": "taper [%/m]",
+    "heat": "heat [% of idealised]",
+    "stress": "peak stress [MPa]",
+    "price": "a percent of heat costs [MPa]",
+}
+
+
+def study_of(name: str, runs: Path, **keys: object) -> tuple[Study, Optimum]:
+    """The answer of a shipped case with some keys changed, its runs in a folder of any runs."""
+    case = load(f"billet125/{name}").with_(keys)
+    with Evaluator(case, runs, processes=1) as evaluator:
+        study = Study(case, evaluator=evaluator, origin=f"billet125/{name}")
+        return study, study.solve()
+
+
+def ideal_heat(study: Study, found: Optimum) -> float:
+    """Heat that the idealised mould takes by the level of the search, J/m."""
+    wanted = Wanted(tuple(v.value for v in found.values), found.fidelity)
+    (ideal,) = study.run([study.question.ideal(wanted)])
+    return ideal["heat_removed"]
+
+
+def inputs(output: Output) -> None:
+    """The optimum as an interval, and which input makes it."""
+    runs = folder("inputs")
+    _, alone = study_of("optimum_single", runs)
+    study, found = study_of("optimum_inputs", runs)
+    (value,), (before,) = found.values, alone.values
+    assert found.spread is not None and value.drawn is not None
+    rows: list[dict[str, Any]] = [
+        {"part": "noise, last step, numerical error", "low": before.low, "high": before.high},
+        {"part": "inputs, 5 to 95 % of the draws", "low": value.drawn[0], "high": value.drawn[1]},
+        {"part": "all together", "low": value.low, "high": value.high},
+        {"part": "best, by the level of the search", "low": value.value, "high": value.value},
+        {"part": "best, by the next level", "low": value.checked, "high": value.checked},
+        {"part": "keeps to the heat in 95 % of the draws", "low": value.safe, "high": value.safe},
+    ]
+    output.csv("optimum_interval", rows)
+    rows = []
+    for row in found.spread.rows:
+        rows.append({
+            "result": row.name, "unit": row.unit, "low": row.change[0], "high": row.change[1],
+            "error": row.error, "met": None if row.met is None else 100.0 * row.met,
+            **{f"first_{i}": first for i, first in enumerate(row.first)},
+            **{f"total_{i}": total for i, total in enumerate(row.total)},
+            "runs": found.spread.runs, "failed": found.spread.failed,
+        })  # fmt: skip
+    output.csv("optimum_inputs", rows)
+    figures = output.folder / "figures"
+    figures.mkdir(parents=True, exist_ok=True)
+    draw_spread(found.spread, figures / "optimum_inputs.png")
+    draw_mould(*mould_table(study.case_of(found)), runs / found.best, figures / "optimum_mould.png")
+
+
+def front(output: Output) -> None:
+    """What the last of the heat costs."""
+    study, found = study_of("optimum_front", folder("front"), **{"optimise.front.points": POINTS})
+    assert found.front is not None
+    percent = 0.01 * ideal_heat(study, found)
+    rows = [
+        {
+            "taper": point.values[0],
+            "heat": point.second / percent,
+            "stress": 1e-6 * point.first,
+            "price": None if point.price is None else 1e-6 * point.price * percent,
+            "runs": found.front.runs,
+        }
+        for point in found.front.points
+    ]
+    output.csv("optimum_front", rows)
+    draw_front(found.front, output.folder / "figures" / "optimum_front.png")
+
+
+def main(output: Output, quick: bool) -> None:
+    """Both; quick or not, for nothing of it is any use with less."""
+    inputs(output)
+    front(output)
+    show(output)
+
+
+def show(output: Output) -> None:
+    """Tables from the data."""
+    rows = output.rows("optimum_interval")
+    for row in rows:
+        if row["low"] == row["high"]:
+            row["high"] = None
+    two = {"low": ".2f", "high": ".2f"}
+    output.insert("optimum interval", table(rows, PARTS, two))
+    rows = output.rows("optimum_inputs")
+    for row in rows:
+        unit = f" {row['unit']}" if row["unit"] else ""
+        row["change"] = f"{row['low']:+.2g} to {row['high']:+.2g}{unit}"
+        for i in range(len(INPUTS)):
+            row[f"index_{i}"] = f"{row[f'first_{i}']:.2f} / {row[f'total_{i}']:.2f}"
+    shown = {"result": "result", "change": "5 to 95 % of the draws", "error": "error of the fit",
+             "met": "met [% of draws]",
+             **{f"index_{i}": name for i, name in enumerate(INPUTS.values())}}  # fmt: skip
+    output.insert("optimum inputs", table(rows, shown, {"error": ".2g", "met": ".0f"}))
+    forms = {"taper": ".3f", "heat": ".2f", "stress": ".2f", "price": ".2f"}
+    output.insert("optimum front", table(output.rows("optimum_front"), FRONT, forms))
