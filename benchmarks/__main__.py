@@ -60,6 +60,7 @@ BENCHMARKS = {
     "slab_sprays": "benchmarks.slab_sprays",
     "stated_error": "benchmarks.stated_error",
     "throughput": "benchmarks.sweep_cost",
+    "plain_run": "benchmarks.plain_run",
     "sensitivity": "benchmarks.sensitivity",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
