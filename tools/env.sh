@@ -6,6 +6,7 @@
 #   tools/env.sh optimise    Optuna too, for castfem optimise (pyproject.toml, extra "optimise")
 #   tools/env.sh benchmark   the benchmarks' opponent too (pyproject.toml, extra "benchmark")
 #   tools/env.sh browser     what drives a browser in tests (pyproject.toml, extra "browser")
+#   tools/env.sh paraview    VTK, whose readers are ParaView's (pyproject.toml, extra "paraview")
 #   tools/env.sh wheel       what builds wheels (pyproject.toml, extra "wheel")
 #   tools/env.sh docs        what makes the manual too (tools/docs_packages.txt), in .castfem/docs
 #   tools/env.sh packages    print Debian's names of what castfem needs ("packages docs": the manual)
@@ -217,7 +218,7 @@ case ${1:-ready} in
     ready
     "$1"
     ;;
-  benchmark | browser | optimise | wheel)
+  benchmark | browser | optimise | paraview | wheel)
     ready
     extra "$1"
     ;;

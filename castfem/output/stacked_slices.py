@@ -83,7 +83,11 @@ def between(slices: Array, every: float) -> Array:
 
 
 def stacked(cells: Indices, nodes: int, rows: int) -> Indices:
-    """Cells of a stack (n, 2 k) from those of a section (m, k): each row joined to the next."""
+    """Cells of a stack (n, 2 k) from those of a section (m, k): each row joined to the next.
+
+    The first face of VTK's hexahedron looks into it, that of its wedge out of it.
+    """
+    cells = cells[:, ::-1] if cells.shape[1] == _CORNERS["triangle"] else cells
     starts = nodes * np.arange(rows - 1)[:, None, None]
     both = np.concatenate([cells + starts, cells + starts + nodes], axis=2)
     return np.asarray(both.reshape(-1, 2 * cells.shape[1]))
