@@ -13,7 +13,7 @@ import dolfinx
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import fem, graph, la
+from dolfinx import cpp, fem, la
 from dolfinx import mesh as dmesh
 
 CELLS = 1  # identifier of the cells in the measures of a `CellForm`
@@ -148,8 +148,8 @@ def create_mesh(
 
     def given(*_: Any) -> Any:
         assert parts is not None
-        found = graph.adjacencylist(parts, np.arange(len(parts) + 1, dtype=np.int32))
-        return getattr(found, "_cpp_object", found)
+        # What DOLFINx itself calls here; since 0.10 dolfinx.graph wraps it in a class of Python.
+        return cpp.graph.AdjacencyList_int32(parts, np.arange(len(parts) + 1, dtype=np.int32))
 
     # 0.10 swapped the order of x and e: by name it is the same call.
     partitioner = None if parts is None or comm.size == 1 else given
