@@ -52,6 +52,7 @@ SLOW = {
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
     "throughput": "a sweep of 32 billets; tests/benchmarks/test_sweep_cost.py has its table",
+    "plain_run": "commands beside those of an earlier version, which a clone has not",
     "verification": "tests/verification runs what it runs",
 }
 """Imported alone, and why; `python -m benchmarks NAME --quick` runs them."""
@@ -71,7 +72,7 @@ SMALL: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("file", sorted((ROOT / "benchmarks").glob("*.py")), ids=lambda p: p.stem)
 def test_module_is_imported(file: Path) -> None:
     """Every name that a module takes from another is there."""
-    if file.stem in ("opponent", "duel", "plain_heat", "slab_opponent"):
+    if file.stem in ("opponent", "duel", "plain_heat", "slab_opponent", "slab_duel"):
         pytest.importorskip("skfem")
     import_module("benchmarks" if file.stem == "__init__" else f"benchmarks.{file.stem}")
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
