@@ -20,7 +20,7 @@ from castfem.api import load
 from castfem.design import Evaluator, Optimum, Study, Wanted
 from castfem.design.mould_table import mould_table
 
-CASES = ("single", "corner", "double", "parabolic")
+CASES = ("single", "corner", "double", "parabolic", "double_corner")
 # Ends [%/m] and runs along each variable, narrowed by hand: of one variable to where the six moulds
 # of docs/billet.md leave the best, of two to where the stress is below that of the single taper.
 _GRID = {

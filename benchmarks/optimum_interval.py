@@ -18,7 +18,6 @@ from castfem.design.mould_figure import draw_mould
 from castfem.design.mould_table import mould_table
 from castfem.design.spread_figure import draw_spread
 
-POINTS = 3  # of the front
 INPUTS = {
     "cooling.mould.surface.0.coefficient [times]": "heat transfer, ± 10 %",
     "steel.conductivity [times]": "conductivity, ± 10 %",
@@ -38,9 +37,9 @@ FRONT = {
 }
 
 
-def study_of(name: str, runs: Path, **keys: object) -> tuple[Study, Optimum]:
-    """The answer of a shipped case with some keys changed, its runs in a folder of any runs."""
-    case = load(f"billet125/{name}").with_(keys)
+def study_of(name: str, runs: Path) -> tuple[Study, Optimum]:
+    """The answer of a shipped case, its runs in a folder of any runs."""
+    case = load(f"billet125/{name}")
     with Evaluator(case, runs, processes=1) as evaluator:
         study = Study(case, evaluator=evaluator, origin=f"billet125/{name}")
         return study, study.solve()
@@ -87,7 +86,7 @@ def inputs(output: Output) -> None:
 
 def front(output: Output) -> None:
     """What the last of the heat costs."""
-    study, found = study_of("optimum_front", folder("front"), **{"optimise.front.points": POINTS})
+    study, found = study_of("optimum_front", folder("front"))
     assert found.front is not None
     percent = 0.01 * ideal_heat(study, found)
     rows = [
