@@ -1,8 +1,9 @@
 """The billet as a plain script on scikit-fem, as somebody who knows that library would write it.
 
-It imports nothing of castfem.  Quarter of a 125 mm billet, sharp corners, h = 1600 W/m2K against
-160 degC for 10 s, constants of a 0.42 %C steel, solid fraction linear between solidus and liquidus.
-The mesh is a tensor grid of its own, graded to the surface; any other mesh may be handed in.
+It takes nothing of castfem but a name for arrays.  Quarter of a 125 mm billet, sharp corners, h =
+1600 W/m2K against 160 degC for 10 s, constants of a 0.42 %C steel, solid fraction linear between
+solidus and liquidus. The mesh is a tensor grid of its own, graded to the surface; any other mesh
+may be handed in.
 
 Two ways to write the enthalpy balance, both in temperature, both conserving heat:
 

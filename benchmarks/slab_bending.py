@@ -12,17 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mpi4py import MPI
-
 import numpy as np
 
+from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
 from castfem.case import Case, load_case
 from castfem.case.load import from_document
-from castfem.errors import RunFailure
 from castfem.output.history import read_history
 from castfem.output.summary import Summary
-from castfem.time_loop import loop
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,13 +97,7 @@ def changed(change: Change, further: tuple[str, ...] = ()) -> Case:
 
 def _row(change: Change, case: Case, folder: Path) -> dict[str, Any]:
     """Run a case, unless it is finished, and read what is told of it."""
-    summary, failure = Summary.load(folder), ""
-    if summary is None or summary.status != "finished":
-        try:
-            summary = loop.run(case, folder, comm=MPI.COMM_SELF, resume=folder.exists())
-        except RunFailure as error:
-            failure, summary = str(error), Summary.load(folder)
-    assert summary is not None
+    summary, failure = finished_run(case, folder)
     history = read_history(folder / "history.csv")
     return {"name": change.name, "failure": failure} | found(history, summary, _places())
 

@@ -17,18 +17,16 @@ from mpi4py import MPI
 
 import numpy as np
 
+from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
 from benchmarks.slab_bending import found
 from benchmarks.slab_mould import TAPER
 from castfem.case import Case, load_case
 from castfem.case.load import from_document
-from castfem.errors import RunFailure
 from castfem.output.history import read_history
-from castfem.output.summary import Summary
 from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import build
-from castfem.time_loop import loop
 from castfem.time_loop.loop import TimeLoop
 from castfem.values.constants import ZERO_CELSIUS
 
@@ -148,13 +146,8 @@ def _left(case: Case) -> dict[str, Any]:
 
 def _row(way: Way, case: Case, folder: Path) -> dict[str, Any]:
     """Run a way, unless it is finished, and read what is told of it."""
-    summary, failure = Summary.load(folder), ""
-    if summary is None or summary.status != "finished":
-        try:
-            summary = loop.run(case, folder, comm=MPI.COMM_SELF, resume=folder.exists())
-        except RunFailure as error:
-            failure, summary = str(error), Summary.load(folder)
-    assert summary is not None and case.machine is not None
+    summary, failure = finished_run(case, folder)
+    assert case.machine is not None
     rolls, history = case.machine.pairs(), read_history(folder / "history.csv")
     assert rolls is not None
     places = np.array([pair.position for pair in rolls.pairs])

@@ -9,27 +9,26 @@ processor.  Writes a table and a figure of docs/benchmarks.md.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from time import process_time
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 
 from benchmarks.report import ROOT, Output, front, table
+from benchmarks.slab_line import SlabLine
 from castfem.case import Case, load_case
 from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
 from castfem.simulation.simulation import Simulation, build
 from castfem.time_loop.loop import TimeLoop
 from castfem.values.constants import ZERO_CELSIUS
-from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from benchmarks.slab_opponent import Run, Slab, Steel
+    from benchmarks.slab_opponent import Slab, Steel
 
 FOLDER = ROOT / "cases" / "slab1200"
 QUIET = ("output.figures=false", "output.fields=[]", "output.every=1000 s")
@@ -52,28 +51,6 @@ LEVELS = (4.0, 2.0, 1.0)
 """Errors asked for: rms of mid-face and of corner, K."""
 HEAT = 0.05  # %, for each kelvin of a level
 FINE = (0.25, 0.1)  # mm, K: of the reference
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """Surface temperatures, degC, and heat removed, MJ/m, over positions, m, of one run."""
-
-    position: Array
-    mid_face: Array
-    corner: Array
-    heat: Array
-    vertices: int
-    newton: int
-    seconds: float
-
-
-class Found(Protocol):
-    """What either code finds on its way."""
-
-    position: Array
-    mid_face: Array
-    corner: Array
-    heat: Array
 
 
 class Listener:
@@ -102,7 +79,7 @@ def slab(*keys: str, end: float = TO) -> Case:
     return load_case(FOLDER / "sprays.toml", (*QUIET, f"casting.length={end:g} m", *keys))
 
 
-def follow(case: Case) -> Line:
+def follow(case: Case) -> SlabLine:
     """Castfem's way, without files."""
     simulation, listener = build(case, MPI.COMM_SELF), Listener()
     start = process_time()
@@ -111,7 +88,7 @@ def follow(case: Case) -> Line:
     vertices = simulation.section.vertex_space.dofmap.index_map.size_global
     newton = simulation.problem.iterations
     simulation.destroy()
-    return Line(*np.array(listener.kept).T, vertices, newton, seconds)
+    return SlabLine(*np.array(listener.kept).T, vertices, newton, seconds)
 
 
 def steel_of(simulation: Simulation, spacing: float = 0.25) -> Steel:
@@ -128,7 +105,7 @@ def steel_of(simulation: Simulation, spacing: float = 0.25) -> Steel:
     )  # fmt: skip
 
 
-def errors(found: Found, reference: Found) -> dict[str, float]:
+def errors(found: SlabLine, reference: SlabLine) -> dict[str, float]:
     """Rms of both surfaces, K, and largest error of the heat, %."""
     off = {}
     for name in ("mid_face", "corner", "heat"):
@@ -141,7 +118,7 @@ def errors(found: Found, reference: Found) -> dict[str, float]:
     }
 
 
-def castfem_runs(size: float, reference: Found, quick: bool) -> Iterator[dict[str, Any]]:
+def castfem_runs(size: float, reference: SlabLine, quick: bool) -> Iterator[dict[str, Any]]:
     """All runs of castfem on one mesh, as rows."""
     for kelvin, core in OURS[: 1 if quick else None]:
         keys = (*lengths(size, core), f"thermal.time.adaptive.tolerance={kelvin:g} K")
@@ -153,7 +130,7 @@ def castfem_runs(size: float, reference: Found, quick: bool) -> Iterator[dict[st
 
 
 def script_runs(
-    problems: Mapping[str, Slab], size: float, reference: Found, quick: bool
+    problems: Mapping[str, Slab], size: float, reference: SlabLine, quick: bool
 ) -> Iterator[dict[str, Any]]:
     """All runs of the script on one mesh, as rows."""
     from benchmarks import slab_opponent
@@ -166,7 +143,7 @@ def script_runs(
         yield _row(how, size, found, reference)
 
 
-def _row(how: dict[str, Any], size: float, found: Line | Run, reference: Found) -> dict[str, Any]:
+def _row(how: dict[str, Any], size: float, found: SlabLine, reference: SlabLine) -> dict[str, Any]:
     row = how | {
         "surface_size_mm": size, "vertices": found.vertices, "taken": len(found.position),
         "newton": found.newton, "seconds": found.seconds,

@@ -1,8 +1,8 @@
 """The thermal slab as a plain script on scikit-fem: half a section down a caster, roll by roll.
 
-It imports nothing of castfem.  What it reads are the files that a script would be given: the rolls,
-the tables h(T, W) and h(T), the circuits of cases/slab1200/sprays.toml.  The steel comes as tables
-over the temperature.  As far as it goes no water falls off the extrados.
+It takes nothing of castfem but a name for arrays.  What it reads are the files that a script would
+be given: the rolls, the tables h(T, W) and h(T), the circuits of cases/slab1200/sprays.toml.  The
+steel comes as tables over the temperature.  As far as it goes no water falls off the extrados.
 
 The unknown is the conduction integral u = int k dT, so that the stiffness is assembled once, the
 matrix stays symmetric and a Newton step only changes a diagonal: nodal enthalpies with a row-sum
@@ -25,6 +25,7 @@ from scipy.sparse import csc_matrix
 from skfem import FacetBasis, MeshQuad, MeshTri
 
 from benchmarks.plain_heat import HeatBalance, element_of, graded, laplacian, march, mass
+from benchmarks.slab_line import SlabLine
 from castfem.values.types import Array
 
 STEFAN_BOLTZMANN, KELVIN, WATER = 5.670374419e-8, 273.15, 1000.0
@@ -343,26 +344,7 @@ class Slab(HeatBalance):
         return found[1:]
 
 
-@dataclass(frozen=True, slots=True)
-class Run:
-    """What a run gives at the end of each step, and what it took.
-
-    Attributes:
-        position: Below the meniscus (n,), m. mid_face: Surface of the intrados there, degC.
-        corner: Likewise. heat: Removed from the whole section, MJ/m.
-        vertices: Unknowns. newton: Newton iterations. seconds: Processor time.
-    """
-
-    position: Array
-    mid_face: Array
-    corner: Array
-    heat: Array
-    vertices: int
-    newton: int
-    seconds: float
-
-
-def advance(slab: Slab, instants: list[float], scheme: str = "sdirk2") -> Run:
+def advance(slab: Slab, instants: list[float], scheme: str = "sdirk2") -> SlabLine:
     """Take the slab down the caster; results after every step."""
     steel, found = slab.steel, []
     poured = np.interp(steel.start, steel.temperature, steel.conduction)
@@ -374,4 +356,4 @@ def advance(slab: Slab, instants: list[float], scheme: str = "sdirk2") -> Run:
         surface = slab.temperature(u[[slab.mid_face, slab.corner]])
         found.append((slab.speed * time, *surface, 2e-6 * (first - float(s.sum()))))
     seconds = process_time() - start
-    return Run(*np.array(found).T, len(begun), slab.newton, seconds)
+    return SlabLine(*np.array(found).T, len(begun), slab.newton, seconds)

@@ -162,6 +162,10 @@ class Interaction(ABC):
         Args:
             given: Its settings.
             solid: What the other slice is made of.
+
+        Raises:
+            NotImplementedError: It has no such twin. Only a wall has: rolls are the others, and
+                `castfem.sensitivity.run.refuse` names [mechanics.bulging] before it comes to that.
         """
         raise NotImplementedError(f"{self.name} has no derivatives")
 

@@ -20,7 +20,6 @@ from castfem.coupling.subcycling import MechanicalSteps, SubSteps, ThermalSteps
 from castfem.errors import RunFailure
 from castfem.fem import reductions
 from castfem.support import log
-from castfem.thermal.boundary import Patch
 from castfem.thermal.stepper import ThermalState
 from castfem.values.types import Array
 
@@ -122,9 +121,6 @@ class CooledSurface(Protocol):
 
     def follow_shape(self) -> None:
         """Cool the surface where it is now."""
-
-    def weights_now(self) -> list[tuple[Patch, Array]]:
-        """Shares of the perimeter that its patches would have where it is now, m."""
 
 
 def difference(one: Array, other: Array) -> Array:

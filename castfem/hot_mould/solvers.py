@@ -103,14 +103,19 @@ class LinearSolver:
         with self._options.given():
             self._ksp.solve(self._b, self._x)
         reason = self._ksp.getConvergedReason()
+        direct = self._ksp.getType() == "preonly"
         if reason < 0:
+            mend = (
+                "a coarser tube needs less memory"
+                if direct
+                else 'solver = "direct" of [mould.tube] needs no iterations, and some 10 kB of '
+                "memory an unknown"
+            )
             raise RunFailure(
                 f"hot mould: the {self._prefix.strip('_')} solver does not converge (PETSc's "
                 f"reason {reason} after {self._ksp.getIterationNumber()} iterations, of its "
-                f'preconditioner {self._ksp.getPC().getFailedReason()}); solver = "direct" of '
-                "[mould.tube] needs no iterations, and some 10 kB of memory an unknown"
+                f"preconditioner {self._ksp.getPC().getFailedReason()}); {mend}"
             )
-        direct = self._ksp.getType() == "preonly"
         return self._x.getArray().copy(), 0 if direct else self._ksp.getIterationNumber()
 
     def destroy(self) -> None:

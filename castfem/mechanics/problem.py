@@ -7,7 +7,6 @@ in the solution depends on the units chosen.
 
 from __future__ import annotations
 
-import copy
 from typing import Literal
 
 from petsc4py import PETSc
@@ -16,7 +15,6 @@ import numpy as np
 from dolfinx import fem, la
 
 from castfem.constitutive.base import Response
-from castfem.contact.state import ContactState
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
 from castfem.fem.bordered_system import BorderedSystem
@@ -104,7 +102,6 @@ class MechanicalProblem:
         self.iterations, self._slack = 0, 1.0
         self.residual_state: ResidualState | None = None
         self._integrated: Array | None = None
-        self._run: MechanicalProblem | None = None
         self._solid: Flags = np.zeros(0, bool)
 
     def _build_forms(self, springs: float | None) -> None:
@@ -255,20 +252,20 @@ class MechanicalProblem:
     def _feed(self, liquid: FedLiquid, temperature: Array, time: float) -> FedPoints:
         """Where there is liquid, and what stands in for its stiffness."""
         elasticity, pressing = self.slice.law.elasticity, self.slice.ferrostatic
-        solid = elasticity.solidity.weight(temperature) > 0.0
-        if self._run is None:
-            self._solid = solid
-            liquid.begin(solid)
-            if self._part.follow(liquid, self.bordered):
-                self._material = Material(self.slice.law, self.active)
-        else:
-            solid = self._run._solid
-            self._material = Material(self.slice.law, self.active)
+        self._solid = solid = self._frozen(liquid, temperature)
         head = 0.0 if pressing is None else pressing.head(time)
         young = float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
         self.planes.hold(0.0 if liquid.bears else young)
         rows = self.active.rows
         return FedPoints.of(liquid.carries[rows], ~solid[rows], young, head)
+
+    def _frozen(self, liquid: FedLiquid, temperature: Array) -> Flags:
+        """Where the points have frozen; what is liquid, and what has stress, follows that."""
+        solid = self.slice.law.elasticity.solidity.weight(temperature) > 0.0
+        liquid.begin(solid)
+        if self._part.follow(liquid, self.bordered):
+            self._material = Material(self.slice.law, self.active)
+        return solid
 
     def _start(self, guess: Array, scalars: Array) -> Array:
         """Local unknowns of a guess."""
@@ -391,24 +388,6 @@ class MechanicalProblem:
         with self.watch.section("assembly"):
             self.linearise()
 
-    def of_slice(self, slice_: Slice) -> MechanicalProblem:
-        """The equilibrium of other laws on the same mesh, to be asked for its residual alone.
-
-        It shares fields, forms and matrices: use the two in turn, and destroy this one alone. What
-        is liquid here is so there.
-        """
-        other = copy.copy(self)
-        other._run = self
-        other.slice, other._material = slice_, Material(slice_.law, self.active)
-        other.interactions = self.interactions.of_slice(slice_.interactions, slice_)
-        other.planes = self.planes.of_slice(slice_.planes, other.interactions)
-        other.residual_state, other._integrated = None, None
-        return other
-
-    def residual_at(self, local: Array) -> Array:
-        """Forces that are not in equilibrium at local unknowns, N/m (collective)."""
-        return self._residual(local).copy()
-
     def linearise(self) -> None:
         """Take the consistent tangent at the solution that was found last (collective)."""
         self._tangent.fill(self.response, self._part.matrix)
@@ -417,26 +396,6 @@ class MechanicalProblem:
     def solve_linearised(self, right: Array) -> Array | None:
         """Local unknowns that the tangent makes a right-hand side of; None without any."""
         return self.bordered.solve(right)
-
-    def carried(self, old: MechanicalState) -> dict[str, Array]:
-        """What the next step takes up of the unknowns evaluated last, by its name in a state."""
-        found, points = self.residual_state, self.points.count
-        assert found is not None
-        beside = self.slice.law.initial_state(points)
-        if self.liquid is not None:
-            self.liquid.follow(self.fields.u)
-        contact = next((s for s in self.interactions.states() if isinstance(s, ContactState)), None)
-        of_contact = {} if contact is None else contact.numbers()
-        dissipation, n = np.zeros(self.points.deviator_points), self.active.deviator_points
-        dissipation[self.active.deviator] = self.response.dissipation[:n]
-        return of_contact | {
-            "dissipation": dissipation,
-            "displacement": self.fields.u.x.array.copy(),
-            "generalized_strains": found.generalized_strains.copy(),
-            "scalars": self.free_scalars(found.local),
-            "stress": self.active.spread(self.response.stress, np.zeros_like(old.stress)),
-            "internal": self.active.spread(self.response.state, beside),
-        }
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
         """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""

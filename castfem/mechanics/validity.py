@@ -11,8 +11,9 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,6 +75,7 @@ class Judged:
         values: On this rank (n,); the larger, the worse. places: Where (n, 2), m.
         limit: Of the values. message: What to say beyond it, of the value and of its opposite.
         loaded: Whether a load from outside makes it large where there is no shell yet.
+        more: Finds what else to say beyond the limit (collective); None for nothing.
     """
 
     values: Array
@@ -81,6 +83,7 @@ class Judged:
     limit: float
     message: str
     loaded: bool = False
+    more: Callable[[], str] | None = None
 
 
 class Validity:
@@ -159,7 +162,9 @@ class Validity:
             if not worst <= one.limit:  # NaN is beyond any limit
                 _, x, y = reductions.peak(self._comm, one.values, one.places)
                 at = f" at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm" if np.isfinite(x) else ""
-                message = f"beyond {self._limits.name}: {one.message.format(worst, -worst)}{at}"
+                more = "" if one.more is None else one.more()
+                told = one.message.format(worst, -worst) + more
+                message = f"beyond {self._limits.name}: {told}{at}"
                 early = one.loaded and not reductions.any_of(self._comm, bool(solid.any()))
                 return f"{message}; {NO_SHELL if early else self._limits.mend}"
         return ""
@@ -183,8 +188,8 @@ class Validity:
             found.append(Judged(-area, place, 0.0, "the liquid folds"))
         else:
             message = f"the shell turns by {{0:.3g}} rad (at most {limits.rotation:g})"
-            message += self._fresh(turned, temperature[: len(place)])
-            found.append(Judged(turned[solid], place[solid], limits.rotation, message))
+            fresh = partial(self._fresh, turned, temperature[: len(place)])
+            found.append(Judged(turned[solid], place[solid], limits.rotation, message, more=fresh))
             shell = reductions.any_of(self._comm, bool(solid.any()))
             found += self._bulges(place, moved[solid] if shell else moved)
         borne = self._borne(state, temperature, solid)

@@ -94,8 +94,8 @@ class SmoothPeak:
 
     Attributes:
         peak: The largest, Pa.
-        above: Integral over the section of (stress / peak)^32, m2. below: Of that to the power of
-            31.
+        above: Integral over the section of (stress / peak)^32, m2.
+        below: Of that to the power of 31.
     """
 
     peak: float
@@ -116,10 +116,12 @@ class SmoothStress:
 
     Attributes:
         peak: The largest so far, Pa.
-        above: Integral of (stress / peak)^32 over section and way, m3. below: Of that to the power
-            of 31.
-        position: Of the last slice, m; None before the first one. last_peak: Its own largest, Pa.
-        last_above: Its own integral, m2. last_below: Likewise.
+        above: Integral of (stress / peak)^32 over section and way, m3.
+        below: Of that to the power of 31.
+        position: Of the last slice, m; None before the first one.
+        last_peak: Its own largest, Pa.
+        last_above: Its own integral, m2.
+        last_below: Likewise.
     """
 
     peak: float = 0.0

@@ -43,8 +43,9 @@ class FollowedCoupling(StaggeredCoupling):
         self, simulation: Simulation, thermal: ThermalDerivatives, mechanical: MechanicalDerivatives
     ) -> None:
         assert simulation.coupling is not None
-        self.__dict__.update(simulation.coupling.__dict__)
+        vars(self).update(vars(simulation.coupling))  # solvers, surface and settings of the run
         self._derivatives, self._mechanical = thermal, mechanical
+        self._zones = simulation.zones
         count, owned = len(thermal.variations), simulation.section.owned
         nothing: Array = np.zeros((count, owned))
         self.gap_slopes = self.mean_slopes = self._begun = nothing
@@ -57,6 +58,13 @@ class FollowedCoupling(StaggeredCoupling):
                 ShapeSlopes(problem.new_matrix(), [], np.zeros(owned)) for _ in range(count)
             ]
             self._spare = problem.new_matrix()
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        for shape in self._shape:
+            shape.conduction.destroy()
+        if self._shape:
+            self._spare.destroy()
 
     def mark(self, state: StrandState) -> None:
         """Keep the derivatives of a committed state: a window that fails begins there again."""
@@ -124,7 +132,7 @@ class FollowedCoupling(StaggeredCoupling):
             assert problem.shape is not None
             problem.shape.take(moved.displacement, moved.generalized_strains)
             problem.assemble_conduction(shape.conduction if sign > 0.0 else self._spare)
-            weights.append(self.surface.weights_now())
+            weights.append(self._zones.weights_now())
             thermal = self._old.thermal
             before = thermal.filled + by * self._fed[number]
             volumes.append(problem.shape.filled(before, thermal.point.temperature))

@@ -24,7 +24,8 @@ class ShapeSlopes:
     """Derivatives of what the shape gives the heat balance, by one parameter.
 
     Attributes:
-        conduction: Of L. weights: Of the shares of the perimeter, with their patch.
+        conduction: Of L.
+        weights: Of the shares of the perimeter, with their patch.
         filled: Of the volume that the vertices' steel fills, over the undeformed one (owned,).
     """
 

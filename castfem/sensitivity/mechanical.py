@@ -26,10 +26,10 @@ from castfem.contact.state import CONTACT
 from castfem.errors import RunFailure
 from castfem.fem import reductions
 from castfem.mechanics.definition import Slice
-from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.surface_gap import SurfaceGap
+from castfem.mechanics.varied_problem import VariedProblem
 from castfem.sensitivity.kinks import Kinks
 from castfem.sensitivity.varied import Variation, Varied
 from castfem.simulation.mechanics import make_slice
@@ -52,11 +52,12 @@ class Side:
     """The slice on one side of a parameter.
 
     Attributes:
-        by: By how much the parameter is moved, in its unit. problem: Its equilibrium.
+        by: By how much the parameter is moved, in its unit.
+        problem: Its equilibrium.
     """
 
     by: float
-    problem: MechanicalProblem
+    problem: VariedProblem
 
 
 class MechanicalDerivatives:
@@ -105,14 +106,14 @@ class MechanicalDerivatives:
         found = []
         for share in NARROW:
             by = share * variation.parameter.step
-            pair = (Side(s * by, self._problem.of_slice(self._slice(variation, s * by)))
+            pair = (Side(s * by, VariedProblem(self._problem, self._slice(variation, s * by)))
                     for s in (1.0, -1.0))  # fmt: skip
             found.append(tuple(pair))
         return found  # type: ignore[return-value]
 
     def _give_mechanics(self, variation: Variation, end: Varied, by: float) -> None:
         """Let results be read off the slice on one side."""
-        problem = self._problem.of_slice(self._slice(variation, by))
+        problem = VariedProblem(self._problem, self._slice(variation, by))
         stepper = MechanicalStepper(problem, judge=False)
         end.simulation = replace(end.simulation, mechanics=stepper)
 
@@ -222,7 +223,9 @@ class _Step:
     """A step of the slice, as it is on the sides of one parameter.
 
     Attributes:
-        variation: The parameter. old: The state it began with. state: At its end.
+        variation: The parameter.
+        old: The state it began with.
+        state: At its end.
         start: Derivatives of the old state.
         temperatures: Derivatives of the temperatures at its start and end (owned,), K.
         local: Unknowns at its end.

@@ -55,7 +55,9 @@ class Kink:
     """Points of the surface that touch the mould or leave it within a hair of a parameter.
 
     Attributes:
-        parameter: Its name. position: Of the slice below the meniscus, m. points: Their number.
+        parameter: Its name.
+        position: Of the slice below the meniscus, m.
+        points: Their number.
         place: Of the outermost of them, (x, y), m.
     """
 

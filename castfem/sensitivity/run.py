@@ -35,6 +35,7 @@ from castfem.values.types import Array
 if TYPE_CHECKING:
     from castfem.coupling.staggered import StaggeredCoupling, StrandState
     from castfem.mechanics.state import MechanicalResult, MechanicalState
+    from castfem.sensitivity.coupled import FollowedCoupling
     from castfem.sensitivity.mechanical import MechanicalDerivatives
     from castfem.support.progress import Progress
 
@@ -94,11 +95,16 @@ class FollowedMechanics(MechanicalSteps):
         return result
 
 
-def mark_coupled(coupling: StaggeredCoupling, state: StrandState) -> None:
-    """Keep the derivatives of a committed state, after those of its temperatures (collective)."""
+def followed(coupling: StaggeredCoupling) -> FollowedCoupling:
+    """The coupling as `follow` has made it."""
     from castfem.sensitivity.coupled import FollowedCoupling
 
     assert isinstance(coupling, FollowedCoupling)
+    return coupling
+
+
+def mark_coupled(coupling: FollowedCoupling, state: StrandState) -> None:
+    """Keep the derivatives of a committed state, after those of its temperatures (collective)."""
     assert isinstance(coupling.mechanics, FollowedMechanics)
     coupling.mechanics.mark(state.thermal)
     coupling.mark(state)
@@ -168,7 +174,7 @@ class Recorder:
         thermal, coupling = run.state.thermal, self.simulation.coupling
         self.derivatives.mark(thermal)
         if coupling is not None:
-            mark_coupled(coupling, run.state)
+            mark_coupled(followed(coupling), run.state)
         self.readings.follow(sample)
         if self.path is not None and self._every and run.counts.taken % self._every == 0:
             self.save(run)
@@ -264,6 +270,8 @@ def sensitivity(
         asked = asked_quantities(simulation, of)
         derivatives = follow(simulation, to)
         freed.callback(derivatives.destroy)
+        if simulation.coupling is not None:
+            freed.callback(followed(simulation.coupling).destroy)
         if resume and case.mechanics is not None:
             raise InputError(f"{case.title}: --resume: of a case with [mechanics] there is none")
         saves = folder is not None and case.mechanics is None

@@ -1,0 +1,62 @@
+"""Equilibrium of a slice of other numbers on the mesh of a run, as its derivatives need it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from castfem.contact.state import ContactState
+from castfem.mechanics.definition import Slice
+from castfem.mechanics.liquid import FedLiquid
+from castfem.mechanics.material_points import Material
+from castfem.mechanics.problem import MechanicalProblem
+from castfem.mechanics.state import MechanicalState
+from castfem.values.types import Array, Flags
+
+
+class VariedProblem(MechanicalProblem):
+    """The equilibrium of another slice, to be asked for its residual alone.
+
+    It shares fields, forms and matrices with the run: use the two in turn, and destroy the run's
+    alone.  What is liquid there is so here, and what touches, sticks and slides as well.
+
+    Args:
+        run: The equilibrium whose mesh, fields and forms it takes.
+        slice_: Of the same planes, supports and kinds of interactions, with other numbers.
+    """
+
+    def __init__(self, run: MechanicalProblem, slice_: Slice) -> None:
+        vars(self).update(vars(run))  # nothing is built or compiled a second time
+        self._run = run
+        self.slice, self._material = slice_, Material(slice_.law, self.active)
+        self.interactions = run.interactions.of_slice(slice_.interactions, slice_)
+        self.planes = run.planes.of_slice(slice_.planes, self.interactions)
+        self.residual_state, self._integrated = None, None
+
+    def _frozen(self, liquid: FedLiquid, temperature: Array) -> Flags:
+        """See `MechanicalProblem`: as in the run's last step."""
+        self._material = Material(self.slice.law, self.active)
+        return self._run._solid
+
+    def residual_at(self, local: Array) -> Array:
+        """Forces that are not in equilibrium at local unknowns, N/m (collective)."""
+        return self._residual(local).copy()
+
+    def carried(self, old: MechanicalState) -> dict[str, Array]:
+        """What the next step takes up of the unknowns evaluated last, by its name in a state."""
+        found, points = self.residual_state, self.points.count
+        assert found is not None
+        beside = self.slice.law.initial_state(points)
+        if self.liquid is not None:
+            self.liquid.follow(self.fields.u)
+        contact = next((s for s in self.interactions.states() if isinstance(s, ContactState)), None)
+        of_contact = {} if contact is None else contact.numbers()
+        dissipation, n = np.zeros(self.points.deviator_points), self.active.deviator_points
+        dissipation[self.active.deviator] = self.response.dissipation[:n]
+        return of_contact | {
+            "dissipation": dissipation,
+            "displacement": self.fields.u.x.array.copy(),
+            "generalized_strains": found.generalized_strains.copy(),
+            "scalars": self.free_scalars(found.local),
+            "stress": self.active.spread(self.response.stress, np.zeros_like(old.stress)),
+            "internal": self.active.spread(self.response.state, beside),
+        }
