@@ -87,11 +87,12 @@ key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Of two ke
 other (`superheat` and `temperature`, `step` and `adaptive`) the later one wins; a `[section]` of
 another `shape` replaces the inherited one, and so does any `mould.taper`. What was inherited and
 the new shape does not know (`mesh.corner_size`, sizes and tapers of the `[mould]`) is left out, and
-`castfem check` says so: any shipped case with mechanics may become a round by `--set
-'section={shape="round", diameter="125 mm"}'`. Of the name of the steel and its composition the
-later one wins, too: a steel that is named does away with an inherited `[steel.composition]`, unless
-it is computed from one and has none of its own; a composition that comes after a steel of fixed
-numbers is that of `plain_carbon`. `[steel.overrides]` stay, whatever the steel.
+`castfem check` says so: any shipped case with mechanics may become a round by
+`--set 'section={shape="round", diameter="125 mm"}'`. Of the name of the steel and its
+composition the later one wins, too: a steel that is named does away with an inherited
+`[steel.composition]`, unless it is computed from one and has none of its own; a composition that
+comes after a steel of fixed numbers is that of `plain_carbon`. `[steel.overrides]` stay, whatever
+the steel.
 
 On the command line `--set key=value` changes single keys, `--set casting.length="20 m"`. An entry
 of an array is addressed by its index or, if it has one, by its name:

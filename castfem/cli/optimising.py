@@ -140,6 +140,7 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
 def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
     """Draw the answer, and return the names of the files."""
     from castfem.design import figure, mould_figure, spread_figure
+    from castfem.design.chosen_units import spread_scale
 
     names = [figure.FIGURE_NAME]
     figure.draw(optimum, target / figure.FIGURE_NAME)
@@ -150,7 +151,8 @@ def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
         mould_figure.draw_mould(*mould_table(best), run, path)
     if optimum.spread is not None:
         names.append(spread_figure.FIGURE_NAME)
-        spread_figure.draw_spread(optimum.spread, target / spread_figure.FIGURE_NAME)
+        scales = [spread_scale(optimum, i) for i in range(len(optimum.spread.rows))]
+        spread_figure.draw_spread(optimum.spread, target / spread_figure.FIGURE_NAME, scales)
     if optimum.front is not None and len(optimum.front.points) > 1:
         names.append(figure.FRONT_NAME)
         figure.draw_front(optimum.front, target / figure.FRONT_NAME)

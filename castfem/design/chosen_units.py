@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from castfem.design.front import Front, Weighed
-from castfem.design.optimum import Known
+from castfem.design.optimum import Known, Optimum
 from castfem.output.summary import unit_of_difference
 from castfem.values.shown_units import Scale, scale_of
 
@@ -28,6 +28,21 @@ def value_in(result: Known | Weighed, value: float) -> float:
 def difference_in(result: Known | Weighed, value: float) -> float:
     """A difference in SI as it is shown."""
     return float(difference_scale(result)(result.shown_difference(value)))
+
+
+def spread_scale(optimum: Optimum, number: int) -> Scale:
+    """What turns the changes of a row of a spread into what is shown; a variable's stay as asked.
+
+    Args:
+        optimum: Has the spread.
+        number: Of the row: the objective, the constraints, the variables.
+    """
+    assert optimum.spread is not None
+    row = optimum.spread.rows[number]
+    if row.error is None or optimum.objective is None:
+        return Scale(row.unit)
+    known = (optimum.objective, *(kept.known for kept in optimum.constraints))[number]
+    return scale_of(row.unit, known.name)
 
 
 def unit_name(unit: str) -> str:

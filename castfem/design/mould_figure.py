@@ -6,9 +6,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from castfem.design.chosen_units import unit_name
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.plots.style import DPI, look
 from castfem.support.atomic_files import replacing
+from castfem.values.shown_units import scale_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -17,16 +21,16 @@ FIGURE_NAME = "mould.png"
 _WIDTH, _HEIGHT = 5.2, 1.5  # inches, of a panel
 _COLOURS = ("#0072b2", "#d55e00", "#009e73")
 _PANELS = {
-    "gap [mm]": {"gap_mid_face": "mid-face", "gap_corner": "corner"},
-    "pressure [MPa]": {
+    ("gap", "mm"): {"gap_mid_face": "mid-face", "gap_corner": "corner"},
+    ("pressure", "MPa"): {
         "contact_pressure_mid_face": "mid-face",
         "contact_pressure_corner": "corner",
         "mean_contact_pressure_max": "largest mean",
     },
-    "in contact [%]": {"contact_share": ""},
-    "von Mises [MPa]": {"von_mises_max": "largest", "von_mises_corner": "corner"},
+    ("in contact", "percent"): {"contact_share": ""},
+    ("von Mises", "MPa"): {"von_mises_max": "largest", "von_mises_corner": "corner"},
 }
-"""What is drawn of a run's history, over the distance from the meniscus."""
+"""What is drawn of a run's history, in its unit, over the distance from the meniscus."""
 
 
 def draw_mould(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path, path: Path) -> None:
@@ -56,6 +60,7 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
         for label, columns in _PANELS.items()
     }
     panels = {label: columns for label, columns in panels.items() if columns}
+    length = scale_of("mm")
     end = rows[-1][0]
     position = 1e3 * history["position"].to_numpy()
     inside = position <= end * (1.0 + 1e-9)
@@ -66,17 +71,19 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
     for number, (name, colour) in enumerate(zip(head[1:], _COLOURS, strict=False), start=1):
         closed = [rows[0][number] - row[number] for row in rows]
         label = name.removesuffix(" [mm]")
-        axes[0].plot([row[0] for row in rows], closed, color=colour, label=label, lw=1.2)
-    axes[0].set_ylabel("narrower by [mm]", fontsize=8)
-    for panel, (label, columns) in zip(axes[1:], panels.items(), strict=True):
+        places = length(np.array([row[0] for row in rows]))
+        axes[0].plot(places, length(np.array(closed)), color=colour, label=label, lw=1.2)
+    axes[0].set_ylabel(f"narrower by [{length.unit}]", fontsize=8)
+    for panel, ((label, unit), columns) in zip(axes[1:], panels.items(), strict=True):
+        scale = scale_of(unit, next(iter(columns)))
         for (name, words), colour in zip(columns.items(), _COLOURS, strict=False):
-            values = history[name].to_numpy()
-            panel.plot(position[inside], values[inside], color=colour, label=words, lw=1.2)
-        panel.set_ylabel(label, fontsize=8)
+            values = scale(history[name].to_numpy()[inside])
+            panel.plot(length(position[inside]), values, color=colour, label=words, lw=1.2)
+        panel.set_ylabel(f"{label} [{unit_name(scale.unit)}]", fontsize=8)
         panel.set_ylim(bottom=0.0)
     for panel in axes:
         if len(panel.get_lines()) > 1:
             panel.legend(fontsize=7, ncols=3, loc="best", frameon=False)
-    axes[-1].set_xlabel("below the meniscus [mm]")
-    axes[-1].set_xlim(0.0, end)
+    axes[-1].set_xlabel(f"below the meniscus [{length.unit}]")
+    axes[-1].set_xlim(0.0, length(end))
     return figure

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.design.chosen_units import unit_name
 from castfem.design.optimum import Spreading, SpreadRow
 from castfem.plots.style import DPI, look
 from castfem.support.atomic_files import replacing
+from castfem.values.shown_units import Scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,17 +22,22 @@ _WIDTH, _BAR = 3.0, 0.32  # inches, of a panel and of an input in it
 _COLOUR = "#0072b2"
 
 
-def draw_spread(spread: Spreading, path: Path) -> None:
+def draw_spread(spread: Spreading, path: Path, scales: Sequence[Scale] = ()) -> None:
     """Draw a spread.
+
+    Args:
+        spread: What is drawn.
+        path: Of the file.
+        scales: What turns the changes of each row into what is shown; left out: as they are.
 
     Raises:
         RunFailure: The file cannot be written.
     """
     with look(), replacing(path) as temporary:
-        indices_figure(spread).savefig(temporary, dpi=DPI, format="png")
+        indices_figure(spread, scales).savefig(temporary, dpi=DPI, format="png")
 
 
-def indices_figure(spread: Spreading) -> Figure:
+def indices_figure(spread: Spreading, scales: Sequence[Scale] = ()) -> Figure:
     """Return the figure: a panel for each row, two bars in it for each input."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -40,10 +48,11 @@ def indices_figure(spread: Spreading) -> Figure:
     FigureCanvasAgg(figure)
     grid: Any = figure.subplots(1, columns, squeeze=False, sharey=True)[0]
     places = np.arange(len(spread.labels))
-    for axes, row in zip(grid, spread.rows, strict=True):
+    scales = scales or [Scale(row.unit) for row in spread.rows]
+    for axes, row, scale in zip(grid, spread.rows, scales, strict=True):
         total = axes.barh(places, row.total, 0.7, color=_COLOUR, alpha=0.3, label="total")
         first = axes.barh(places, row.first, 0.35, color=_COLOUR, label="first order")
-        axes.set_title(_title(row), fontsize=8)
+        axes.set_title(_title(row, scale), fontsize=8)
         axes.set_xlim(0.0, 1.0)
         axes.set_xlabel("Sobol index")
     grid[0].set_yticks(places, [label.replace(" [times]", "") for label in spread.labels])
@@ -53,7 +62,7 @@ def indices_figure(spread: Spreading) -> Figure:
     return figure
 
 
-def _title(row: SpreadRow) -> str:
-    low, high = row.change
-    unit = "" if row.unit in ("", "-") else f" {row.unit}"
+def _title(row: SpreadRow, scale: Scale) -> str:
+    low, high = (scale(end) for end in row.change)
+    unit = f" {unit_name(scale.unit)}".rstrip()
     return f"{row.name}\n{low:+.2g} to {high:+.2g}{unit}"

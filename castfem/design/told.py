@@ -13,13 +13,14 @@ from castfem.design.chosen_units import (
     price_heading,
     price_in,
     scale,
+    spread_scale,
     unit_name,
     value_in,
 )
 from castfem.design.front import Front
-from castfem.design.optimum import Kept, Known, Optimum, Spreading, SpreadRow, Value
+from castfem.design.optimum import Kept, Known, Optimum, Spreading, Value
 from castfem.report.numbers import shown
-from castfem.values.shown_units import Scale, label_shown, scale_of
+from castfem.values.shown_units import label_shown
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -55,7 +56,7 @@ def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
     found = _table("by the inputs", "5 to 95 % of the draws", "error of the fit", "met")
     vague = []
     for number, row in enumerate(spread.rows):
-        scale = _spread_scale(optimum, number, row)
+        scale = spread_scale(optimum, number)
         unit = f" [{unit_name(scale.unit)}]" if unit_name(scale.unit) else ""
         error = "" if row.error is None else f"{scale(row.error):.2g}"
         met = "" if row.met is None else f"{100.0 * row.met:.0f} %"
@@ -82,14 +83,6 @@ def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
     else:
         safe = ", ".join(f"{v.key} = {v.safe:g} {v.unit}".rstrip() for v in optimum.values)
         yield f"best of what meets all constraints in 95 % of the draws: {safe}"
-
-
-def _spread_scale(optimum: Optimum, number: int, row: SpreadRow) -> Scale:
-    """What turns the changes of a row into what is shown: those of a variable stay as asked."""
-    if row.error is None or optimum.objective is None:
-        return Scale(row.unit)
-    known = (optimum.objective, *(kept.known for kept in optimum.constraints))[number]
-    return scale_of(row.unit, known.name)
 
 
 def _front(front: Front) -> Iterator[Table | str]:

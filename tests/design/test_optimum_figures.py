@@ -12,6 +12,7 @@ import pytest
 from castfem.design.mould_figure import draw_mould, mould_figure
 from castfem.design.optimum import Spreading, SpreadRow
 from castfem.design.spread_figure import draw_spread, indices_figure
+from castfem.values.shown_units import Scale, ShownUnits, shown_in
 
 HEAD = ["distance [mm]", "width [mm]", "diagonal [mm]"]
 ROWS = [[0.0, 125.0, 172.6], [300.0, 124.8, 172.3], [600.0, 124.6, 172.0]]
@@ -43,6 +44,15 @@ def test_the_mould_and_the_run_in_it(tmp_path):
     assert gap.get_lines()[1].get_ydata() == pytest.approx([0.0, 0.02, 0.1])
     assert stress.get_lines()[0].get_ydata() == pytest.approx([0.0, 3.0, 7.0])
     assert stress.get_xlim() == (0.0, 600.0)
+    with shown_in(ShownUnits("si")):
+        sizes, gap, stress = mould_figure(HEAD, ROWS, folder).axes
+    assert (stress.get_ylabel(), stress.get_xlabel()) == (
+        "von Mises [Pa]",
+        "below the meniscus [m]",
+    )
+    assert sizes.get_lines()[1].get_ydata() == pytest.approx([0.0, 0.3e-3, 0.6e-3])
+    assert gap.get_lines()[1].get_xdata() == pytest.approx([0.0, 0.3, 0.6])
+    assert stress.get_lines()[0].get_ydata() == pytest.approx([0.0, 3e6, 7e6])
     assert len(mould_figure(HEAD, ROWS, run(tmp_path)).axes) == 1
     draw_mould(HEAD, ROWS, folder, tmp_path / "mould.png")
     assert (tmp_path / "mould.png").read_bytes().startswith(b"\x89PNG")
@@ -55,5 +65,7 @@ def test_the_indices_of_each_input(tmp_path):
         "h", "steel.overrides.solidus.value [degC]",
     ]  # fmt: skip
     assert place.get_title() == "mould.taper\n-0.02 to +0.03 %/m"
+    stress, _ = indices_figure(SPREAD, [Scale("Pa", 1e6), Scale("%/m")]).axes
+    assert stress.get_title() == "von_mises_max\n-1e+06 to +2e+06 Pa"
     draw_spread(SPREAD, tmp_path / "spread.png")
     assert (tmp_path / "spread.png").read_bytes().startswith(b"\x89PNG")
