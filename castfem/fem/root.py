@@ -1,11 +1,11 @@
-"""Failing together: what one rank does for all fails on every rank, and none is left waiting."""
+"""What one rank does for others: it fails on every rank if it fails, and none is left waiting."""
 
 from __future__ import annotations
 
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import TypeVar
 
@@ -35,6 +35,30 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
             error = raised
     raise_together(comm, error)
     return result
+
+
+def shared_out(comm: MPI.Comm, works: Sequence[Callable[[], T]]) -> list[T]:
+    """Do each piece of work on one rank, and have all results on every rank (collective).
+
+    Raises:
+        Exception: On every rank, what the first piece that failed has raised.
+    """
+    if comm.size == 1:
+        return [work() for work in works]
+    own: dict[int, T | Exception] = {}
+    for i in range(comm.rank, len(works), comm.size):
+        try:
+            own[i] = works[i]()
+        except Exception as raised:
+            own[i] = raised
+    done = {i: result for part in comm.allgather(own) for i, result in part.items()}
+    results: list[T] = []
+    for i in range(len(works)):
+        result = done[i]
+        if isinstance(result, Exception):
+            raise result
+        results.append(result)
+    return results
 
 
 def raise_together(comm: MPI.Comm, error: Exception | None) -> None:

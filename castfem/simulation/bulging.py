@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,7 @@ from castfem.contact.roll_support import POINTS, Bed, RollSupport
 from castfem.contact.surface_interaction import ALWAYS
 from castfem.errors import RunFailure
 from castfem.fem.line_probes import LineProbes, Profile
+from castfem.fem.root import shared_out
 from castfem.values.same_place import same_or_before
 from castfem.values.tables import as_function
 from castfem.values.types import Array
@@ -181,25 +183,29 @@ class PitchByPitch:
             new["force"][:] = 0.5 * old["load"]
             return new
         first, last = self.rolls[passed - 1 : passed + 1]
-        middle = 0.5 * float(first + last)
-        head = self.core.head(self.machine.time_near(middle))
+        head = self.core.head(self.machine.time_near(0.5 * float(first + last)))
         speed = self.machine.speed_between(float(first), float(last))
         share = 1.0 / max(self.core.head(time), 1e-300)
-        for i, (group, face) in enumerate(self.faces.items()):
-            profile = profiles[face.probe]
-            p = head * share * self.core.handed_on(profile, time)
-            span = Span(float(last - first), p, speed)
-            bulge, added = self._bulge(passed - 1, _outward(group), span, profile)
-            top, _, low = bulge.extremes()
-            if (most := max(top, -low)) > MOST_BULGE * span.length:
-                creeps = isinstance(self.model(middle), CreepingStrip)
-                raise RunFailure(_breaks_out(float(first), float(last), bulge, most, creeps))
+        shells = [profiles[face.probe] for face in self.faces.values()]
+        loads = [head * share * self.core.handed_on(profile, time) for profile in shells]
+        spans = [Span(float(last - first), p, speed) for p in loads]
+        strips = shared_out(
+            self.probes.section.comm,
+            [
+                partial(self._bulge, passed - 1, _outward(group), span, profile)
+                for group, span, profile in zip(self.faces, spans, shells, strict=True)
+            ],
+        )
+        for i, (span, profile) in enumerate(zip(spans, shells, strict=True)):
+            bulge, added = strips[i]
+            top, most = _furthest(bulge)
             # That of the shell between its rolls, p/w, and p is what is left of the head. Below
             # a lost roll a shell that has crept dips all along: it is as soft there.
             left = max(self.core.share_handed_on(profile), LEAST_WITHIN)
             new["stiffness"][i] = head / max(most / left, LEAST_BULGE)
             new["thickness"][i], new["largest"][i] = bulge.thickness, top
-            new["load"][i], new["error"][i] = p * span.length, max(old["error"][i], bulge.error)
+            new["load"][i] = span.pressure * span.length
+            new["error"][i] = max(old["error"][i], bulge.error)
             if passed > self.above:  # the end of a mould is no roll
                 new["force"][i] = 0.5 * (old["load"][i] + new["load"][i])
             if added is not None:
@@ -237,7 +243,11 @@ class PitchByPitch:
     def _bulge(
         self, pitch: int, outward: float, span: Span, profile: Profile
     ) -> tuple[Bulge, Array | None]:
-        """Bulge of a pitch, and what its rolls bear besides if they are not alike."""
+        """Bulge of a pitch, and what its rolls bear besides if they are not alike.
+
+        Raises:
+            RunFailure: There is no shell, or none that can span the pitch.
+        """
         first, last = self.rolls[pitch : pitch + 2]
         middle, thickness = 0.5 * float(first + last), profile.isotherm_depth(self.front)
         if thickness <= 0.0:
@@ -247,14 +257,20 @@ class PitchByPitch:
         shell = Shell(thickness, lambda d: np.interp(d, profile.depth, profile.temperature))
         if not span.pressure > 0.0:
             return Bulge.none(span, shell), None
+        model, added = self.model(middle), None
         try:
             below = pitch - self.above  # the index of the roll above it
             if self.uneven is not None and below >= 0 and self.uneven.near(below):
                 found = self.uneven.bulge(below, span, shell, outward)
-                return found.bulge, found.added
-            return self.model(middle).bulge(span, shell), None
+                bulge, added = found.bulge, found.added
+            else:
+                bulge = model.bulge(span, shell)
         except RunFailure as error:
             raise RunFailure(f"bulging, pitch around {middle:.4g} m: {error}") from None
+        if (most := _furthest(bulge)[1]) > MOST_BULGE * span.length:
+            creeps = isinstance(model, CreepingStrip)
+            raise RunFailure(_breaks_out(float(first), float(last), bulge, most, creeps))
+        return bulge, added
 
 
 def build_roll_support(
@@ -315,6 +331,12 @@ def _left_by(wall: Contact | None, end: float | None, half: float) -> float:
         return 0.0
     middle, outward = np.array([[0.0, half]]), np.array([[0.0, 1.0]])
     return float(wall.wall.gap_function(middle, outward, end).gap[0])
+
+
+def _furthest(bulge: Bulge) -> tuple[float, float]:
+    """Largest deflection outwards, and the largest to either side, m."""
+    top, _, low = bulge.extremes()
+    return top, max(top, -low)
 
 
 def _breaks_out(first: float, last: float, bulge: Bulge, most: float, creeps: bool) -> str:
