@@ -71,7 +71,12 @@ class StrandSurface:
         return turned / stretch[:, None], stretch
 
     def gap_to(
-        self, wall: Wall, position: float, moved: Array, strand: Array
+        self,
+        wall: Wall,
+        position: float,
+        moved: Array,
+        strand: Array,
+        shift: Array | None = None,
     ) -> tuple[Array, Array, Array]:
         """Normal of a wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
 
@@ -83,6 +88,8 @@ class StrandSurface:
             position: Of the slice below the meniscus, m.
             moved: Displacement of the points (n, 2), m.
             strand: Outward normal of the strand (n, 2).
+            shift: By which the points have moved beside that (n, 2), m, so little that rounding
+                `moved` would lose it; None for not at all.
         """
         start, raster = self._facets.position, self.size * RASTER
         near = np.round((start + moved) / raster) * raster
@@ -90,6 +97,15 @@ class StrandSurface:
         n = np.asarray(met_wall.normal)
         rest = (start - near) + moved
         facing = np.einsum("ni,ni->n", n, strand)
+        if shift is not None:
+            along = np.column_stack([-n[:, 1], n[:, 0]])
+            turn = met_wall.curvature * np.einsum("ni,ni->n", along, shift)
+            nearer = np.einsum("ni,ni->n", n, shift)
+            n = n + turn[:, None] * along
+            turned = np.einsum("ni,ni->n", n, strand)
+            nearer, facing = nearer * turned / facing, turned
         gap = np.asarray(met_wall.gap) * facing - np.einsum("ni,ni->n", n, rest)
+        if shift is not None:
+            gap -= nearer
         met = np.isfinite(gap)
         return n, np.where(met, gap, np.inf), np.where(met, met_wall.curvature, 0.0)

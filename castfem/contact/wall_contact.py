@@ -82,6 +82,7 @@ class WallContact(Interaction):
         self._height = area / length
         self.now: ContactEvaluation | None = None
         self._run: WallContact | None = None
+        self._shift: tuple[Array, Array] | None = None
 
     def of_slice(self, given: Contact, solid: Solid) -> WallContact:
         """See `Interaction`: what touches, sticks, slides and is liquid here does so there."""
@@ -92,6 +93,13 @@ class WallContact(Interaction):
         if self._stress is not None:
             other._stress = self._stress.of_law(solid.law)
         return other
+
+    def shifted(self, base: Array, shift: Array) -> None:
+        """Tell how far the points have moved (n, 2), m, in two parts that are not to be added.
+
+        Contact is so stiff that what rounding leaves of the smaller one shows in its pressure.
+        """
+        self._shift = base, shift
 
     def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
         """Geometry the forms see, and Nitsche's stress."""
@@ -191,7 +199,8 @@ class WallContact(Interaction):
         moved = surface.moved(motion.u.x.array, motion.generalized_strains.value)
         before = surface.moved(motion.u_old.x.array, motion.generalized_strains_old.value)
         strand, stretch = surface.facing(motion.u.x.array, motion.generalized_strains.value)
-        n, gap, curvature = surface.gap_to(self.contact.wall, self._position, moved, strand)
+        base, shift = (moved, None) if self._shift is None else self._shift
+        n, gap, curvature = surface.gap_to(self.contact.wall, self._position, base, strand, shift)
         near = np.minimum(gap, surface.size)
         stress: Array | float = 0.0
         if self._stress is not None:
@@ -229,9 +238,8 @@ class WallContact(Interaction):
         slides: Flags = closed
         friction: Array = np.zeros((self.facets.count, 2))
         if self.contact.friction is not None:
-            slides, friction = self._with_friction(
-                coefficients, along, moved - before, pressure, status
-            )
+            slip = base - before if shift is None else base - before + shift
+            slides, friction = self._with_friction(coefficients, along, slip, pressure, status)
         self._given.fill(coefficients)
         if wets.any():
             pressure, n = _directed(borne, n, wets, pressure)

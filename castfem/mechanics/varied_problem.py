@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from castfem.contact.state import ContactState
+from castfem.contact.wall_contact import WallContact
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.liquid import FedLiquid
 from castfem.mechanics.material_points import Material
@@ -37,9 +38,20 @@ class VariedProblem(MechanicalProblem):
         self._material = Material(self.slice.law, self.active)
         return self._run._solid
 
-    def residual_at(self, local: Array) -> Array:
-        """Forces that are not in equilibrium at local unknowns, N/m (collective)."""
-        return self._residual(local).copy()
+    def residual_at(self, local: Array, move: Array) -> Array:
+        """Forces that are not in equilibrium at local unknowns moved a little, N/m (collective)."""
+        if (wall := self.contact) is not None:
+            scaled, (here, on) = self.planes.scaled, map(self.bordered.share, (local, move))
+            base = self._points_moved(wall, local, scaled.generalized_strains(here))
+            wall.shifted(base, self._points_moved(wall, move, scaled.directions @ on))
+        return self._residual(local + move).copy()
+
+    def _points_moved(self, wall: WallContact, local: Array, generalized_strains: Array) -> Array:
+        """How far local unknowns move the points of the surface (n, 2), m (collective)."""
+        motion = self._work.x
+        motion.array[: self.owned] = local[: self.owned]
+        motion.scatter_forward()
+        return wall.strand.moved(motion.array, generalized_strains)
 
     def carried(self, old: MechanicalState) -> dict[str, Array]:
         """What the next step takes up of the unknowns evaluated last, by its name in a state."""

@@ -41,8 +41,10 @@ CARRIED = ("displacement", "generalized_strains", "scalars", "stress", "internal
 NARROW = (5e-2, 5e-4)  # of the step of a parameter: differences of the residual to try
 UNEVEN = 1e-3  # of a difference: how far its two halves may be apart
 
-EXACT = 1e-7  # of the right-hand side: what the derivative may leave out of balance
-SOLVES = 3  # with the tangent, at most
+EXACT = 1e-4  # of the largest derivative of stress or of pressure: what may be out of balance
+OF_ALL = 1e-7  # of the right-hand side: likewise, where nothing touches
+STALE = 0.1  # of what it was before a correction: what remains is rounding
+SOLVES = 5  # with the tangent, at most
 
 Slopes = dict[str, Array]
 
@@ -194,7 +196,9 @@ class MechanicalDerivatives:
         """Derivatives at the end of a step by one parameter (collective).
 
         Newton's tangent may leave something out, as the turn of friction round an arc does: what
-        is out of balance where x has moved corrects it.
+        is out of balance where x has moved corrects it. Where the wall is met that is done once at
+        least: it is so stiff that an error of displacement that nothing else shows is one of its
+        pressure.
         """
         comm = self._simulation.section.comm
         move = np.zeros_like(step.local)
@@ -205,7 +209,8 @@ class MechanicalDerivatives:
             if apart <= UNEVEN * whole:
                 break
         span = pair[0].by - pair[1].by
-        for _ in range(SOLVES):
+        worst = np.inf
+        for taken in range(SOLVES):
             more = self._problem.solve_linearised(np.asarray((parts[1] - parts[0]) / span))
             if more is None:
                 raise RunFailure("the derivative of a mechanical step cannot be solved for")
@@ -213,9 +218,41 @@ class MechanicalDerivatives:
             for number, side in enumerate(pair):
                 parts[number] = step.residual(side, move)
                 ends.append(side.problem.carried(step.old))
-            if reductions.largest(comm, np.abs(parts[0] - parts[1])) <= EXACT * whole:
+            left, slopes = parts[0] - parts[1], _slopes(ends, span)
+            if not self._touches:
+                if reductions.largest(comm, np.abs(left)) <= OF_ALL * whole:
+                    break
+                continue
+            before, worst = worst, self._unbalanced(np.asarray(left / span), slopes)
+            if taken and (worst <= EXACT or worst > STALE * before):
                 break
-        return {n: np.asarray(_apart(ends[0][n], ends[1][n]) / span) for n in ends[0]}
+        return slopes
+
+    @property
+    def _touches(self) -> bool:
+        """Whether the wall is met at the end of the step (collective)."""
+        contact = self._problem.contact
+        if contact is None:
+            return False
+        return reductions.any_of(self._simulation.section.comm, bool(contact.status[0].any()))
+
+    def _unbalanced(self, left: Array, slopes: Slopes) -> float:
+        """What is out of balance, over the derivatives of stress and of pressure (collective).
+
+        It is looked at by node, as the stress round it that would make such a force.
+        """
+        problem, comm = self._problem, self._simulation.section.comm
+        by_stress = problem.scales.force_per_stress
+        nodal = np.abs(left[: len(by_stress)]) / by_stress
+        nodal[problem.constraints.prescribed] = 0.0
+        sizes = nodal, *(np.abs(slopes[name]) for name in ("stress", f"{CONTACT}pressure"))
+        worst, *derivatives = (reductions.largest(comm, size) for size in sizes)
+        return worst / min((d for d in derivatives if d > 0.0), default=np.inf)
+
+
+def _slopes(ends: Sequence[Slopes], span: float) -> Slopes:
+    above, below = ends
+    return {n: np.asarray(_apart(above[n], below[n]) / span) for n in above}
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +282,7 @@ class _Step:
         warm = [s.temperature + by * t for s, t in zip(states, self.temperatures, strict=True)]
         begun = replace(_moved(self.old, self.start, by), time=times[0], temperature=warm[0])
         side.problem.begin(begun, times[1], warm[1])
-        return side.problem.residual_at(self.local + by * move)
+        return side.problem.residual_at(self.local, by * move)
 
 
 def _none(state: MechanicalState) -> Slopes:

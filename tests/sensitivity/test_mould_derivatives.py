@@ -118,7 +118,8 @@ BILLET: Mapping[str, Any] = {
 }  # fmt: skip
 READ = (
     "heat_removed", "von_mises_max", "axial_strain", "displacement_mid_face", "gap_corner",
-    "surface_temperature_corner",
+    "surface_temperature_corner", "contact_pressure_max", "contact_pressure_mid_face",
+    "friction_pull",
 )  # fmt: skip
 
 
@@ -146,17 +147,20 @@ def results(case: Case) -> tuple[RunState, dict[str, float]]:
 
 
 def test_a_billet_in_its_mould_has_the_differences_of_runs() -> None:
-    """Contact, friction, gap, repeated windows, shape and heat of flow, all at once."""
+    """Contact, friction, gap, repeated windows, shape and heat of flow, all at once.
+
+    The pressure at mid-face is that of the liquid behind it: by 1 %/m it changes by 5e-5 of itself.
+    """
     case, name = billet(), "mould.taper"
     found = castfem.sensitivities(case, name, ",".join(READ))
     (parameter,) = read_parameters(case, case_steel(case), [name])
-    by = 4e-4 * parameter.value
+    by = 1e-2 * parameter.value
     ends = [results(parameter.case_at(case, parameter.value + s * by)) for s in (1.0, -1.0)]
     for run, _ in ends:
         assert run.counts.coupling_iterations > run.counts.windows + 1
     for result in READ:
         known = (ends[0][1][result] - ends[1][1][result]) / (2.0 * by)
-        assert found.gradient[result][name] == pytest.approx(known, rel=1e-4), result
+        assert found.gradient[result][name] == pytest.approx(known, rel=2e-5), result
 
 
 def test_a_followed_billet_is_the_plain_one_bit_by_bit() -> None:
