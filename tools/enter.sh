@@ -26,9 +26,10 @@ set_defaults() {
     ?*) default PRTE_MCA_mapby :oversubscribe ;;
   esac
   # Outside a batch job there is one machine, thus shared memory (TCP would only add words about
-  # unreachable interfaces), and its cores have other work too: a rank that waits must give way.
+  # unreachable interfaces, the search for fast networks a second to every start), and its cores
+  # have other work too: a rank that waits must give way.
   if [[ $kind == userland || -z ${SLURM_JOB_ID:-}${PBS_JOBID:-}${LSB_JOBID:-} ]]; then
-    default OMPI_MCA_btl ^tcp
+    default OMPI_MCA_btl ^tcp,ofi
     default OMPI_MCA_mpi_yield_when_idle 1
   fi
   if [[ $EUID -eq 0 ]]; then

@@ -16,6 +16,7 @@ colour=no # mpirun would make pytest believe in a terminal
 summary=()
 failed=()
 two_ranks=none # or run: whether there were tests for them
+unset PYTHONDONTWRITEBYTECODE # hundreds of processes would each translate all modules anew
 
 inside() { tools/enter.sh "$home" "$@"; }
 
@@ -34,14 +35,16 @@ step() {
 # The tests marked mpi on two ranks. Rank 0 speaks; the other is heard if something fails. The limit
 # ends a deadlock, which is how a failure on one rank alone shows.
 pytest_on_two_ranks() {
-  local log=$home/pytest-rank1.log status=0
+  local log=$home/pytest-rank1.log status=0 files=()
+  # Both ranks would import all test files for the few that hold such tests.
+  [[ $# -gt 0 ]] || mapfile -t files < <(grep -rl --include='test_*.py' 'mark\.mpi' tests | sort)
   # shellcheck disable=SC2016
   inside timeout --kill-after=10 1200 mpirun -n 2 bash -c '
     rank=${OMPI_COMM_WORLD_RANK:-${PMI_RANK:-0}}
     if [[ $rank != 0 ]]; then exec >"$1" 2>&1; fi
     shift
-    exec python -m pytest -m mpi -p no:cacheprovider "$@"' bash "$log" --color="$colour" "$@" ||
-    status=$?
+    exec python -m pytest -m mpi -p no:cacheprovider "$@"' bash "$log" --color="$colour" \
+    "${files[@]}" "$@" || status=$?
   [[ $status -ne 5 || $# -eq 0 ]] || return 0 # the user's choice of tests holds none of these
   two_ranks=run
   if [[ $status -ne 0 ]]; then
