@@ -97,15 +97,11 @@ class StrandSurface:
         n = np.asarray(met_wall.normal)
         rest = (start - near) + moved
         facing = np.einsum("ni,ni->n", n, strand)
+        gap = np.asarray(met_wall.gap)
         if shift is not None:
-            along = np.column_stack([-n[:, 1], n[:, 0]])
-            turn = met_wall.curvature * np.einsum("ni,ni->n", along, shift)
-            nearer = np.einsum("ni,ni->n", n, shift)
-            n = n + turn[:, None] * along
-            turned = np.einsum("ni,ni->n", n, strand)
-            nearer, facing = nearer * turned / facing, turned
-        gap = np.asarray(met_wall.gap) * facing - np.einsum("ni,ni->n", n, rest)
-        if shift is not None:
-            gap -= nearer
+            gap = gap - np.einsum("ni,ni->n", n, shift) / facing
+            n = np.asarray(wall.gap_function(start + moved + shift, strand, position).normal)
+            facing = np.einsum("ni,ni->n", n, strand)
+        gap = gap * facing - np.einsum("ni,ni->n", n, rest)
         met = np.isfinite(gap)
         return n, np.where(met, gap, np.inf), np.where(met, met_wall.curvature, 0.0)

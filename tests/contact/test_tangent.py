@@ -119,22 +119,45 @@ def test_jacobian_where_liquid_presses(large: bool, method: str) -> None:
     assert np.abs(exact - found).max() < 1e-6 * np.abs(found).max()
 
 
-@pytest.mark.parametrize("large", [False, True])
-def test_jacobian_at_a_round_wall(large: bool) -> None:
-    """The wall's normal turns with a point that slides: 4e-4 of the tangent, and needed."""
-    size, outer = 2e-5, 0.05
+def at_a_round_wall(large: bool) -> SliceSetup:
+    """A ring within a wall that is one arc."""
+    outer = 0.05
     ends = [(outer * np.cos(a), outer * np.sin(a)) for a in (-0.3, 0.5 * np.pi + 0.3)]
     contact = Contact(RoundWall(Circular(*ends, (0.0, 0.0))), ("right",), lambda t: t, points=4)
-    setup = SliceSetup(
+    return SliceSetup(
         mapped(1, 5, ring(0.03, outer), order=2, groups=GROUPS),
         LAW,
         expansion(1e-5),
         given={"planes": PlainPlanes(("a0",)), "large_strain": large, "interactions": (contact,)},
     )
-    exact, found, _ = jacobians(setup, size)
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_jacobian_at_a_round_wall(large: bool) -> None:
+    """The wall's normal turns with a point that slides: 4e-4 of the tangent, and needed."""
+    setup = at_a_round_wall(large)
+    exact, found, _ = jacobians(setup, 2e-5)
     seen = setup.problem.contact.state().status
     assert {OPEN, SLIP} <= set(seen.tolist())
     assert np.abs(exact - found).max() < 5e-6 * np.abs(found).max()
+
+
+def test_a_little_motion_told_apart_meets_the_wall_as_the_whole_does() -> None:
+    """To first order, where the strand faces it askew too: derivatives tell motion in two parts."""
+    contact = at_a_round_wall(large=False).problem.contact
+    assert contact is not None
+    facets, size = contact.facets, 1e-7
+    askew = np.array([[np.cos(0.2), np.sin(0.2)], [-np.sin(0.2), np.cos(0.2)]])
+    strand, place = facets.normal @ askew, 1e-4 * facets.normal
+    shift = size * np.random.default_rng(0).standard_normal(place.shape)
+    met = [
+        contact.strand.gap_to(contact.contact.wall, 0.0, *motion)
+        for motion in ((place, strand), (place + shift, strand), (place, strand, shift))
+    ]
+    (_, before, _), (turned, gap, _), (its, found, _) = met
+    assert np.abs(found - gap).max() < 1e-5 * np.abs(gap - before).max()
+    assert np.abs(its - turned).max() < 1e-2 * size
+    assert np.abs(turned - met[0][0]).max() > size
 
 
 class RoundWall:
