@@ -72,6 +72,20 @@ class FollowedCoupling(StaggeredCoupling):
         assert state.mechanical is not None
         self._mechanical.look(state.mechanical)
 
+    def handed_on(self) -> tuple[Array, Array]:
+        """Derivatives of what a committed window hands to the next, by each parameter.
+
+        Returns:
+            Of the heat of viscoplastic work (parameters, owned), J/m3, without entries where it is
+            left out; of the volume that is filled, over the undeformed one (parameters, owned).
+        """
+        return self._warmed, self._fed
+
+    def take_up(self, warmed: Array, fed: Array) -> None:
+        """Go on from what `handed_on` gave."""
+        self._warmed = self._warms_now = warmed
+        self._fed = self._filled = fed
+
     def take(self, old: StrandState, end: float, allowed: float = np.inf) -> CouplingWindow:
         """See `StaggeredCoupling`."""
         assert old.mechanical is not None

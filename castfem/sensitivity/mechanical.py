@@ -186,7 +186,7 @@ class MechanicalDerivatives:
         problem.linearise()
         found: list[Slopes] = []
         for number, pairs in enumerate(self._sides):
-            start = self.marked[number] or _none(old)
+            start = self.marked[number] or none_of(old)
             temperatures = before[number], after[number]
             step = _Step(self.variations[number], old, state, start, temperatures, local)
             found.append(self._solved(pairs, step))
@@ -285,7 +285,8 @@ class _Step:
         return side.problem.residual_at(self.local, by * move)
 
 
-def _none(state: MechanicalState) -> Slopes:
+def none_of(state: MechanicalState) -> Slopes:
+    """Derivatives of a state that depends on no parameter."""
     found = {name: np.zeros_like(getattr(state, name)) for name in CARRIED}
     if state.contact is not None:
         found |= {name: np.zeros_like(v) for name, v in state.contact.numbers().items()}
@@ -301,11 +302,19 @@ def _apart(above: Array, below: Array) -> Array:
 def _moved(state: MechanicalState, slopes: Slopes, by: float) -> MechanicalState:
     if not slopes:
         return state
-    changed: dict[str, Any] = {name: getattr(state, name) + by * slopes[name] for name in CARRIED}
+    changed: Slopes = {name: getattr(state, name) + by * slopes[name] for name in CARRIED}
     if state.contact is not None:
         numbers = state.contact.numbers()
+        changed |= {name: value + by * slopes[name] for name, value in numbers.items()}
+    return with_numbers(state, changed)
+
+
+def with_numbers(state: MechanicalState, numbers: Slopes) -> MechanicalState:
+    """A state with other numbers, by their names in `Slopes`."""
+    changed: dict[str, Any] = {name: numbers[name] for name in CARRIED}
+    if state.contact is not None:
         touched: dict[str, Any] = {
-            name.removeprefix(CONTACT): value + by * slopes[name] for name, value in numbers.items()
+            name.removeprefix(CONTACT): numbers[name] for name in state.contact.numbers()
         }
         contact = replace(state.contact, **touched)
         changed["interactions"] = tuple(

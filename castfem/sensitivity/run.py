@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from castfem.mechanics.state import MechanicalResult, MechanicalState
     from castfem.sensitivity.coupled import FollowedCoupling
     from castfem.sensitivity.mechanical import MechanicalDerivatives
+    from castfem.sensitivity.restart import CoupledCheckpoint
     from castfem.support.progress import Progress
 
 CHECKPOINT_NAME = "sensitivity.checkpoint.h5"
@@ -192,6 +193,10 @@ class Recorder:
             "readings": self.readings.memory(),
         }
         arrays: dict[str, Array | None] = dict(restart.arrays(run))
+        if (coupled := self._coupled(run)) is not None:
+            assert run.state.mechanical is not None
+            meta["coupled"] = coupled.description(run.state.mechanical)
+            arrays |= coupled.arrays(run.state.mechanical)
         for name in _SAVED:
             for number, owned in enumerate(getattr(slopes, name)):
                 arrays[f"{name}_by_{number}"] = gather(owned)
@@ -235,6 +240,23 @@ class Recorder:
         ]
         self.derivatives.restore(slopes[0], slopes[1], np.array(meta["removed_by"]))
         self.readings.recall(meta["readings"])
+        coupling, coupled = self.simulation.coupling, self._coupled(run)
+        if coupling is not None and coupled is not None:
+            assert run.state.mechanical is not None
+            coupled.restore(meta["coupled"], by_node, run.state.mechanical)
+            self.derivatives.mark(run.state.thermal)
+            mark_coupled(followed(coupling), run.state)
+            coupled.recall_kinks(meta["coupled"])
+
+    def _coupled(self, run: RunState) -> CoupledCheckpoint | None:
+        """For the derivatives of the slice; None of a run without."""
+        if self.simulation.coupling is None:
+            return None
+        from castfem.sensitivity.restart import CoupledCheckpoint
+
+        coupling = followed(self.simulation.coupling)
+        assert isinstance(coupling.mechanics, FollowedMechanics)
+        return CoupledCheckpoint(coupling, coupling.mechanics.mechanical, run)
 
 
 def sensitivity(
@@ -272,10 +294,7 @@ def sensitivity(
         freed.callback(derivatives.destroy)
         if simulation.coupling is not None:
             freed.callback(followed(simulation.coupling).destroy)
-        if resume and case.mechanics is not None:
-            raise InputError(f"{case.title}: --resume: of a case with [mechanics] there is none")
-        saves = folder is not None and case.mechanics is None
-        path = folder / CHECKPOINT_NAME if folder is not None and saves else None
+        path = folder / CHECKPOINT_NAME if folder is not None else None
         readings = Readings(simulation, derivatives, asked)
         recorder = Recorder(simulation, derivatives, readings, path)
         run = _to_the_end(simulation, recorder, resume, progress)
