@@ -34,6 +34,15 @@ def pytest_configure(config: pytest.Config) -> None:
             reporter._tw._file = open(os.devnull, "w")  # noqa: SIM115
 
 
+def pytest_collection_finish() -> None:
+    """Hide what is imported from the garbage collector, which every run asks as it ends.
+
+    It would look through the modules of all tests, hundreds of times.
+    """
+    gc.collect()
+    gc.freeze()
+
+
 @pytest.fixture(autouse=True)
 def collect_together() -> Iterator[None]:
     """Free PETSc objects on all ranks at the same moment: their destructors are collective."""
