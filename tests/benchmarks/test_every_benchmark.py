@@ -36,6 +36,7 @@ SLOW = {
     "bulging": "slabs down their caster; tests/time_loop/test_bulging_slab.py has short ones",
     "strip_order": "half a minute; tests/bulging has its orders",
     "lost_roll": "a minute; tests/bulging/test_ode_strip.py and test_uneven.py have its parts",
+    "creeping_plate": "14 s; test_creeping_plate.py has smaller plates",
     "shell3d": "tests/bulging/test_shell3d.py has two of its slabs",
     "moving_strip": "two minutes; tests/bulging/test_moving_strip.py has coarse ones",
     "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
