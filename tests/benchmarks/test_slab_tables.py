@@ -10,7 +10,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks import slab_bending, slab_downstream, slab_error, slab_mould, slab_sprays, slabs
+from benchmarks import (
+    slab_bending,
+    slab_downstream,
+    slab_error,
+    slab_mould,
+    slab_ranks,
+    slab_sprays,
+    slabs,
+)
 from benchmarks.report import Output
 from castfem.case import load_case
 from castfem.machine.rolls import Rolls
@@ -234,3 +242,22 @@ def test_ways_to_the_rolls_differ_by_their_start_alone() -> None:
     bulging: list[Any] = [case.mechanics.bulging for case in cases if case.mechanics is not None]
     assert [one.pull for one in bulging] == [None, False, None]
     assert {one.model for one in bulging} == {"creep"}
+
+
+def test_gain_of_two_ranks_is_that_of_the_quickest_of_each_window() -> None:
+    """Two windows of 4 and 6 iterations; a quick one of each turn, disturbed in the other."""
+
+    def run(*seconds: float) -> dict[str, Any]:
+        parts = [0.2, 0.1, 0.1, 0.1]
+        rows = [[n, s, 0.9 * s, *(0.1 * n * p for p in parts)]
+                for n, s in zip((4.0, 6.0), seconds, strict=True)]  # fmt: skip
+        return {"windows": rows, "uneven": 0.0}
+
+    alone, both = [run(0.8, 2.0), run(1.6, 1.2)], [run(0.5, 3.0), run(2.5, 0.75)]
+    row = slab_ranks._row("thin", "2", both, alone)
+    assert row["iteration"] == pytest.approx(125.0)
+    assert row["gain"] == pytest.approx(1.6)
+    assert row["core"] == pytest.approx(90.0)
+    assert row["factor"] == pytest.approx(20.0) and row["other"] == pytest.approx(75.0)
+    assert 100.0 / row["gain"] == pytest.approx(row["alone"] + 0.5 * (100.0 - row["alone"]))
+    assert slab_ranks._row("thin", "1", alone, alone)["alone"] is None
