@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import AnyCase, Case, Reading, TensileCase, plausibility, read_case
+from castfem.case.problems import Problem
 from castfem.errors import InputError
 from castfem.support import log
 from castfem.values.tables import Table
@@ -37,6 +38,8 @@ def problems_of(
             law, law_carbon = _try_mechanics(reading, steel)
     except InputError as error:
         problems += error.problems
+    if not problems and isinstance(reading.case, Case):
+        problems += _solvers(reading, reading.case)
     if not problems:
         _print_warnings(reading, steel, law, law_carbon)
     return (None if problems else reading.case), steel, problems
@@ -83,6 +86,24 @@ def _try_mechanics(
 
     law = build_law(table, steel, reading.law, reading.elasticity)
     return law, law_carbon(table.law)
+
+
+def _solvers(reading: Reading, case: Case) -> list[str]:
+    """Return what PETSc does not take of the solvers' options that the case gives."""
+    found: list[str] = []
+    tables = {"thermal": case.thermal.solver}
+    if case.mechanics is not None:
+        tables["mechanics"] = case.mechanics.solver
+    for table, options in tables.items():
+        if not options:
+            continue
+        from castfem.simulation.solver_options import try_solver
+
+        try:
+            try_solver(table, options)
+        except InputError as error:
+            found += [reading.line(Problem((table, "solver"), text)) for text in error.problems]
+    return found
 
 
 def _try_law(reading: Reading, case: TensileCase) -> None:

@@ -153,6 +153,43 @@ def _refused(prefix: str, options: Options, message: str) -> str:
     return f"{what} solver, {named}: PETSc refuses: {reason}; its manual has names and values"
 
 
+def try_options(prefix: str, options: Options) -> None:
+    """Hand options to a small solver that is thrown away, so that a wrong one is told at once.
+
+    A package that is to factor (pc_factor_mat_solver_type) is looked for when PETSc factors for
+    the first time, in the midst of a run: here a unit matrix is factored. Not collective.
+
+    Args:
+        prefix: Of the solver that is meant, as the message names it.
+        options: Ours and the user's, without prefix.
+
+    Raises:
+        InputError: An option is of no family PETSc knows, or PETSc refuses its value.
+    """
+    given = SolverOptions(prefix, options, asked=())
+    matrix = PETSc.Mat().createAIJ((2, 2), nnz=1, comm=PETSc.COMM_SELF)
+    things = [kind().create(PETSc.COMM_SELF) for kind in (PETSc.SNES, PETSc.KSP, PETSc.PC)]
+    try:
+        for row in range(2):
+            matrix.setValue(row, row, 1.0)
+        matrix.assemble()
+        matrix.setOption(PETSc.Mat.Option.SPD, True)
+        things[-1].setOperators(matrix, matrix)
+        for thing in things:
+            thing.setOptionsPrefix(prefix)
+        given.apply(*things)
+        if "pc_factor_mat_solver_type" in options:
+            with given.given():
+                try:
+                    things[-1].setUp()
+                except PETSc.Error as error:
+                    named = {k: v for k, v in options.items() if k.startswith("pc_")}
+                    raise InputError(_refused(prefix, named, str(error))) from error
+    finally:
+        for thing in (*things, matrix):
+            thing.destroy()
+
+
 class SnesSolver:
     """SNES around a `NonlinearProblem`.
 

@@ -19,7 +19,7 @@ from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
 from castfem.fem.bordered_system import BorderedSystem
 from castfem.fem.section import Section
-from castfem.fem.snes import Options, SnesSolver, SolveResult
+from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
 from castfem.mechanics.active_part import ActivePart
 from castfem.mechanics.convergence import Criteria
 from castfem.mechanics.definition import Slice
@@ -132,6 +132,8 @@ class MechanicalProblem:
         """SNES on displacement and scalars."""
         symmetric = self.kinematics.symmetric
         nonlinear, linear = split_options(options, symmetric, self.section.comm.size)
+        if options:
+            try_options("mechanical_", {**nonlinear, **linear})
         self._part = ActivePart(self.kinematics, self.space, self.scales)
         self._tangent = Tangent(self.kinematics, self.fields, self.constraints, self._work)
         prefix = "mechanical_"

@@ -35,7 +35,7 @@ from dolfinx import fem
 from castfem.fem import reductions
 from castfem.fem.dolfinx_compat import assemble_into, assemble_matrix, assemble_owned, without_zeros
 from castfem.fem.section import Section
-from castfem.fem.snes import Options, SnesSolver, SolveResult
+from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
 from castfem.forms.heat import (
     conduction,
     conduction_moved,
@@ -154,6 +154,8 @@ class ThermalProblem:
         self._work = self._laplacian.createVecLeft()
         self._theta = self._laplacian.createVecRight()
         chosen = {**default_options(section.comm.size), **(options or {})}
+        if options:
+            try_options("thermal_", chosen)
         self.solver = self._make_solver("thermal_", chosen, options or {})
         self._direct: SnesSolver | None = None
         self.iterations: int = 0

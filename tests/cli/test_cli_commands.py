@@ -30,6 +30,27 @@ def test_check_of_a_shipped_case(castfem):
     assert castfem("check", "billet125/idealised", "-q").out == ""
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("thermal.solver.foo=1", "thermal.solver: solver option 'foo': PETSc has no such family"),
+        ("thermal.solver.pc_type=none_such", 'thermal.solver: thermal solver, pc_type = "none_s'),
+        ("thermal.solver.snes_rtol=abc", "Input string abc has no numeric value"),
+        ("mechanics.solver.pc_factor_mat_solver_type=mumpz", "mechanics.solver: mechanical solver"),
+    ],
+)
+def test_check_tells_what_petsc_does_not_take(castfem, change, said):
+    outcome = castfem("check", "billet125/idealised", "--set", change)
+    assert outcome.status == 1 and outcome.err.startswith("castfem: --set: ")
+    assert said in outcome.err and len(outcome.err.splitlines()) == 1
+
+
+def test_check_takes_what_petsc_takes(castfem):
+    sound = ("thermal.solver.pc_type=lu", "mechanics.solver.pc_factor_mat_solver_type=mumps")
+    changes = [word for one in sound for word in ("--set", one)]
+    assert castfem("check", "billet125/idealised", "-q", *changes).status == 0
+
+
 def test_check_tells_all_problems_the_steels_too(castfem, case_file):
     case_file.write_text(case_file.read_text().replace("carbon_042", "carbon_42") + "colour = 1\n")
     outcome = castfem("check", case_file, "--set", "casting.speed=3 m")
