@@ -181,7 +181,10 @@ class Output(TableModel):
         "gap and contact_pressure",
         examples=[["temperature", "displacement"]],
     )
-    every: Time = Field(written("0.5 s"), description="time between two states of the fields")
+    every: Time = Field(
+        written("0.5 s"),
+        description="time between two states of the fields, which end a step: none is longer",
+    )
     figures: bool = Field(True, strict=True, description="draw the figures at the end of the run")
     checkpoint_every: int = Field(
         20,

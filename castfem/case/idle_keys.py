@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from castfem.case.extraction import COUPLED
 from castfem.case.problems import Problem
+from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
 
 if TYPE_CHECKING:
@@ -20,6 +21,22 @@ def idle_keys(case: Case) -> Iterator[Problem]:
     yield from _coupling(case)
     yield from _extraction(case)
     yield from _clock(case)
+    yield from _longest_step(case)
+
+
+def _longest_step(case: Case) -> Iterator[Problem]:
+    """Yield a step that was asked for and is never taken, since fields are written within it."""
+    time, every = case.thermal.time, case.output.every
+    given: dict[tuple[str, ...], float | None] = {("step",): time.step}
+    if time.adaptive is not None and "largest" in time.adaptive.model_fields_set:
+        given = {("adaptive", "largest"): time.adaptive.largest}
+    for name, step in given.items():
+        if case.output_fields and step is not None and step > every * (1.0 + ROUNDING):
+            yield Problem(
+                ("thermal", "time", *name),
+                f"({step:.4g} s) is cut to output.every ({every:.4g} s): the states of the fields "
+                "end a step; write them less often, or none (output.fields = [])",
+            )
 
 
 def _clock(case: Case) -> Iterator[Problem]:

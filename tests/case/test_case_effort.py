@@ -40,5 +40,6 @@ def test_a_long_run_is_told_with_its_time() -> None:
     (line,) = read_case(TAPERED, ["coupling.mechanical_step=50 us"]).warnings
     assert "(5e-05 s) makes 200 000 mechanical steps" in line
     assert line.endswith("5.6 hours")
-    (line,) = read_case(TAPERED, ["output.every=1 ms"]).warnings
+    line, cut = read_case(TAPERED, ["output.every=1 ms"]).warnings
     assert "10 000 states of the fields" in line
+    assert "is cut to output.every (0.001 s)" in cut

@@ -265,6 +265,24 @@ def test_keys_that_change_nothing(case: Path, changes: tuple[str, ...], said: st
     assert said in line
 
 
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (("thermal.time.step=1 s",), "thermal.time.step: (1 s) is cut to output.every (0.5 s)"),
+        (("thermal.time.adaptive={largest='2 s'}",), "adaptive.largest: (2 s) is cut to output"),
+        (("thermal.time.step=1 s", "output.every=1 s"), ""),
+        (("thermal.time.step=1 s", "output.fields=[]"), ""),
+    ],
+)
+def test_a_step_beyond_the_next_state_of_the_fields_is_told(
+    changes: tuple[str, ...], said: str
+) -> None:
+    reading = read_case(TAPERED.with_name("thermal.toml"), changes)
+    assert not reading.problems
+    told = [line for line in reading.warnings if "output.every" in line]
+    assert len(told) == bool(said) and said in "".join(told)
+
+
 def test_keys_of_the_coupling_that_do_something() -> None:
     for changes in (("coupling.passes=3", "coupling.window_error=3 K"), ("coupling.passes=1",)):
         assert not any("no effect" in line for line in _warnings(*changes))
