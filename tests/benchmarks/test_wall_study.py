@@ -10,6 +10,8 @@ import pytest
 from benchmarks import wall_study
 from benchmarks.report import Output
 
+pytestmark = pytest.mark.slow
+
 
 def test_springs_carry_less_than_points(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wall_study, "SPRINGS", (None, 1e-7))

@@ -23,6 +23,8 @@ from castfem.sweep.record import Record
 from castfem.sweep.results import rows
 from castfem.sweep.work import Job
 
+pytestmark = pytest.mark.slow
+
 SPEEDS = ("--set", "speed=3 m/min,4 m/min")
 NEVER = 'thermal.solver={},{ pc_type = "nosuch" }'  # only PETSc knows that it has no such thing
 

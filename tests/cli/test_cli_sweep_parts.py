@@ -25,6 +25,8 @@ from castfem.sweep.plan import plan
 from castfem.sweep.share import Share
 from castfem.sweep.work import Job
 
+pytestmark = pytest.mark.slow
+
 ROWS = ("--set", "length=10 mm", "--set", "speed=3 m/min,3.5 m/min,4 m/min")
 NAMES = ("speed_3_m_min", "speed_3.5_m_min", "speed_4_m_min")
 SAME = ("case.toml", "history.csv", "fields.xdmf")

@@ -14,6 +14,8 @@ from castfem.api import load
 from castfem.cli.app import app
 from castfem.design.mould_table import mould_table
 
+pytestmark = pytest.mark.slow
+
 TABLE = """
 [optimise]
 minimise = "surface_temperature_mid_face"

@@ -14,6 +14,8 @@ from castfem.case import Case
 from castfem.design import Evaluation
 from castfem.output.summary import Quantity
 
+pytestmark = pytest.mark.slow
+
 PAGE = Path(__file__).parents[2] / "docs" / "scripting.md"
 CODE = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.M | re.S)
 SIZES = {

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 RUNS = Path(__file__).with_name("killed_runs.py")
 EVERY = 11  # how many of the calls are tried: one in so many; a run makes about 260
 COMPILER = shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc")

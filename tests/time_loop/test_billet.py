@@ -30,6 +30,8 @@ from castfem.simulation.cooling import Zones
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
 
+pytestmark = pytest.mark.slow
+
 MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_minus_3")
 REAL = MOULDS[1:]
 LEFT = "taper_minus_3_as_thesis"
@@ -132,15 +134,15 @@ def test_gap_of_an_interval_settles(name: str) -> None:
 
 def test_more_passes_come_to_one_answer() -> None:
     """Heat over long windows: the tighter the tolerance of the gap, the closer to one answer."""
-    long = ("coupling.interval=0.5 s", "coupling.window_error=1000 K", 'casting.length="120 mm"')
+    long = ("coupling.interval=0.5 s", "coupling.window_error=1000 K", 'casting.length="105 mm"')
     heat = {
         kelvin: run_in_memory(billet("taper_0", *long, f"coupling.settled={kelvin} K")).value(
             "heat_removed"
         )
-        for kelvin in (1e3, 1.0, 1e-2, 1e-4)
+        for kelvin in (1e3, 1.0, 1e-2, 1e-3)
     }
-    away = {kelvin: abs(found - heat[1e-4]) for kelvin, found in heat.items()}
-    assert away[1.0] < 0.05 * away[1e3] and away[1e-2] < 0.05 * away[1.0]
+    away = {kelvin: abs(found - heat[1e-3]) for kelvin, found in heat.items()}
+    assert 0.0 < away[1.0] < 0.05 * away[1e3] and 0.0 < away[1e-2] < 0.05 * away[1.0]
 
 
 def test_triangles_agree_with_quadrilaterals() -> None:
@@ -308,7 +310,7 @@ def test_another_mould_is_another_case(tmp_path: Path, capsys: pytest.CaptureFix
 @pytest.mark.mpi
 @pytest.mark.parametrize("name", ["taper_1", "taper_0"])
 def test_ranks_do_not_show(name: str) -> None:
-    case = billet(name, 'casting.length="150 mm"')
+    case = billet(name, 'casting.length="120 mm"')
     alone, together = run_in_memory(case), run_in_memory(case, MPI.COMM_WORLD)
     assert len(alone.samples) == len(together.samples)
     for one, many in zip(alone.samples, together.samples, strict=True):

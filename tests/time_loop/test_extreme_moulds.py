@@ -13,6 +13,8 @@ from time_loop.billet_runs import Kept, billet, run, run_in_memory, shipped
 from castfem.errors import InputError, RunFailure
 from castfem.output.history import read_history
 
+pytestmark = pytest.mark.slow
+
 SHORT = 'casting.length="240 mm"'
 
 

@@ -17,6 +17,8 @@ from castfem.case import Case
 from castfem.results.sample import Sample
 from castfem.time_loop import loop
 
+pytestmark = pytest.mark.slow
+
 PITCH, FIRST, COUNT = 0.2, 0.9, 7
 PLACES = [FIRST + PITCH * k for k in range(COUNT)]
 LOST = {"kind": "lost", "roll": 4}
@@ -146,12 +148,13 @@ def test_a_roll_that_is_off_reaches_strip_slice_and_effort(sound: Kept, off: Kep
 
 def test_the_creeping_strip_goes_over_a_lost_roll() -> None:
     """Of a shell that spans it: at the other tests' speed it would bulge by more than 5 %."""
-    slowly = {"casting__speed": "0.9 m/min", "casting__length": "1.35 m"}
-    creep = run_in_memory(slab(LOST, mechanics__bulging="creep", **slowly))
-    elastic = run_in_memory(slab(LOST, **slowly))
+    slowly = {"casting__speed": "0.7 m/min", "casting__length": "1.15 m"}
+    third = LOST | {"roll": 3}
+    creep = run_in_memory(slab(third, mechanics__bulging="creep", **slowly))
+    elastic = run_in_memory(slab(third, **slowly))
     memory = rolls_of(creep.samples[-1]).memory
     assert memory["z"][0, -1] == pytest.approx(2 * PITCH)
-    assert np.all(memory["largest"] > rolls_of(within(elastic, 3)).memory["largest"])
+    assert np.all(memory["largest"] > 1.3 * rolls_of(within(elastic, 2)).memory["largest"])
     assert np.all(memory["error"] < 0.1 * memory["largest"])
 
 

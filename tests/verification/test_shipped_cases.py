@@ -19,6 +19,8 @@ from castfem.output.summary import Summary
 from castfem.time_loop import loop
 from castfem.verification import NAMES as FORMS
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[2] / "docs" / "data" / "verification.csv"
 # Of the temperature [mK], and of the stress [% of 20 MPa]: nothing that is documented exceeds them.
 BOUNDS = {
