@@ -264,6 +264,7 @@ def check_optimise(case: Case) -> Iterator[Problem]:
     keys = [variable.key for variable in table.variable or () if variable is not None]
     for key in sorted({key for key in keys if keys.count(key) > 1}):
         yield Problem(("optimise", "variable"), f'("{key}") is given twice; leave one out')
+    yield from _starts(table)
 
 
 def _objectives(table: Optimise) -> Iterator[Problem]:
@@ -287,11 +288,36 @@ def _unknown(name: str, path: tuple[str, ...]) -> Iterator[Problem]:
         yield Problem(path, f'("{name}") is no result of a run{near}')
 
 
+def _starts(table: Optimise) -> Iterator[Problem]:
+    """Yield starts beyond their ranges; in other units or none they are refused by the key."""
+    for number, variable in enumerate(table.variable or ()):
+        if variable is None or variable.range is None or variable.start is None:
+            continue
+        low, high, unit = variable.si
+        path = ("optimise", "variable", number, "start")
+        try:
+            start, other = units.parse_any(variable.start)
+        except ValueError as error:
+            yield Problem(path, str(error))
+            continue
+        if unit == other and not low <= start <= high:
+            ends = " to ".join(variable.range)
+            yield Problem(path, f'("{variable.start}") is not within the range, {ends}')
+
+
 def _inputs(table: Optimise) -> Iterator[Problem]:
+    varied = {variable.key for variable in table.variable or () if variable is not None}
     for number, one in enumerate(table.input or ()):
-        if one is not None and (one.range is None) == (one.relative is None):
-            path = ("optimise", "input", number)
+        if one is None:
+            continue
+        path = ("optimise", "input", number)
+        if (one.range is None) == (one.relative is None):
             yield Problem(path, 'one of range and relative is needed, such as ["-10 %", "10 %"]')
+        if one.key in varied:
+            yield Problem(
+                (*path, "key"),
+                f'("{one.key}") is a variable, too, whose value an input would take; leave one out',
+            )
 
 
 def _front(table: Optimise) -> Iterator[Problem]:

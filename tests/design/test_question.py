@@ -58,6 +58,11 @@ def test_round_trip(tmp_path):
         ('["2 m/min", "5 m/min"]', '["2 m/min"]', 'two values are needed, such as ["0 %/m"'),
         ('["2 m/min", "5 m/min"]', '["2 furlongs", "5 m/min"]', "optimise.variable.0.range: "),
         ("[[optimise.variable]]", "[[optimise.variables]]", "did you mean variable?"),
+        ('"5 m/min"]', '"5 m/min"]\nstart = "0.09 m/s"',
+         'optimise.variable.0.start: ("0.09 m/s") is not within the range, 2 m/min to 5 m/min'),
+        ('"5 m/min"]', '"5 m/min"]\nstart = "swift"', "optimise.variable.0.start: "),
+        ('"5 m/min"]', '"5 m/min"]\n[[optimise.input]]\nkey = "casting.speed"\nrange = [1, 2]',
+         'optimise.input.0.key: ("casting.speed") is a variable, too'),
     ],
 )  # fmt: skip
 def test_mistakes_in_the_file(tmp_path: Path, old: str, new: str, line: str):
