@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.case import Case, load_case, shipped_cases
+from castfem.case.load import changed
 from castfem.case.shown_units import units_of
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
@@ -68,9 +69,7 @@ def calibrate_case(
         case, keys = load_case(path, overrides), [read_free(one) for one in free]
         if not keys:
             raise InputError("calibrate: name what is to be fitted, --free KEY=LOW..HIGH")
-        for key in keys:  # both bounds must be a sound case, and told before anything runs
-            for value in (key.low, key.high):
-                case.with_({key.key: key.text(value)})
+        _check_keys(case, keys)
         measured = read_measured(data)
         alone = shipped_cases.default_folder(name, path)
         target = folder or alone.with_name(f"{alone.name}_calibration")
@@ -78,6 +77,16 @@ def calibrate_case(
         return _Question(case, keys, measured, evaluator)
 
     return many_runs.on_root(prepare, lambda asked, _: _done(asked, quiet, units), serve)
+
+
+def _check_keys(case: Case, keys: Sequence[Free]) -> None:
+    """Refuse before anything runs what is named twice, and bounds that are no sound case."""
+    for number, key in enumerate(keys):
+        where = f'--free "{key.key}"'
+        if key.key in [other.key for other in keys[:number]]:
+            raise InputError(f"{where}: is named twice; leave one out")
+        for value in (key.low, key.high):
+            changed(case, {key.key: key.text(value)}, where)
 
 
 @dataclass(frozen=True, slots=True)

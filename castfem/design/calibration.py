@@ -24,6 +24,7 @@ from castfem.support.atomic_files import write_json, write_text
 from castfem.values import units
 from castfem.values.same_place import ROUNDING
 from castfem.values.types import Array
+from castfem.values.units import nearest
 
 if TYPE_CHECKING:
     from castfem.case import Case
@@ -98,11 +99,13 @@ def followed(case: Case, measured: Sequence[Measured]) -> Case:
     Raises:
         InputError: They lie beyond its end.
     """
-    last = max(m.position for m in measured)
+    farthest = max(measured, key=lambda one: one.position)
+    last = farthest.position
     length = case.casting.length
     if last > length * (1 + ROUNDING):
         raise InputError(
-            f"{1e3 * last:g} mm was measured and the case is followed to {1e3 * length:g} mm; "
+            f"{farthest.where}: {1e3 * last:g} mm was measured and the case is followed to "
+            f"{1e3 * length:g} mm; "
             f'give --set casting.length="{1e3 * last:g} mm"'
         )
     return case.with_({"casting.length": f"{last!r} m"}) if last < length else case
@@ -119,7 +122,8 @@ def _computed(folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
     for data in measured:
         here = quantities_at(table, data.position, folder)
         if data.name not in here:
-            raise InputError(f"{data.name}: no such result of this case")
+            near = nearest(data.name, here)
+            raise InputError(f"{data.where}: no such result of this case{near}")
         found.append(here[data.name])
     return found
 

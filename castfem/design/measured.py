@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.case.result_names import fault, unit_of
 from castfem.errors import InputError
 from castfem.output.summary import Quantity
 from castfem.values import units
@@ -31,12 +32,19 @@ class Measured:
         position: Below the meniscus, m.
         name: Of the result, as in history.csv.
         value: In SI. error: Its standard deviation in SI; NaN where none is given.
+        source: File and line it is from, "" for none.
     """
 
     position: float
     name: str
     value: float
     error: float
+    source: str = ""
+
+    @property
+    def where(self) -> str:
+        """What a message about it begins with."""
+        return f"{self.source}: {self.name}" if self.source else self.name
 
 
 def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
@@ -62,6 +70,7 @@ def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
     if not names or names[0] != _POSITION or len(names) < 2 or not file.rows:
         raise InputError(f"{path}: line {file.line}: a header and rows are needed, {_SAMPLE}")
     problems = list(_unknown(path, file.line, names, list(known)))
+    problems += _misfits(path, file.line, file.headings)
     if problems:
         raise InputError(problems)
     found: list[Measured] = []
@@ -81,7 +90,7 @@ def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
             off = math.nan if own is None else _si(*own, where, difference=True)
             if off <= 0.0:
                 raise InputError(f"{where}: {name}{_ERROR} must be above 0")
-            found.append(Measured(place, name, _si(*cell, where), off))
+            found.append(Measured(place, name, _si(*cell, where), off, where))
     _check_errors(path, found)
     return found
 
@@ -96,6 +105,21 @@ def _unknown(path: Path, line: int, names: list[str], known: list[str]) -> Itera
             yield f"{path}: line {line}: {bare}: no such result of this case{nearest(bare, known)}"
     for name in {n for n in names if names.count(n) > 1}:
         yield f"{path}: line {line}: {name} stands there twice"
+
+
+def _misfits(path: Path, line: int, headings: Iterable[Heading]) -> Iterable[str]:
+    """Units of columns that do not measure their results; unknown results are left to the run."""
+    for heading in headings:
+        bare = heading.name.removesuffix(_ERROR)
+        unit = unit_of(bare)
+        if not heading.unit or unit is None or bare == _POSITION:
+            continue
+        try:
+            found = fault(bare, f"1 {heading.unit}")
+        except ValueError as error:
+            found = "value", str(error)
+        if found is not None:
+            yield f"{path}: line {line}: {heading.text.strip()}: {found[1]}"
 
 
 def _si(heading: Heading, cell: str, where: str, *, difference: bool = False) -> float:
@@ -142,7 +166,7 @@ def residuals(measured: list[Measured], computed: list[Quantity | None]) -> np.n
     for data, ours in zip(measured, computed, strict=True):
         if ours is None or not math.isfinite(ours.value):
             raise InputError(
-                f"{data.name} has no value at {1e3 * data.position:g} mm to compare with"
+                f"{data.where} has no value at {1e3 * data.position:g} mm to compare with"
             )
         found.append((ours.value - data.value) / (data.error if data.error > 0.0 else 1.0))
     return np.array(found)

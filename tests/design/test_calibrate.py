@@ -163,6 +163,11 @@ HEAD = "position [mm], shell_mid_face [mm], shell_mid_face error [mm]"
         (f"{HEAD}\n, 1, 0.1", "the position is missing"),
         ("position [mm], shell_mid_face [mm], heat_removed [MJ/m]\n5, 1, 2", "need their errors"),
         ("position [mm], shell_mid_face [mm]\n5, x", r"line 2: shell_mid_face \[mm\] \(x\)"),
+        (
+            "position [mm], shell_mid_face [K]\n5, 1",
+            r'line 1: .*"1 K"\) does not measure shell_mid',
+        ),
+        ("position [mm], shell_mid_face [cubits]\n5, 1", r"data\.csv: line 1: shell_mid_face \["),
     ],
 )
 def test_data_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> None:
@@ -175,5 +180,35 @@ def test_data_that_cannot_be_used(tmp_path: Path, text: str, message: str) -> No
 def test_data_beyond_the_case(twin: Path, tmp_path: Path) -> None:
     path = tmp_path / "data.csv"
     path.write_text("position [mm], shell_mid_face [mm]\n500, 9\n")
-    with pytest.raises(InputError, match=r"500 mm was measured .* --set casting\.length=.500 mm"):
+    told = (
+        r"data\.csv: line 2: shell_mid_face: 500 mm was measured .* --set casting\.length=.500 mm"
+    )
+    with pytest.raises(InputError, match=told):
         calibrate_case(str(twin / "case.toml"), path, ["casting.speed=2..4 m/min"], tmp_path / "f")
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        (["casting.speed=2..4 m/min"] * 2, r'^--free "casting\.speed": is named twice'),
+        (["casting.spede=2..4 m/min"], r'^--free "casting\.spede": .*did you mean speed'),
+        (["casting.speed=2..4 mm"], r'^--free "casting\.speed": .*a speed is needed'),
+    ],
+)
+def test_keys_that_cannot_be_fitted(twin: Path, free: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        calibrate_case(str(twin / "case.toml"), twin / "data.csv", free, twin / "none")
+    assert not (twin / "none").exists()
+
+
+def test_a_result_that_the_run_has_not(twin: Path, tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    path.write_text("position [mm], gap_mid_fac [mm]\n54, 9\n")
+    with pytest.raises(InputError, match=r"data\.csv: line 2: gap_mid_fac: no such result"):
+        calibrate_case(
+            *(str(twin / "case.toml"), path),
+            ["cooling.mould.surface.0.coefficient=800..4000 W/(m^2 K)"],
+            twin / "fit",
+            processes=0,
+            quiet=True,
+        )
