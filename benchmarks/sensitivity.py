@@ -18,11 +18,14 @@ import numpy as np
 from benchmarks.report import Output, table
 from castfem.api import load
 from castfem.case import Case
+from castfem.sensitivity.linear import StageTangent
 from castfem.sensitivity.parameters import Parameter, read_parameters
 from castfem.sensitivity.result import Sensitivity
 from castfem.sensitivity.run import follow, sensitivity
+from castfem.sensitivity.varied import surface_heat
 from castfem.simulation.simulation import build, case_steel
 from castfem.thermal import problem as heat_balance
+from castfem.thermal.stepper import GAMMA
 from castfem.time_loop.loop import TimeLoop
 
 CASE = "billet125/thermal"
@@ -35,6 +38,7 @@ DEPTH = ("shell_mid_face", "shell_corner")
 SHARES = (1e-3, 1e-4, 1e-5)  # of a parameter, or of 100 K: distances of differences
 WIDE = (("casting.speed", 0.2), ("casting.superheat", 10.0))  # over several cells of the shell
 TURNS = 3
+REPEATS = 20  # of a factor
 
 
 def _case(quick: bool) -> Case:
@@ -88,6 +92,35 @@ def _cost(case: Case) -> list[dict[str, Any]]:
     return rows
 
 
+def _least(case: Case) -> list[dict[str, Any]]:
+    """Processor time of a plain stage that is kept, of a factor, of back substitutions, ms."""
+    simulation = build(case, MPI.COMM_SELF)
+    problem, loop, start = simulation.problem, TimeLoop(simulation), process_time()
+    loop.run()
+    stage = (process_time() - start) / (2 * loop.run_state.counts.taken)  # those that were kept
+    state, tangent = loop.run_state.state.thermal, StageTangent(problem)
+    slope = surface_heat(problem.cooling, state.point.temperature, state.time)[1]
+    tau = GAMMA * (case.thermal.time.step or 0.0)
+    rights = np.outer(np.ones(len(SIX)), problem.volume)
+    none = np.zeros((len(SIX), len(problem.fixed)))
+    tangent.factor(state.point, slope, tau)
+    tangent.solve(rights, none)  # what is made once is made
+    taken = []
+    works = (
+        lambda: tangent.factor(state.point, slope, tau), lambda: tangent.solve(rights, none),
+    )  # fmt: skip
+    for work in works:
+        start = process_time()
+        for _ in range(REPEATS):
+            work()
+        taken.append((process_time() - start) / REPEATS)
+    tangent.destroy()
+    simulation.destroy()
+    stage, factor, solves = (1e3 * seconds for seconds in (stage, *taken))
+    share = 100.0 * (factor + solves) / stage
+    return [{"stage": stage, "factor": factor, "solves": solves, "share": share}]
+
+
 def _moved(case: Case, parameter: Parameter, by: float) -> dict[str, float]:
     """Results of a run with a parameter moved, on the same steps of the strand."""
     moved = parameter.case_at(case, parameter.value + by)
@@ -122,6 +155,7 @@ def main(output: Output, quick: bool) -> None:
     """Cost, accuracy, and derivatives of the shell beside wide differences."""
     case = _case(quick)
     output.csv("sensitivity_cost", _cost(case))
+    output.csv("sensitivity_least", _least(case))
     steel = case_steel(case)
     given, heat_balance.BALANCE = heat_balance.BALANCE, 1e-13  # differences of runs tell more
     try:
@@ -156,6 +190,12 @@ def show(output: Output) -> None:
     }  # fmt: skip
     forms = {"setup": ".2f", "seconds": ".2f", "more": ".0f", "differences": ".0f"}
     output.insert("cost", table(output.rows("sensitivity_cost"), head, forms))
+    head = {
+        "stage": "plain stage, ms", "factor": "factor, ms", "solves": "six back substitutions, ms",
+        "share": "both, % of the stage",
+    }  # fmt: skip
+    forms = {"stage": ".1f", "factor": ".1f", "solves": ".1f", "share": ".0f"}
+    output.insert("least", table(output.rows("sensitivity_least"), head, forms))
     head = {
         "parameter": "by", "heat_removed": "heat removed",
         "surface_temperature_mid_face": "surface, mid-face",

@@ -33,7 +33,8 @@ class StageTangent:
         self._problem = problem
         self._matrix = problem.new_matrix()
         self._matrix.setOption(PETSc.Mat.Option.SPD, True)
-        self._right, self._found = self._matrix.createVecLeft(), self._matrix.createVecRight()
+        self._diagonal = self._matrix.createVecLeft()
+        self._sides: tuple[PETSc.Mat, PETSc.Mat] | None = None
         alone = problem.section.comm.size == 1
         self._ksp = PETSc.KSP().create(problem.section.comm)
         self._ksp.setOperators(self._matrix)
@@ -65,8 +66,8 @@ class StageTangent:
         self._held, self._slope, self._tau = np.flatnonzero(held), point.conduction_slope, tau
         problem.conduction_matrix(tau, matrix)
         safe = np.where(held, 1.0, self._slope)
-        self._right.setArray((problem.volume + tau * slope * point.temperature_slope) / safe)
-        matrix.setDiagonal(self._right, addv=PETSc.InsertMode.ADD_VALUES)
+        self._diagonal.setArray((problem.volume + tau * slope * point.temperature_slope) / safe)
+        matrix.setDiagonal(self._diagonal, addv=PETSc.InsertMode.ADD_VALUES)
         comm = problem.section.comm
         self._any_held = reductions.any_of(comm, bool(len(self._held)))
         self._given = reductions.any_of(comm, bool(len(problem.fixed)))
@@ -78,33 +79,47 @@ class StageTangent:
             raise RunFailure(f"the derivative of a stage cannot be solved for: {why}")
 
     def solve(self, right: Array, fixed: Array) -> Array:
-        """DH/dp (owned,); one back substitution (collective).
+        """DH/dp (parameters, owned); a back substitution each, all at once (collective).
 
         Args:
-            right: Right-hand side (owned,), J/m.
-            fixed: DH/dp of the vertices whose temperature is given (n,), J/m3.
+            right: Right-hand sides (parameters, owned), J/m.
+            fixed: DH/dp of the vertices whose temperature is given (parameters, n), J/m3.
         """
-        problem, held = self._problem, self._held
+        if not (self._any_held or self._given):
+            return np.asarray(self._conduction(right) / self._slope)
+        problem, held, open_ = self._problem, self._held, right.copy()
         known = np.zeros_like(right)  # y where it is known
-        known[problem.fixed] = self._slope[problem.fixed] * fixed
-        open_ = right
+        known[:, problem.fixed] = self._slope[problem.fixed] * fixed
         if self._given:
-            open_ = right - self._tau * problem.conducted(known)
-        if len(held):
-            open_ = open_.copy()
-            open_[held] = known[held]
-        self._right.setArray(open_)
-        self._ksp.solve(self._right, self._found)
-        conduction = self._found.getArray()
-        if not self._any_held:
-            return np.asarray(conduction / self._slope)
+            open_ -= self._tau * self._conducted(known)
+        open_[:, held] = known[:, held]
+        conduction = self._conduction(open_)
         found = conduction / np.where(self._slope > 0.0, self._slope, 1.0)
-        left = right - self._tau * problem.conducted(conduction.copy())
-        found[held] = left[held] / problem.volume[held]
-        found[problem.fixed] = fixed
+        left = right - self._tau * self._conducted(conduction)
+        found[:, held] = left[:, held] / problem.volume[held]
+        found[:, problem.fixed] = fixed
         return np.asarray(found)
+
+    def _conducted(self, conduction: Array) -> Array:
+        """Heat that leaves each vertex by conduction (parameters, owned), W/m."""
+        return np.array([self._problem.conducted(one) for one in conduction])
+
+    def _conduction(self, right: Array) -> Array:
+        """Solutions y (parameters, owned) for right-hand sides (collective)."""
+        if self._sides is None:
+            sizes = self._matrix.getSizes()[0], (None, len(right))
+            pair = [PETSc.Mat().createDense(sizes, comm=self._matrix.comm) for _ in range(2)]
+            for one in pair:
+                one.setUp()
+                one.assemble()
+            self._sides = pair[0], pair[1]
+        given, found = self._sides
+        given.getDenseArray()[:] = right.T
+        given.assemble()
+        self._ksp.matSolve(given, found)
+        return np.array(found.getDenseArray().T)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._ksp, self._matrix, self._right, self._found):
+        for thing in (self._ksp, self._matrix, self._diagonal, *(self._sides or ())):
             thing.destroy()

@@ -97,11 +97,15 @@ class ThermalDerivatives:
         base, started = self.enthalpy, self.enthalpy
         for number, stage in enumerate(result.stages):
             found = self._stage(stage, step, base)
-            lengthened = np.outer(step.lengthened * (stage.tau / step.span), stage.rate)
-            self.rate = (found - base - lengthened) / stage.tau
+            rate = np.asarray((found - base) / stage.tau, dtype=np.float64)
+            if step.lengthened.any():
+                rate -= np.outer(step.lengthened / step.span, stage.rate)
+            self.rate = rate
             base = found
             if second_order and number == 0:
-                gained = step.span * self.rate + np.outer(step.lengthened, stage.rate)
+                gained = step.span * self.rate
+                if step.lengthened.any():
+                    gained += np.outer(step.lengthened, stage.rate)
                 base = started + (1.0 - GAMMA) * gained
         self.enthalpy, self.reached = found, result.state
         comm, problem, feedback = self._simulation.section.comm, self._problem, self.feedback
@@ -128,19 +132,18 @@ class ThermalDerivatives:
         problem, point = self._problem, stage.point
         slope = surface_heat(problem.cooling, point.temperature, stage.time)[1]
         self._tangent.factor(point, slope, stage.tau)
-        found = np.empty_like(base)
+        right = problem.volume * base
+        fixed = np.zeros((len(base), len(problem.fixed)))
         for i, v in enumerate(self.variations):
-            right = problem.volume * base[i]
             change = self._change(v, stage, step, i)
             if change is not None:
-                right = right - change
+                right[i] -= change
             if self.feedback is not None:
-                right = right + self.feedback.of_stage(i, stage, problem)
+                right[i] += self.feedback.of_stage(i, stage, problem)
             above, below = (end.simulation.problem for end in (v.above, v.below))
-            apart = above.fixed_enthalpy - below.fixed_enthalpy
-            found[i] = self._tangent.solve(right, np.asarray(apart / v.span, dtype=np.float64))
-            self.solves += 1
-        return found
+            fixed[i] = (above.fixed_enthalpy - below.fixed_enthalpy) / v.span
+        self.solves += len(base)
+        return self._tangent.solve(right, fixed)
 
     def _change(self, v: Variation, stage: Stage, step: _Step, number: int) -> Array | None:
         """D(tau F)/dp at the enthalpies of a stage (owned,), J/m per unit; None if it is 0."""
@@ -149,15 +152,18 @@ class ThermalDerivatives:
         if alike and not step.lengthened[number]:
             return None
         share, place = stage.tau / step.span, (stage.time - step.begin) / step.span
-        conduction, surface = np.zeros_like(point.conduction), np.zeros_like(point.conduction)
-        sides = zip((v.above, v.below), step.own[number], (1.0, -1.0), strict=True)
-        for end, (begin, span), sign in sides:
-            its, weight = end.temperatures(stage.enthalpy, point), sign * share * span / v.span
-            conduction += weight * its.conduction
-            surface += weight * end.surface(its, begin + place * span)
-        if v.above.same_curve and not step.lengthened[number]:
-            return surface
-        return surface + problem.conducted(conduction)
+        sides = tuple(zip((v.above, v.below), step.own[number], (1.0, -1.0), strict=True))
+        weights = [sign * share * span / v.span for _, (_, span), sign in sides]
+        points = [end.temperatures(stage.enthalpy, point) for end, _, _ in sides]
+        change = np.zeros_like(point.conduction)
+        for (end, (begin, span), _), its, weight in zip(sides, points, weights, strict=True):
+            end.add_surface(its, begin + place * span, weight, change)
+        if not v.above.same_curve:
+            above, below = (w * p.conduction for w, p in zip(weights, points, strict=True))
+            change += problem.conducted(above + below)
+        elif step.lengthened[number]:  # the same heat for longer
+            change += sum(weights) * problem.conducted(point.conduction)
+        return change
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -66,9 +66,18 @@ class Varied:
         """What belongs to enthalpies (owned,), J/m3; `point` is that of the run."""
         return point if self.same_curve else self.simulation.problem.curve.at(enthalpy)
 
-    def surface(self, point: CurvePoint, time: float) -> Array:
-        """Heat that leaves each vertex through the surface at its own time (s) (owned,), W/m."""
-        return surface_heat(self.simulation.problem.cooling, point.temperature, time)[0]
+    def add_surface(self, point: CurvePoint, time: float, weight: float, heat: Array) -> None:
+        """Add the heat that leaves each vertex through the surface at its own time (s).
+
+        Args:
+            point: What belongs to the enthalpies of the vertices.
+            time: Its own, s.
+            weight: By which it is multiplied.
+            heat: To which it is added (owned,), W/m.
+        """
+        for patch, law in self.simulation.problem.cooling.laws:
+            flux = law.flux(point.temperature[patch.dofs], time)[0]
+            heat[patch.dofs] += weight * patch.weights * flux
 
 
 def surface_heat(cooling: Cooling, temperature: Array, time: float) -> tuple[Array, Array]:
