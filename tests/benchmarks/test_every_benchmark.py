@@ -50,6 +50,7 @@ SLOW = {
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
     "optimum": "some 150 billets; tests/design drives the search by results that are known",
     "optimum_interval": "some 150 billets; tests/design has spread and front of known results",
+    "optimum_gradients": "some 80 billets; tests/sensitivity has the derivatives",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
