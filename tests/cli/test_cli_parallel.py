@@ -79,7 +79,10 @@ def test_failure_on_all_ranks_is_told_once(tmp_path):
 
 def test_rank_that_fails_alone_ends_all(tmp_path):
     """The other rank waits for ever in a collective call; nobody hangs, the status is right."""
-    body = "comm.rank == 0 and comm.Barrier(); raise RunFailure('lost the mesh')"
+    body = (
+        "together.PATIENCE = 0.5; comm.rank == 0 and comm.Barrier(); "
+        "raise RunFailure('lost the mesh')"
+    )
     done = _mpirun(tmp_path, body, *RUN)
     assert done.returncode == 2
     assert "castfem: on rank 1: lost the mesh" in done.stderr
