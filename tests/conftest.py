@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import settings
+from hypothesis import given, settings, strategies
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,8 +42,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """Hide what is imported from the garbage collector, which every run asks as it ends.
 
-    It would look through the modules of all tests, hundreds of times.
+    It would look through the modules of all tests, hundreds of times. Hypothesis asks it once what
+    refers to its random numbers: before that.
     """
+    given(strategies.none())(lambda nothing: None)()
     gc.collect()
     gc.freeze()
 
