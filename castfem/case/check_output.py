@@ -12,6 +12,7 @@ from castfem.case.shown_units import faults
 from castfem.values.same_place import ROUNDING
 
 _WAYS = (("x", "y"), ("under", "depth"))
+_ONE_SIDED = {"quarter": "xy", "half": "x"}  # part of the section: coordinates without negatives
 
 
 def check_output(case: Case) -> Iterator[Problem]:
@@ -50,6 +51,7 @@ def _beyond(case: Case, probe: Probe, path: Path) -> Iterator[Problem]:
     width, height = section.outline()
     if width is None or height is None:
         return
+    part = getattr(section, "symmetry", None) or ""
     for key, size in (("x", width), ("y", height)):
         at = getattr(probe, key)
         if at is not None and abs(at) > 0.5 * size * (1.0 + ROUNDING):
@@ -57,4 +59,10 @@ def _beyond(case: Case, probe: Probe, path: Path) -> Iterator[Problem]:
                 (*path, key),
                 f"({in_mm(at)}) lies outside of the section, which reaches to {in_mm(0.5 * size)} "
                 "from its middle",
+            )
+        elif at is not None and at < -ROUNDING * size and key in _ONE_SIDED.get(part, ""):
+            yield Problem(
+                (*path, key),
+                f"({in_mm(at)}) lies beyond the line of symmetry: the modelled part is a {part}; "
+                f"give its mirror image, {in_mm(-at)}",
             )

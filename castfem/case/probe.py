@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any
 
+import numpy as np
 from pydantic import Field
 
 from castfem.case.base import TableModel
+from castfem.errors import InputError
+from castfem.support.messages import choices
 from castfem.values.quantities import Distance, Kind
+from castfem.values.types import Array
+from castfem.values.units import nearest
 
 Coordinate = Annotated[float, Kind("m", "mm")]
 
@@ -32,3 +38,28 @@ class Probe(TableModel):
     depth: Distance | None = Field(
         None, description="how deep below it, with under", examples=["5 mm"]
     )
+
+    def place(self, lines: Mapping[str, tuple[Any, Any]]) -> Array:
+        """Return where it lies on the undeformed section, x and y in m.
+
+        Args:
+            lines: Name of each place of the surface, and the line inward from there: its two ends.
+
+        Raises:
+            InputError: The section has no such place, or is not as deep there.
+        """
+        if self.under is None:
+            return np.array([self.x, self.y], dtype=float)
+        if self.under not in lines:
+            raise InputError(
+                f'output.probe "{self.name}": under: no place "{self.under}" on this section; '
+                f"allowed: {choices(list(lines))}{nearest(self.under, lines)}"
+            )
+        start, end = (np.asarray(at, float) for at in lines[self.under])
+        length, depth = float(np.linalg.norm(end - start)), self.depth or 0.0
+        if depth > length:
+            raise InputError(
+                f'output.probe "{self.name}": depth ({1e3 * depth:g} mm) is beyond the inner end '
+                f"of the line there, at {1e3 * length:g} mm"
+            )
+        return np.asarray(start + depth / length * (end - start))

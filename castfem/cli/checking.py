@@ -137,7 +137,15 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
     from castfem.cli.drawing import build_mesh
 
     assert steel is not None
-    return describe(name, case, steel, build_mesh(case))
+    mesh = build_mesh(case)
+    for probe in case.output.probe:
+        try:
+            probe.place(mesh.probes)
+        except InputError as error:
+            problems += [f"{path}: {problem}" for problem in error.problems]
+    if problems:
+        raise InputError(problems)
+    return describe(name, case, steel, mesh)
 
 
 def describe_test(name: str, case: TensileCase) -> str:

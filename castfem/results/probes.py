@@ -10,12 +10,10 @@ from castfem.constitutive.base import equivalent_stress
 from castfem.errors import InputError
 from castfem.fem.point_probes import PointProbes
 from castfem.results.mechanical import MechanicalSampler, in_components
-from castfem.support.messages import choices
 from castfem.values.types import Array
-from castfem.values.units import factor_and_zero, nearest
+from castfem.values.units import factor_and_zero
 
 if TYPE_CHECKING:
-    from castfem.case.probe import Probe
     from castfem.coupling.staggered import StrandState
     from castfem.mechanics.state import MechanicalState
     from castfem.results.sample import Sample
@@ -53,7 +51,9 @@ class ProbeSampler:
         self._simulation, self._mechanics = simulation, mechanics
         given = simulation.case.output.probe
         self.names = tuple(probe.name for probe in given)
-        self.places = np.array([_place(probe, simulation) for probe in given]).reshape(-1, 2)
+        self.places = np.array([probe.place(simulation.probes.lines) for probe in given]).reshape(
+            -1, 2
+        )
         for name, place in zip(self.names, self.places, strict=True):
             _within(simulation, name, place)
         self._points = PointProbes(simulation.section, self.places)
@@ -104,27 +104,6 @@ def _strained(sampler: MechanicalSampler, state: MechanicalState) -> Array:
     ]
     moved = points.moved(state.displacement, state.generalized_strains)
     return np.column_stack([moved, points.at_vertices(np.column_stack(parts))])
-
-
-def _place(probe: Probe, simulation: Simulation) -> Array:
-    """Where a probe lies on the undeformed section, m."""
-    if probe.under is None:
-        assert probe.x is not None and probe.y is not None, "the case has been checked"
-        return np.array([probe.x, probe.y])
-    lines = simulation.probes.lines
-    if probe.under not in lines:
-        raise InputError(
-            f'output.probe "{probe.name}": under: no place "{probe.under}" on this section; '
-            f"allowed: {choices(list(lines))}{nearest(probe.under, lines)}"
-        )
-    start, end = (np.asarray(at, float) for at in lines[probe.under])
-    length, depth = float(np.linalg.norm(end - start)), probe.depth or 0.0
-    if depth > length:
-        raise InputError(
-            f'output.probe "{probe.name}": depth ({1e3 * depth:g} mm) is beyond the inner end of '
-            f"the line there, at {1e3 * length:g} mm"
-        )
-    return np.asarray(start + depth / length * (end - start))
 
 
 def _within(simulation: Simulation, name: str, place: Array) -> None:

@@ -14,6 +14,7 @@ from ranks import needs_mpirun, python_on
 
 import castfem
 from castfem.case import Case
+from castfem.cli.checking import check_case
 from castfem.errors import InputError
 from castfem.output.history import read_history
 
@@ -147,6 +148,7 @@ def test_two_ranks_read_what_one_reads(folder: Path, tmp_path: Path) -> None:
         ({"x": "1 mm", "y": "1 mm"}, r"probe\.0\.name: is missing"),
         ({"name": "a", "x": "1 m", "y": "0 mm"}, r"probe\.0\.x: .*outside .* reaches to 62\.5 mm"),
         ({"name": "a", "x": "0 mm", "y": "-63 mm"}, r"probe\.0\.y: \(-63 mm\) lies outside"),
+        ({"name": "a", "x": "-30 mm", "y": "0 mm"}, r"probe\.0\.x: .* is a quarter; .* 30 mm"),
     ],
 )
 def test_what_says_no_place_is_refused(probe: dict[str, Any], message: str) -> None:
@@ -160,10 +162,22 @@ def test_two_of_a_name_are_refused() -> None:
         billet("thermal").with_({"output.probe": [one, one | {"name": "A"}]})
 
 
+def test_the_check_finds_a_place_that_the_section_has_not(tmp_path: Path) -> None:
+    path = tmp_path / "case.toml"
+    places = ({"under": "midface", "depth": "1 mm"}, {"under": "corner", "depth": "200 mm"})
+    probes = [{"name": f"p{i}", **place} for i, place in enumerate(places)]
+    path.write_text(billet("thermal").with_({"output.probe": probes}).resolved_toml())
+    with pytest.raises(InputError) as error:
+        check_case("billet", path, ())
+    first, second = error.value.problems
+    assert first.startswith(f'{path}: output.probe "p0": under: no place "midface"')
+    assert second.startswith(f'{path}: output.probe "p1": depth (200 mm) is beyond')
+
+
 @pytest.mark.parametrize(
     ("probe", "message"),
     [
-        ({"x": "-30 mm", "y": "0 mm"}, r"x = -30, y = 0 mm lies outside .* part is a quarter"),
+        ({"x": "62 mm", "y": "62 mm"}, r"x = 62, y = 62 mm lies outside the section"),
         ({"under": "midface", "depth": "1 mm"}, r'no place "midface".*did you mean mid_face'),
         ({"under": "mid_face", "depth": "80 mm"}, r"depth \(80 mm\) is beyond .* at 62\.5 mm"),
     ],
