@@ -227,6 +227,15 @@ def assemble_into(matrix: Any, form: fem.Form, conditions: list[fem.DirichletBC]
     matrix.assemble()
 
 
+def interpolation_matrix(coarse: fem.FunctionSpace, fine: fem.FunctionSpace) -> Any:
+    """Assembled PETSc matrix that takes the unknowns of one space to those of another."""
+    from dolfinx.fem import petsc
+
+    matrix = petsc.interpolation_matrix(coarse, fine)
+    matrix.assemble()
+    return matrix
+
+
 class Tabulation:
     """A UFL expression at points of the reference cell, on all cells of this rank or on some.
 

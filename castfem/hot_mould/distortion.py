@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import ufl
@@ -16,22 +16,20 @@ from castfem.fem.dolfinx_compat import (
     assemble_owned,
     compile_form,
     create_matrix,
+    interpolation_matrix,
 )
 from castfem.forms import mould_tube
 from castfem.hot_mould.copper import Copper
 from castfem.hot_mould.solvers import (
+    CoarseLevel,
     LinearSolver,
     Method,
     Solved,
     chosen,
     elastic_options,
-    rigid_motions,
 )
 from castfem.hot_mould.tube import Tube
 from castfem.values.types import Array, Indices
-
-if TYPE_CHECKING:
-    from petsc4py import PETSc
 
 Support = Literal["free", "hung", "clamped", "between"]
 SUPPORTS: dict[str, dict[str, str]] = {
@@ -44,6 +42,8 @@ SUPPORTS: dict[str, dict[str, str]] = {
 _BARLOW = 1.0 / np.sqrt(3.0)
 _EQUAL = 1e-9
 """Of a stress: two that differ by less are one, whichever rank has them."""
+_SAME_PLACE = 1e-9
+"""Distance of two nodes that are one, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,18 +94,18 @@ class Distortion:
         u, v = ufl.TrialFunction(tube.vectors), ufl.TestFunction(tube.vectors)
         left = compile_form(mould_tube.stiffness(u, v, stiffness, ratio, tube.dx))
         right = compile_form(mould_tube.thermal_load(v, strain, stiffness, ratio, tube.dx))
-        conditions, fixed = self._held()
+        conditions, fixed = self._held(tube.vectors)
         matrix = create_matrix(left)
         assemble_into(matrix, left, conditions)
         load = assemble_owned(right, 3 * tube.owned)
         load[fixed] = 0.0
-        motions = self._near_null(matrix)
-        solver = LinearSolver(matrix, "mould_elastic_", elastic_options(self._method))
+        coarse = self._first_order(stiffness, ratio, fixed) if self._method == "multigrid" else None
+        options = elastic_options(self._method)
+        solver = LinearSolver(matrix, "mould_elastic_", options, coarse)
         try:
             found, iterations = solver.solve(load)
         finally:
-            solver.destroy()
-            for thing in (motions, matrix):
+            for thing in (solver, coarse, matrix):
                 if thing is not None:
                     thing.destroy()
         moved = fem.Function(tube.vectors)
@@ -160,9 +160,13 @@ class Distortion:
         own = max((tuple(map(float, place)) for place in near), default=(-np.inf,) * 3)
         return top, *max(tube.comm.allgather(own))
 
-    def _held(self) -> tuple[list[fem.DirichletBC], Indices]:
-        """Return the conditions of symmetry and support, and the owned unknowns they hold."""
-        tube, space = self.tube, self.tube.vectors
+    def _held(self, space: fem.FunctionSpace) -> tuple[list[fem.DirichletBC], Indices]:
+        """Return the conditions of symmetry and support, and the owned unknowns they hold.
+
+        Args:
+            space: Of the displacement, of any order. (Collective.)
+        """
+        tube = self.tube
         faces = {"symmetry_y": "y", "symmetry_x": "x", **SUPPORTS[self.support]}
         conditions = []
         for face, components in faces.items():
@@ -172,17 +176,39 @@ class Distortion:
                 conditions.append(fem.dirichletbc(np.array(0.0), dofs, part))
         if self.support == "free":
             # Symmetry keeps it from turning and drifting aside: one node keeps it from falling.
-            (block,) = np.nonzero(tube.node_of_dof == 0)
+            corner = tube.first_node
+            block = fem.locate_dofs_geometrical(
+                space, lambda x: np.linalg.norm(x.T - corner, axis=1) < _SAME_PLACE
+            )
             held = (3 * block + 2).astype(np.int32)
             conditions.append(fem.dirichletbc(np.array(0.0), held, space.sub(2)))
         dofs = np.unique(np.concatenate([one.dof_indices()[0] for one in conditions]))
-        return conditions, dofs[dofs < 3 * tube.owned]
+        return conditions, dofs[dofs < 3 * space.dofmap.index_map.size_local]
 
-    def _near_null(self, matrix: PETSc.Mat) -> PETSc.NullSpace | None:
-        """Give multigrid the rigid motions; None for a direct solver, which needs none."""
-        if self._method == "direct":
-            return None
-        places = self.tube.scalars.tabulate_dof_coordinates()[: self.tube.owned]
-        motions = rigid_motions(matrix, places)
-        matrix.setNearNullSpace(motions)
-        return motions
+    def _first_order(
+        self, stiffness: fem.Function, ratio: fem.Function, fixed: Indices
+    ) -> CoarseLevel:
+        """Return the elasticity of first order on the same cells (collective).
+
+        Args:
+            stiffness: Young's modulus, Pa.
+            ratio: Poisson's.
+            fixed: Owned unknowns of the displacement itself that are held.
+        """
+        tube = self.tube
+        space = fem.functionspace(tube.mesh, ("Lagrange", 1, (3,)))
+        u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        form = compile_form(mould_tube.stiffness(u, v, stiffness, ratio, tube.dx))
+        conditions, held = self._held(space)
+        matrix = create_matrix(form)
+        assemble_into(matrix, form, conditions)
+        interpolation = interpolation_matrix(space, tube.vectors)
+        right, left = interpolation.createVecs()
+        for vector, zero in ((left, fixed), (right, held)):
+            free = np.ones(vector.getLocalSize())
+            free[zero] = 0.0
+            vector.setArray(free)
+        interpolation.diagonalScale(left, right)
+        left.destroy()
+        right.destroy()
+        return CoarseLevel(matrix, interpolation)

@@ -70,6 +70,13 @@ class Tube:
         return 3 * int(self.scalars.dofmap.index_map.size_global)
 
     @cached_property
+    def first_node(self) -> Array:
+        """Place of the mesh's first node (3,), m; the first look is collective."""
+        (mine,) = np.nonzero(self.node_of_dof[: self.owned] == 0)
+        places = self.comm.allgather(self.scalars.tabulate_dof_coordinates()[mine])
+        return np.concatenate(places)[0]
+
+    @cached_property
     def dx(self) -> ufl.Measure:
         """Volume."""
         return ufl.Measure("dx", domain=self.mesh, metadata={"quadrature_degree": 2 * self.degree})
