@@ -254,8 +254,8 @@ def show(output: Output) -> None:
             "width_mm": "wider at 300 mm [mm]",
             "width_exit_mm": "at the exit [mm]", "stress_MPa": "stress [MPa]",
         }  # fmt: skip
-        formats = {"processor_seconds": ".1f", "memory_GB": ".2f", "width_mm": ".4f",
-                   "width_exit_mm": ".4f", "stress_MPa": ".1f"}  # fmt: skip
+        formats = {"unknowns": ".0f", "processor_seconds": ".1f", "memory_GB": ".2f",
+                   "width_mm": ".4f", "width_exit_mm": ".4f", "stress_MPa": ".1f"}  # fmt: skip
         output.insert("hot_mould_scale", table(found, headings, formats))
     print("hot_mould: tables")
 

@@ -25,9 +25,10 @@ HEAT = {"ksp_type": "cg", "ksp_rtol": 1e-10, "ksp_max_it": 500}
 HYPRE = {**HEAT, "pc_type": "hypre", "pc_hypre_type": "boomeramg",
          "pc_hypre_boomeramg_strong_threshold": 0.5}  # fmt: skip
 GAMG = {**HEAT, "pc_type": "gamg"}
-# Cells are long and flat, and aggregates of their nodes now and then a single one, whose three
-# unknowns cannot carry six rigid motions: smoothed aggregation ends there at a zero pivot.  The
-# first-order displacement on the same cells, an eighth of the unknowns, is factored instead.
+# Smoothed aggregation meets a zero pivot with three cells through the wall (a node left as an
+# aggregate by itself is too small for six rigid motions), and needs twice the iterations
+# on these long, flat cells.  The first-order displacement on them, an eighth of the unknowns, is
+# factored instead.
 ELASTIC = {
     "ksp_type": "cg",
     "ksp_rtol": 1e-9,
