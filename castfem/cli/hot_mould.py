@@ -32,11 +32,12 @@ _TOLD = (
 
 
 def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> None:
-    """Compute the hot mould of a case; print and draw it, and write its wall beside the picture.
+    """Compute the hot mould of a case; print and draw it, write wall and tube beside the picture.
 
     Args:
         case: The case.
-        picture: File of the picture; the wall goes into a CSV file of the same name.
+        picture: File of the picture; the wall goes into a CSV file of the same name, the tube into
+            a file for ParaView.
         origin: What the user called the case, for messages.
         coupled: Whether strand and tube go round until they agree.
 
@@ -48,6 +49,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
 
     from castfem.case.build_mould import nominal_mould
     from castfem.case.wall_shape import write_wall
+    from castfem.hot_mould.vtk_file import write_tube
     from castfem.mould_fit.coupled import MOST, hot_mould_of, table_of
     from castfem.mould_fit.coupled import drawing as drawn
     from castfem.plots.hot_mould import draw
@@ -60,9 +62,10 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
             print(f"iteration {number}: {_changed(turn)}", flush=True)
 
     turns = hot_mould_of(case, comm, origin, MOST if coupled else 1, told)
+    wall, solid = turns[-1].wall, picture.with_suffix(".vtu")
+    write_tube(solid, wall)
     if not first:
         return
-    wall = turns[-1].wall
     found = drawn(table, nominal_mould(table, case.section), wall)
     print_rows(hot_rows(wall))
     print()
@@ -74,6 +77,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
         target = picture.with_suffix(".csv")
         write_wall(target, found.displacement, f"{case.title}: wall at work, from its drawing")
         print(f'\nwall in {target}: to run in it, mould.displacement = {{ file = "{target}" }}')
+    print(f"\ntube in {solid}, for ParaView: temperature, displacement, von_mises")
     with drawing(picture):
         draw(found, wall, picture, case.title)
 

@@ -70,6 +70,7 @@ class HotWall:
         longer: How much longer the tube has become, m.
         heated: The conduction.
         distorted: The elasticity.
+        model: The tube whose wall it is.
     """
 
     displacement: WallDisplacement
@@ -78,6 +79,7 @@ class HotWall:
     longer: float
     heated: Heated
     distorted: Distorted
+    model: HotMould
 
     def profile(self) -> tuple[Array, Array]:
         """Return positions and the hot face's mean temperature round the quarter (p,), K."""
@@ -142,14 +144,17 @@ class HotMould:
             RunFailure: A solver does not converge.
         """
         heated = Conduction(self.tube, self.copper, self.settings.method).solve(self._load(flux))
-        distortion = Distortion(self.tube, self.copper, self.settings.support, self.settings.method)
-        distorted = distortion.solve(heated.temperature)
+        distorted = self.distortion().solve(heated.temperature)
         owned = self.tube.owned
         kelvin = self.tube.gather(heated.temperature.x.array[:owned])
         moved = self.tube.gather(distorted.displacement.x.array[: 3 * owned].reshape(-1, 3))
         both = None if kelvin is None or moved is None else self._read(kelvin, moved)
         wall, hot, outer, longer = self.tube.comm.bcast(both)
-        return HotWall(wall, hot, outer, longer, heated, distorted)
+        return HotWall(wall, hot, outer, longer, heated, distorted, self)
+
+    def distortion(self) -> Distortion:
+        """Return the elasticity of this tube."""
+        return Distortion(self.tube, self.copper, self.settings.support, self.settings.method)
 
     def _read(self, kelvin: Array, moved: Array) -> tuple[WallDisplacement, Array, Array, float]:
         """Return displacement and temperatures below the meniscus, and how much longer it is."""

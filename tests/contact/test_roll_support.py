@@ -293,9 +293,13 @@ def test_a_state_comes_back_from_a_checkpoint_with_what_the_foundation_remembers
     back = checkpoint.state(checkpoint.description(setup.state), arrays)
     setup.step(1.0)
     again = setup.stepper.step(back, 1.0, back.temperature)
-    assert np.array_equal(again.state.displacement, setup.state.displacement)
+    # On several ranks MUMPS adds in the order in which messages arrive.
+    off = 0.0 if comm.size == 1 else 1e-12
     for one, other in zip(again.state.interactions, setup.state.interactions, strict=True):
-        assert np.array_equal(one.force, other.force) and one.beds == other.beds
+        assert np.abs(one.force - other.force).max() <= off * np.abs(other.force).max()
+        assert one.beds == other.beds
+    moved = setup.state.displacement
+    assert np.abs(again.state.displacement - moved).max() <= off * np.abs(moved).max()
     assert setup.state.interactions[0].memory["steps"] == [2.0]
     assert setup.state.interactions[1].beds["top"].offset == 2e-5
 

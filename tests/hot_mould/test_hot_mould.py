@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from mpi4py import MPI
 
+import meshio
 import numpy as np
 import pytest
+from dolfinx import fem
 
+from castfem.errors import RunFailure
 from castfem.hot_mould.copper import Copper
 from castfem.hot_mould.flux import FluxMap, of_strand, profile
 from castfem.hot_mould.model import HotMould, HotWall, TubeSettings
+from castfem.hot_mould.vtk_file import write_tube
 from castfem.mould import Mould, RectangleCavity, RoundCavity, Taper, same
 from castfem.mould.perimeter import Places, lengths, sides_of
 from castfem.values.constants import ZERO_CELSIUS
@@ -143,3 +149,42 @@ def test_temperature_from_the_workshop_counts() -> None:
     warm = Constant(50.0 + ZERO_CELSIUS)
     tube = HotMould(MPI.COMM_SELF, mould(), PLAIN, settings(hot_face=warm, water_side=warm))
     assert tube.solve(None).displacement.moved[5, 0, 0] == pytest.approx(25.0 * ALPHA * 0.0625)
+
+
+def test_file_for_paraview_holds_the_tube(
+    heated: tuple[HotMould, HotWall, FluxMap], tmp_path: Path
+) -> None:
+    """Its cells have the volume of the tube, their corners the values of the nodes."""
+    model, wall, _ = heated
+    write_tube(tmp_path / "tube.vtu", wall)
+    found = meshio.read(tmp_path / "tube.vtu")
+    across, around, along = model.tube.shape
+    corners = found.points[found.cells[0].data]
+    assert len(corners) == (across - 1) * (around - 1) * (along - 1)
+    ends = (
+        ([1, 2, 5, 6], [0, 3, 4, 7]),
+        ([2, 3, 6, 7], [0, 1, 4, 5]),
+        ([4, 5, 6, 7], [0, 1, 2, 3]),
+    )
+    edges = [corners[:, far].mean(axis=1) - corners[:, near].mean(axis=1) for far, near in ends]
+    volumes = np.linalg.det(np.stack(edges, axis=1))
+    assert volumes.min() > 0.0
+    dx = fem.form(fem.Constant(model.tube.mesh, 1.0) * model.tube.dx)
+    assert volumes.sum() == pytest.approx(fem.assemble_scalar(dx), rel=2e-3)
+    block = found.point_data["temperature"].reshape(along, around, across)
+    assert block[-len(wall.hot) :, :, 0] == pytest.approx(wall.hot, abs=1e-3)
+    assert np.ptp(found.points[:, 2]) == pytest.approx(0.7)
+    assert found.points[:, 2].max() == pytest.approx(0.1)  # up, from the meniscus
+    lower = found.point_data["displacement"].reshape(along, around, across, 3)[-1]
+    assert lower[..., 2].mean() == pytest.approx(-wall.longer, rel=1e-3)  # it hangs and grows down
+
+
+def test_stress_in_the_file_is_that_of_a_bar_between_two_walls(tmp_path: Path) -> None:
+    warm = Constant(50.0 + ZERO_CELSIUS)
+    held = settings(hot_face=warm, water_side=warm, support="between")
+    wall = HotMould(MPI.COMM_SELF, mould(), PLAIN, held).solve(None)
+    write_tube(tmp_path / "tube.vtu", wall)
+    stress = meshio.read(tmp_path / "tube.vtu").point_data["von_mises"]
+    assert stress == pytest.approx(117e9 * ALPHA * 25.0, rel=1e-6)
+    with pytest.raises(RunFailure, match=r"none/tube.vtu: cannot be written"):
+        write_tube(tmp_path / "none" / "tube.vtu", wall)

@@ -43,6 +43,7 @@ def test_cold_mould_with_the_wall_that_a_run_takes(hot, tmp_path):
     assert rows[0][2] == 125.0 and rows[0][1] < 124.95
     assert all(row[1] < row[2] and row[3] < row[4] for row in rows)
     assert (tmp_path / "case_hot.png").read_bytes().startswith(PNG)
+    assert "tube in case_hot.vtu" in out and (tmp_path / "case_hot.vtu").exists()
     (tmp_path / "run.toml").write_text(
         path.read_text().replace("taper", 'displacement = { file = "case_hot.csv" }\ntaper')
     )

@@ -1,0 +1,83 @@
+"""A hot tube as one file for ParaView."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from dolfinx import fem, la
+
+from castfem.fem.root import on_root
+from castfem.hot_mould.model import HotWall
+from castfem.meshes.tube import brick_nodes
+from castfem.support.atomic_files import replacing
+from castfem.values.types import Array, Indices
+
+
+def write_tube(target: Path, wall: HotWall) -> None:
+    """Write the quarter of a tube as an unstructured grid of VTK (collective).
+
+    Each brick of second order becomes eight hexahedra between its nodes. The tube stands as it is
+    cold, z up from the meniscus, m; at its nodes are `temperature` (K), `displacement` (m) and
+    `von_mises` (Pa), the stress being the mean of what the cells of a node have there.
+
+    Args:
+        target: The file, its ending .vtu.
+        wall: What the heat has done to it.
+
+    Raises:
+        RunFailure: The file cannot be written.
+    """
+    tube = wall.model.tube
+    owned = tube.owned
+    points = tube.gather(tube.scalars.tabulate_dof_coordinates()[:owned])
+    kelvin = tube.gather(wall.heated.temperature.x.array[:owned])
+    moved = tube.gather(wall.distorted.displacement.x.array[: 3 * owned].reshape(-1, 3))
+    stress = tube.gather(_von_mises(wall))
+
+    def write() -> None:
+        import meshio
+
+        assert points is not None and moved is not None
+        up = np.array([1.0, 1.0, -1.0])
+        data = {"temperature": kelvin, "displacement": moved * up, "von_mises": stress}
+        grid = meshio.Mesh(
+            points * up, [("hexahedron", lattice(tube.shape))],
+            {name: np.asarray(values, np.float32) for name, values in data.items()},
+        )  # fmt: skip
+        with replacing(target, durable=False) as temporary:
+            meshio.write(temporary, grid, file_format="vtu", binary=True)
+
+    on_root(tube.comm, write)
+
+
+def lattice(shape: tuple[int, int, int]) -> Indices:
+    """Hexahedra (n, 8) between the nodes of a block, the first face towards the lower end.
+
+    Args:
+        shape: Nodes across, round, along; node (i, j, k) is number (k * round + j) * across + i.
+    """
+    across, around, _ = shape
+    i, j, k = np.meshgrid(*(np.arange(n - 1) for n in shape), indexing="ij")
+    first = ((k * around + j) * across + i).ravel()
+    face = np.array([0, 1, across + 1, across])
+    layer = across * around
+    return np.asarray(first[:, None] + np.concatenate([face + layer, face]))
+
+
+def _von_mises(wall: HotWall) -> Array:
+    """Von Mises stress at the owned nodes (owned,), Pa: the mean of their cells (collective)."""
+    tube = wall.model.tube
+    points = brick_nodes(tube.degree) / tube.degree
+    stress, _ = wall.model.distortion().stress_at(
+        wall.distorted.displacement, wall.heated.temperature, points
+    )
+    deviator = stress - np.trace(stress, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
+    values = np.sqrt(1.5 * np.einsum("cnij,cnij->cn", deviator, deviator))
+    total, count = fem.Function(tube.scalars), fem.Function(tube.scalars)
+    dofs = np.asarray(tube.scalars.dofmap.list)[: len(values)]
+    np.add.at(total.x.array, dofs, values)
+    np.add.at(count.x.array, dofs, 1.0)
+    for part in (total, count):
+        part.x.scatter_reverse(la.InsertMode.add)
+    return np.asarray(total.x.array[: tube.owned] / count.x.array[: tube.owned])
