@@ -167,6 +167,7 @@ class Interaction(ABC):
             NotImplementedError: It has no such twin. Only a wall has: rolls are the others, and
                 `castfem.sensitivity.run.refuse` names [mechanics.bulging] before it comes to that.
         """
+        # By intent, and not reached from a case: rolls are refused by their key before a run.
         raise NotImplementedError(f"{self.name} has no derivatives")
 
     def hold(self, on: bool) -> bool:

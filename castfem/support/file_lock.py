@@ -18,7 +18,6 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    # What filelock raises where flock() answers ENOSYS: no lock is to be had there.
-    except NotImplementedError:
+    except NotImplementedError:  # filelock's own, where flock() answers ENOSYS: no locks there
         return False
     return True

@@ -14,6 +14,7 @@ from castfem.sweep.record import Entry, Record
 
 def without_locks(self: FileLock) -> None:
     """As filelock's own `_acquire` ends where flock() answers ENOSYS."""
+    # Its type is what is tested: `taken` must know it from any other failure.
     raise NotImplementedError("FileSystem does not appear to support flock")
 
 
