@@ -2,7 +2,7 @@
 
 Runs cases/slab1200/bulging.toml with each, into results/benchmarks/bulging (a run that is finished
 there is not repeated), and the strip alone on shells like its own.  Writes tables and a figure of
-docs/slab.md.
+docs/slab_bulging.md.
 """
 
 from __future__ import annotations

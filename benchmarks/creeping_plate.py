@@ -4,7 +4,7 @@ A clamped plate of finite width creeps under an even pressure, stationary, by No
 von Mises stress, its in-plane strains small: the minimum of the power, by polynomials (Ritz), over
 that of a strip.  Beside it the creeping strip over a lost pair as it is in the bender, with the
 shell that enters the long pitch, with that half-way, and with the pressure that a plate feels as a
-strip does.  Writes two tables of docs/slab.md.
+strip does.  Writes two tables of docs/slab_limits.md.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 A shell of 40 mm, 1000 degC at its surface, under 0.25 MPa, pitches of 250 mm, 1.2 m/min: from the
 elastic strip to one lost roll between sound ones.  Two of the rows are computed once more by an
-ODE solver (`benchmarks.ode_strip`).  Writes a table of docs/slab.md.
+ODE solver (`benchmarks.ode_strip`).  Writes a table of docs/slab_bulging.md.
 """
 
 from __future__ import annotations

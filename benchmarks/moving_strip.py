@@ -4,7 +4,7 @@ A pitch of the shell, or several, length by thickness, in DOLFINx (triangles of 
 which repeat themselves at their ends; the strip is bent along the strand alone and stretched freely
 in both directions.  From step to step the rolls that bear its surface go on by a cell, against the
 casting direction, and the law of castfem is integrated at the quadrature points: neither plane
-sections nor a moment are taken for granted.  Writes a table of docs/slab.md.
+sections nor a moment are taken for granted.  Writes a table of docs/slab_bulging.md.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 An eighth of a box under the pressure of its liquid, from a roll to the middle of the pitch, which
 all pitches repeat: hexahedra of second order in DOLFINx, the rolls lines on the wide face.  Beside
 it the strip, and the slice of castfem on the bed that the strip makes.  Writes a table of
-docs/slab.md.
+docs/slab_bulging.md.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """

@@ -3,7 +3,7 @@
     python -m benchmarks.slab_cells 2.5          one size, mm, in a process of its own
 
 Windows of cases/slab1200/slab.toml as shipped, with the shell that it has at #50, nearly all of
-which takes part in the equations.  Writes a table of docs/slab.md.
+which takes part in the equations.  Writes a table of docs/slab_error.md.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ Runs cases/slab1200/slab.toml (cells of 5 mm at the corners, too) from the menis
 mould of `slab_mould` with its stresses, from the mould's exit after a mean coefficient, and from
 the temperatures that the own mould leaves in the middle of a wide face. Windows of the own mould
 that are 1 % shorter tell what is noise. Into results/benchmarks/slab_downstream (what is finished
-there is not repeated). Writes a table of docs/slab.md.
+there is not repeated). Writes a table of docs/slab_heat.md.
 """
 
 from __future__ import annotations

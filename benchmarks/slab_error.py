@@ -2,7 +2,7 @@
 
 Runs cases/slab1200/slab.toml with each setting, into results/benchmarks/slab_error (a run that is
 finished there is not repeated).  They are compared with what finer cells and shorter windows make
-of the shipped setting, added up.  Writes tables and a figure of docs/slab.md.
+of the shipped setting, added up.  Writes tables and a figure of docs/slab_error.md.
 """
 
 from __future__ import annotations

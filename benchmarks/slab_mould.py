@@ -2,7 +2,7 @@
 
 The first is how `casting.start.at = "mould_exit"` begins; the second has a gap where the shell
 leaves the wall, and stresses.  Runs into results/benchmarks/slab_mould (what is finished there is
-not repeated).  Writes a table of docs/slab.md.
+not repeated).  Writes a table of docs/slab_heat.md.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ the mould and with that of #50.  One rank and two take turns, ranks do not give 
 The same window does the same work in each turn, so the quickest of each window counts; the first,
 in which programs are loaded, does not.  It takes two free cores: turns go on until each rank has
 had a core to itself in the windows that count, and the table says how far it had.  Writes a table
-of docs/slab.md.
+of docs/slab_error.md.
 """
 
 from __future__ import annotations

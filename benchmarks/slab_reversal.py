@@ -4,7 +4,7 @@ An outer fibre of the strand, at one temperature, goes through bender and straig
 demonstration caster by several laws, and so does cases/slab1200/slab.toml on coarse cells (7.5 mm,
 windows of 100 mm, elastic bulges), by its own rolls and by some whose straightening ends harder.
 The radii that the thesis tells are those of both. Into results/benchmarks/slab_reversal (what is
-finished there is not repeated). Writes two tables of docs/slab.md.
+finished there is not repeated). Writes two tables of docs/slab_thesis.md.
 """
 
 from __future__ import annotations

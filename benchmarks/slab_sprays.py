@@ -2,7 +2,7 @@
 
 Runs cases/slab1200/sprays.toml as shipped, with coarser cells, and with stricter steps down to 6 m,
 into results/benchmarks/slab_sprays (a run that is finished there is not repeated).  Writes tables
-of docs/slab.md.
+of docs/slab_heat.md.
 """
 
 from __future__ import annotations

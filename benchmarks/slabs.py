@@ -1,7 +1,7 @@
 """The slab in order and with defects of its machine, beside the thesis: what `make slabs` has run.
 
 Reads the finished runs in results/slab1200; nothing is run.  The thesis' values are the references
-of the cases.  Writes tables of docs/slab.md.
+of the cases.  Writes tables of docs/slab_thesis.md.
 """
 
 from __future__ import annotations

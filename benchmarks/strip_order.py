@@ -2,7 +2,7 @@
 
 A step is a cell of the pitch too, since z = v t.  Norton creep of a shell that is elastically rigid
 has closed forms, the elastic strip p L^4/384 D; a lost roll is compared with more steps.  Writes
-two tables of docs/slab.md.
+two tables of docs/slab_bulging.md.
 """
 
 from __future__ import annotations

@@ -130,7 +130,7 @@ def test_what_is_best_known_is_finer_in_cells_and_in_windows(tmp_path: Path) -> 
         rows.append(
             given | {"cells": 1, "windows": 1, "newton": 1, "seconds": 1.0, "failure": ""} | row
         )
-    output = Output(tmp_path, "slab.md")
+    output = Output(tmp_path, "slab_error.md")
     output.csv("slab_error", rows)
     told = {row["name"]: row for row in slab_error._told(output)}
     assert told[slab_error.DEFAULT.name]["effort"] == pytest.approx(2.0 * 2.5 + 0.1 * 25.0)
