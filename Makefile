@@ -66,7 +66,7 @@ lint:
 	@tools/env.sh ruff
 	@tools/test.sh $(HOME_OF_ENV) lint
 
-test-browser:
+test-browser: docs
 	@tools/env.sh browser
 	@tools/browser.sh $(HOME_OF_ENV) $(ARGS)
 
