@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from mpi4py import MPI
 
@@ -15,6 +15,9 @@ import numpy.typing as npt
 import ufl
 from dolfinx import cpp, fem, la
 from dolfinx import mesh as dmesh
+
+_Rules: TypeAlias = dict[Any, tuple[Any, ...]]  # quadrature rule -> integrands
+_Domains: TypeAlias = list[tuple[int, npt.NDArray[np.int32]]]  # number -> facets
 
 CELLS = 1  # identifier of the cells in the measures of a `CellForm`
 
@@ -42,23 +45,32 @@ def compile_form(form: ufl.Form) -> fem.Form:
     Raises:
         ValueError: It would be integrated by a wrong rule, see `_check_rules`.
     """
-    _check_rules(form)
-    return fem.form(form, jit_options=jit_options())
+    return fem.form(_renumbered(form)[0], jit_options=jit_options())
 
 
-def _check_rules(form: ufl.Form) -> None:
+def _tags_of(integral: ufl.Integral) -> tuple[Any, ...]:
+    asked = integral.subdomain_id()
+    return asked if isinstance(asked, tuple) else (asked,)
+
+
+def _integrands(form: ufl.Form) -> dict[tuple[str, Any], _Rules]:
+    """Kind of integral and tag -> what is integrated there by each quadrature rule."""
+    parts: dict[tuple[str, Any], _Rules] = {}
+    for one in form.integrals():
+        rule = tuple(sorted(one.metadata().items()))
+        for tag in _tags_of(one):
+            rules = parts.setdefault((one.integral_type(), tag), {})
+            rules[rule] = (*rules.get(rule, ()), one.integrand())
+    return parts
+
+
+def _check_rules(parts: dict[tuple[str, Any], _Rules]) -> None:
     """Refuse two quadrature rules on a tag that do not hold on the same tags.
 
     What one rule is for on several tags alike becomes one kernel of them. DOLFINx 0.9 finds kernels
     by their tag: of two that share one it takes either for both, a wrong number, and no word of it.
     Rules that hold on the same tags share a kernel, and are right.
     """
-    parts: dict[tuple[str, Any], dict[Any, tuple[Any, ...]]] = {}
-    for one in form.integrals():
-        asked, rule = one.subdomain_id(), tuple(sorted(one.metadata().items()))
-        for tag in asked if isinstance(asked, tuple) else (asked,):
-            rules = parts.setdefault((one.integral_type(), tag), {})
-            rules[rule] = (*rules.get(rule, ()), one.integrand())
     if all(len(rules) == 1 for rules in parts.values()):
         return
     kernels: dict[Any, set[Any]] = {}
@@ -69,6 +81,60 @@ def _check_rules(form: ufl.Form) -> None:
         where = [kernels[kind, rule, integrands] for rule, integrands in rules.items()]
         if any(tags != where[0] for tags in where):
             raise ValueError(f"two quadrature rules share the tag {tag} ({kind}), not all tags")
+
+
+def _renumbered(form: ufl.Form) -> tuple[ufl.Form, _Domains]:
+    """The form with its tags of the surface numbered 1, 2, ..., and the facets of each number.
+
+    A compiled form knows its tags: the same on another side of a section, or on more of its sides,
+    would be compiled anew. Tags that follow one another and share all integrands get one number, so
+    that facets are met in the order of their tags still: no sum changes by a bit.
+
+    Raises:
+        ValueError: It would be integrated by a wrong rule, see `_check_rules`.
+    """
+    parts = _integrands(form)
+    _check_rules(parts)
+    surface = [one for one in form.integrals() if one.integral_type() == "exterior_facet"]
+    if not surface or any(tag == "everywhere" for one in surface for tag in _tags_of(one)):
+        return form, []
+    tagged = surface[0].subdomain_data()
+    if tagged is None or any(one.subdomain_data() is not tagged for one in surface):
+        return form, []  # DOLFINx refuses it
+    alike: list[list[int]] = []  # tags of each number
+    for tag in sorted({tag for one in surface for tag in _tags_of(one)}):
+        rules = parts["exterior_facet", tag]
+        if alike and rules == parts["exterior_facet", alike[-1][0]]:
+            alike[-1].append(tag)
+        else:
+            alike.append([tag])
+    domains = [
+        (number, np.concatenate([_facets(tagged, tag) for tag in tags]))
+        for number, tags in enumerate(alike, 1)
+    ]
+    numbers = {tags[0]: number for number, tags in enumerate(alike, 1)}
+    others = [one for one in form.integrals() if one.integral_type() != "exterior_facet"]
+    moved = [
+        one.reconstruct(subdomain_id=numbers[tag], subdomain_data=domains)
+        for one in surface
+        for tag in _tags_of(one)
+        if tag in numbers
+    ]
+    return ufl.Form(others + moved), domains
+
+
+def _facets(tags: dmesh.MeshTags, tag: int) -> npt.NDArray[np.int32]:
+    """Cells and places in them of the owned facets on the surface that have a tag."""
+    topology, dim = tags.topology, tags.dim
+    topology.create_connectivity(dim, dim + 1)
+    topology.create_connectivity(dim + 1, dim)
+    kind, facets = fem.IntegralType.exterior_facet, tags.find(tag)
+    if version().startswith("0.9"):
+        found = cpp.fem.compute_integration_domains(kind, topology, facets, dim)
+    else:  # it neither needs the dimension nor looks by itself which ones lie on the surface
+        facets = np.intersect1d(facets, cpp.mesh.exterior_facet_indices(topology))
+        found = cpp.fem.compute_integration_domains(kind, topology, facets)
+    return np.array(found).ravel()
 
 
 class CellForm:
@@ -83,11 +149,10 @@ class CellForm:
     """
 
     def __init__(self, mesh: dmesh.Mesh, form: ufl.Form) -> None:
-        _check_rules(form)
+        form, self._facets = _renumbered(form)
         scalar = {"scalar_type": dolfinx.default_scalar_type}
         self._mesh, self._form = mesh, form
         self._compiled = fem.compile_form(mesh.comm, form, scalar, jit_options())
-        self._facets = _facets_of(mesh, form)
         self._constants = {c: c for c in ufl.algorithms.analysis.extract_constants(form)}
         self._coefficients = self._named()
         self._spaces = [argument.ufl_function_space() for argument in form.arguments()]
@@ -108,28 +173,10 @@ class CellForm:
         kind = fem.IntegralType
         parts: dict[Any, list[tuple[int, npt.NDArray[np.int32]]]] = {kind.cell: [(CELLS, cells)]}
         if surface and self._facets:
-            parts[kind.exterior_facet] = list(self._facets)
+            parts[kind.exterior_facet] = self._facets
         return fem.create_form(
             self._compiled, self._spaces, self._mesh, parts, self._coefficients, self._constants
         )
-
-
-def _facets_of(mesh: dmesh.Mesh, form: ufl.Form) -> list[tuple[int, npt.NDArray[np.int32]]]:
-    """Cells and places in them of the tagged facets that a form is integrated over."""
-    found: dict[int, npt.NDArray[np.int32]] = {}
-    mesh.topology.create_connectivity(1, 2)
-    mesh.topology.create_connectivity(2, 1)
-    for integral in form.integrals():
-        if integral.integral_type() != "exterior_facet":
-            continue
-        tags, asked = integral.subdomain_data(), integral.subdomain_id()
-        for tag in asked if isinstance(asked, tuple) else (asked,):
-            facets, kind = tags.find(tag), fem.IntegralType.exterior_facet
-            at = (tags.dim,) if version().startswith("0.9") else ()  # 0.10 knows by itself
-            found[tag] = np.asarray(
-                fem.compute_integration_domains(kind, mesh.topology, facets, *at)
-            )
-    return sorted(found.items(), key=lambda item: item[0])
 
 
 def create_mesh(
