@@ -11,6 +11,7 @@ from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
 
 if TYPE_CHECKING:
+    from castfem.case.base import TableModel
     from castfem.case.model import Case
 
 _REPEATED = ("passes", "settled", "window_error")
@@ -24,11 +25,19 @@ def idle_keys(case: Case) -> Iterator[Problem]:
     yield from _longest_step(case)
 
 
+def _given(table: TableModel) -> list[str]:
+    """Keys with another value than their default: the case of a run names the defaults, too."""
+    fields = type(table).model_fields
+    needed = {name for name, field in fields.items() if field.is_required()}
+    plain = type(table).model_validate(table.model_dump(mode="json", include=needed))
+    return [n for n in fields if getattr(table, n) != getattr(plain, n)]
+
+
 def _longest_step(case: Case) -> Iterator[Problem]:
     """Yield a step that was asked for and is never taken, since fields are written within it."""
     time, every = case.thermal.time, case.output.every
     given: dict[tuple[str, ...], float | None] = {("step",): time.step}
-    if time.adaptive is not None and "largest" in time.adaptive.model_fields_set:
+    if time.adaptive is not None and "largest" in _given(time.adaptive):
         given = {("adaptive", "largest"): time.adaptive.largest}
     for name, step in given.items():
         if case.output_fields and step is not None and step > every * (1.0 + ROUNDING):
@@ -57,7 +66,7 @@ def _clock(case: Case) -> Iterator[Problem]:
 def _coupling(case: Case) -> Iterator[Problem]:
     """Yield what is told of windows that are not repeated, or of a coupling that is not there."""
     table = case.coupling
-    given = [name for name in type(table).model_fields if name in table.model_fields_set]
+    given = _given(table)
     if case.mechanics is None:
         for name in given:
             yield Problem(("coupling", name), "has no effect without [mechanics]")
@@ -86,7 +95,7 @@ def _extraction(case: Case) -> Iterator[Problem]:
     if not any(pair.locked for pair in rolls.pairs):
         names += ["friction_axis", "friction_surface"]
     for name in names:
-        if name in table.model_fields_set:
+        if name in _given(table):
             yield Problem(
                 ("machine", "extraction", name),
                 "has no effect beside a maker's curve, which has it in it",

@@ -286,3 +286,22 @@ def test_a_step_beyond_the_next_state_of_the_fields_is_told(
 def test_keys_of_the_coupling_that_do_something() -> None:
     for changes in (("coupling.passes=3", "coupling.window_error=3 K"), ("coupling.passes=1",)):
         assert not any("no effect" in line for line in _warnings(*changes))
+
+
+@pytest.mark.parametrize(
+    ("case", "changes"),
+    [
+        (SLABS / "bulging.toml", ()),
+        (SLABS / "reference.toml", ()),
+        (TAPERED.with_name("thermal.toml"), ("output.every=0.1 s", "thermal.time.adaptive={}")),
+    ],
+)
+def test_a_resolved_case_says_no_more_than_the_case(
+    case: Path, changes: tuple[str, ...], tmp_path: Path
+) -> None:
+    """It names every key with its default, which nobody has asked for."""
+    written = read_case(case, changes)
+    assert written.case is not None
+    (tmp_path / "case.toml").write_text(written.case.resolved_toml(), encoding="utf-8")
+    again = read_case(tmp_path / "case.toml")
+    assert len(again.warnings) == len(written.warnings)
