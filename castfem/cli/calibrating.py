@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.case import Case, load_case, shipped_cases
-from castfem.case.load import changed
 from castfem.case.shown_units import units_of
+from castfem.case.varied_keys import faults_of_key
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.design.calibrate import Free, read_free
@@ -24,6 +24,7 @@ from castfem.output.summary import from_si, unit_of_difference
 from castfem.plots.calibration import Compared, draw_calibration
 from castfem.plots.style import save
 from castfem.report.numbers import error_shown, shown, unit_shown
+from castfem.results.of_case import faults_of
 from castfem.sweep.view import View
 from castfem.values.shown_units import scale_of, shown_in
 
@@ -71,6 +72,7 @@ def calibrate_case(
             raise InputError("calibrate: name what is to be fitted, --free KEY=LOW..HIGH")
         _check_keys(case, keys)
         measured = read_measured(data)
+        _check_results(case, measured)
         alone = shipped_cases.default_folder(name, path)
         target = folder or alone.with_name(f"{alone.name}_calibration")
         evaluator = many_runs.evaluator(followed(case, measured), target, processes)
@@ -85,8 +87,20 @@ def _check_keys(case: Case, keys: Sequence[Free]) -> None:
         where = f'--free "{key.key}"'
         if key.key in [other.key for other in keys[:number]]:
             raise InputError(f"{where}: is named twice; leave one out")
-        for value in (key.low, key.high):
-            changed(case, {key.key: key.text(value)}, where)
+        ends = [key.text(value) for value in (key.low, key.high)]
+        if problems := faults_of_key(case, key.key, ends, where):
+            raise InputError(problems)
+
+
+def _check_results(case: Case, measured: Sequence[Measured]) -> None:
+    """Refuse before anything runs what was measured of results that the case has not."""
+    first = {one.name: one for one in reversed(measured)}
+    faults = faults_of(case, list(first))
+    problems = [
+        f"{one.where}: {fault}" for one, fault in zip(first.values(), faults, strict=True) if fault
+    ]
+    if problems:
+        raise InputError(problems)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,12 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import load_case, shipped_cases
+from castfem.case.shown_units import units_of
 from castfem.cli import parallel
+from castfem.cli.options import chosen
 from castfem.errors import InputError
 from castfem.output.folder import RUN_NAME
 from castfem.report.numbers import shown, unit_shown, with_error
 from castfem.support import log
 from castfem.support.progress import Progress
+from castfem.values.shown_units import label_shown, place_said, said, scale_of, shown_in
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -33,6 +36,7 @@ class Options:
         resume: Go on from the checkpoint in the folder.
         figures: Draw the figure.
         quiet: Print nothing but errors.
+        units: Those of --units.
     """
 
     name: str
@@ -43,6 +47,7 @@ class Options:
     resume: bool
     figures: bool
     quiet: bool
+    units: tuple[str, ...] = ()
 
 
 def sensitivity_of_case(options: Options) -> None:
@@ -52,8 +57,6 @@ def sensitivity_of_case(options: Options) -> None:
         InputError: Something the user wrote cannot be used.
         RunFailure: The run fails, or a file cannot be written.
     """
-    from castfem.plots.tornado import FIGURE_NAME, draw_tornado
-    from castfem.sensitivity.result import CSV_NAME, JSON_NAME
     from castfem.sensitivity.run import sensitivity
 
     comm = parallel.communicator()
@@ -78,6 +81,15 @@ def sensitivity_of_case(options: Options) -> None:
         log.close()
     if not root:
         return
+    with chosen(options.units), shown_in(units_of(case)):
+        _tell(found, target, options)
+
+
+def _tell(found: Sensitivity, target: Path, options: Options) -> None:
+    """Draw and print."""
+    from castfem.plots.tornado import FIGURE_NAME, draw_tornado
+    from castfem.sensitivity.result import CSV_NAME, JSON_NAME
+
     written = [CSV_NAME, JSON_NAME]
     if options.figures:
         draw_tornado(found, target / FIGURE_NAME)
@@ -101,8 +113,9 @@ def table_of(found: Sensitivity) -> Table:
     table.add_column("derivative")
     table.add_column("% by 1 %", justify="right")
     for name, quantity in found.quantities.items():
-        value = f"{shown(quantity.shown, quantity.shown_unit)} {unit_shown(quantity.shown_unit)}"
-        table.add_row(f"{quantity.label}: {value}", "", "")
+        scale = scale_of(quantity.shown_unit, name)
+        value = f"{shown(scale(quantity.shown), scale.unit)} {unit_shown(scale.unit)}"
+        table.add_row(f"{label_shown(quantity.label)}: {value}", "", "")
         for row in found.rows():
             if row.name == name:
                 table.add_row(*_cells(row))
@@ -112,18 +125,20 @@ def table_of(found: Sensitivity) -> Table:
 
 def head_of(found: Sensitivity) -> str:
     """Return what the table is of."""
-    return f"{found.title}: {1e3 * found.position:.6g} mm below the meniscus"
+    return f"{found.title}: {place_said(found.position)} below the meniscus"
 
 
 def _cells(row: Row) -> tuple[str, str, str]:
-    p = row.parameter
-    at = f"{p.value:.6g} {unit_shown(p.unit)}".rstrip()
+    from castfem.sensitivity.chosen_units import ShownRow
+
+    one = ShownRow.of(row)
+    at = f"{one.at:.6g} {unit_shown(one.at_unit)}".rstrip()
     slope = "-"
-    if math.isfinite(row.value):
-        number = with_error(f"{row.value:.4g}", row.error)
-        slope = f"{number} {unit_shown(row.unit)}"
+    if math.isfinite(one.value):
+        number = with_error(f"{one.value:.4g}", one.error)
+        slope = f"{number} {unit_shown(one.unit)}"
     relative = f"{row.elasticity:+.3f}" if math.isfinite(row.elasticity) else ""
-    return f"  by {p.name}, {at}", slope, relative
+    return f"  by {row.parameter.name}, {at}", slope, relative
 
 
 def _told(found: Sensitivity, name: str) -> str:
@@ -131,24 +146,26 @@ def _told(found: Sensitivity, name: str) -> str:
     met = [kink for kink in found.kinks if kink.parameter == name]
     if not met:
         return ""
-    x, y = (1e3 * part for part in met[0].place)
+    x, y = (said(1e3 * part, "mm", ".4g") for part in met[0].place)
     return (
         f"by {name}: {met[0].points} points of the surface are about to touch the mould or to "
-        f"leave it {1e3 * met[0].position:.4g} mm below the meniscus (x = {x:.4g} mm, "
-        f"y = {y:.4g} mm), in {len(met)} windows of the run: what hangs on them has the "
-        "derivative to one side"
+        f"leave it {place_said(met[0].position)} below the meniscus (x = {x}, y = {y}), "
+        f"in {len(met)} windows of the run: what hangs on them has the derivative to one side"
     )
 
 
 def remarks(found: Sensitivity) -> list[str]:
     """Return what else is to be known of the derivatives, a line each."""
+    from castfem.sensitivity.chosen_units import ShownRow
+
     lines = [_told(found, p.name) for p in found.parameters]
     lines = [line for line in lines if line]
     for row in found.rows():
-        if row.sides is not None:
+        one = ShownRow.of(row)
+        if one.sides is not None:
             lines.append(
                 f"{row.name} by {row.parameter.name}: it has a kink here, "
-                f"{row.sides[0]:.4g} below and {row.sides[1]:.4g} {unit_shown(row.unit)} above"
+                f"{one.sides[0]:.4g} below and {one.sides[1]:.4g} {unit_shown(one.unit)} above"
             )
         elif not math.isfinite(row.value):
             why = "the result does not exist here"

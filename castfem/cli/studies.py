@@ -224,11 +224,14 @@ def sensitivity(
     set_: Overrides = None,
     resume: Annotated[bool, typer.Option(help="Go on from the last checkpoint.")] = False,
     figures: Annotated[bool, typer.Option(help="Draw the figure.")] = True,
+    units: Units = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a case once, with the derivatives of its results by some of its keys."""
     from castfem.cli.sensitivity import Options, sensitivity_of_case
 
+    words = sound_units(units)
+    overrides = tuple(set_ or ())
     sensitivity_of_case(
-        Options(case, tuple(of or ()), tuple(to), output, tuple(set_ or ()), resume, figures, quiet)
+        Options(case, tuple(of or ()), tuple(to), output, overrides, resume, figures, quiet, words)
     )

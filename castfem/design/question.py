@@ -10,6 +10,7 @@ import numpy as np
 
 from castfem.case.load import changed, value_of
 from castfem.case.optimise import Bound, Optimise, Variable
+from castfem.case.varied_keys import faults_of_key
 from castfem.design.inputs import Uncertain
 from castfem.design.valleys import check_installed
 from castfem.errors import InputError
@@ -136,13 +137,9 @@ class Question:
         problems: list[str] = []
         for number, (axis, variable) in enumerate(zip(self.axes, self.table.variable, strict=True)):
             where = f"{self.origin}: optimise.variable.{number}"
-            for value in (axis.written(axis.low), axis.written(axis.high), variable.start):
-                if value is None:
-                    continue
-                try:
-                    changed(self.case, {axis.key: value}, where)
-                except InputError as error:
-                    problems += [_placed(line, where) for line in error.problems]
+            ends = (axis.written(axis.low), axis.written(axis.high), variable.start)
+            given = [value for value in ends if value is not None]
+            problems += faults_of_key(self.case, axis.key, given, where)
         for number, one in enumerate(self.inputs):
             where = f"{self.origin}: optimise.input.{number}"
             for end in (one.low, one.high):
@@ -152,6 +149,30 @@ class Question:
                     problems += [_placed(line, where) for line in error.problems]
         if problems:
             raise InputError(dict.fromkeys(problems))
+
+    def check_results(self) -> None:
+        """Refuse, before anything runs, results that no run of the case has.
+
+        Raises:
+            InputError: With a line for each.
+        """
+        from castfem.results.of_case import faults_of
+
+        asked = [("minimise", name) for name in self.table.minimise]
+        asked += [("maximise", name) for name in self.table.maximise]
+        asked += [(f"constraints.{i}", one.quantity) for i, one in enumerate(self.bounds)]
+        if self.table.front is not None:
+            name = self.table.front.objective[0]
+            key = "minimise" if self.table.front.minimise is not None else "maximise"
+            asked.append((f"front.{key}", name))
+        faults = faults_of(self.case, [name for _, name in asked])
+        problems = [
+            f'{self.origin}: optimise.{key}: ("{name}") {fault}'
+            for (key, name), fault in zip(asked, faults, strict=True)
+            if fault
+        ]
+        if problems:
+            raise InputError(problems)
 
     @property
     def needs_ideal(self) -> bool:

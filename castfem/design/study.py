@@ -57,7 +57,8 @@ class Study:
         evaluator: Does runs; None without a folder.
 
     Raises:
-        InputError: The case asks for nothing that could be looked for.
+        InputError: The case asks for nothing that could be looked for, or, where runs are done, for
+            a result that none of them has.
     """
 
     def __init__(
@@ -72,6 +73,8 @@ class Study:
         self.evaluator = evaluator
         if folder is not None and evaluator is None:
             self.evaluator = Evaluator(case, folder)
+        if self.evaluator is not None:
+            self.question.check_results()
         self._lean = lean(case)
         self._told: dict[Wanted, Evaluation] = {}
         self._kept: list[Result] = []

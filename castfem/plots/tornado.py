@@ -9,8 +9,9 @@ import numpy as np
 
 from castfem.output.summary import unit_of_difference
 from castfem.plots.style import look, new_figure, save
+from castfem.sensitivity.chosen_units import ShownRow
 from castfem.sensitivity.result import Row, Sensitivity
-from castfem.values.shown_units import plain_unit
+from castfem.values.shown_units import label_shown, plain_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,9 +43,9 @@ def draw_tornado(found: Sensitivity, path: Path) -> None:
 
 def spread_of(row: Row) -> str:
     """The parameter with what it is moved by."""
-    p = row.parameter
-    unit = "K" if p.unit in ("degC", "°C") else plain_unit(p.unit).replace("percent", "%")
-    return f"{p.name} \N{PLUS-MINUS SIGN}{p.spread:.3g} {unit}".rstrip()
+    one = ShownRow.of(row)
+    spread = f"\N{PLUS-MINUS SIGN}{one.spread:.3g} {plain_unit(one.spread_unit)}"
+    return f"{row.parameter.name} {spread}".rstrip()
 
 
 def _panel(axes: Axes, rows: list[Row]) -> None:
@@ -58,5 +59,6 @@ def _panel(axes: Axes, rows: list[Row]) -> None:
     axes.axvline(0.0, color="0.3", lw=0.8)
     quantity = rows[0].quantity
     unit = plain_unit(unit_of_difference(quantity.shown_unit))
-    axes.set_xlabel(f"change of {quantity.label} [{unit}]", fontsize=8)
+    text = f"change of {label_shown(quantity.label)} [{unit}]"
+    axes.set_xlabel(text, fontsize=8, gid=rows[0].name)  # by which its own unit is found
     axes.legend(fontsize=6.5, loc="lower right", frameon=False)

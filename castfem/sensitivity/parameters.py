@@ -36,6 +36,7 @@ STRAINED = ("thermal_expansion", "youngs_modulus", "poisson_ratio")
 """The same, of which only the mechanics know."""
 LEVELS = {"degC", "degF", "°C", "°F"}
 """Units of temperatures that do not begin at absolute zero."""
+_BY_CARBON = "name steel.composition.C instead"
 _SHIFT = 1e-3  # of a unit of temperature: half the distance of the difference quotients
 _SHARE = 1e-5  # of anything else
 _OF_WALL = 1e-4  # of sizes of the mould: taper moves the wall by less than its place is rounded
@@ -269,9 +270,13 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
         raise ValueError(f"no number of a steel; one of {choices(allowed)}{near}")
     origin = steel.origins.get(entry)
     if entry == "latent_heat" and "enthalpy" in steel.properties:
-        raise ValueError(f"{steel.name} releases its heat by its enthalpy; steel.composition.C")
+        raise ValueError(
+            f"{steel.name} releases its heat by its enthalpy; name steel.composition.C instead"
+        )
     if origin is None:
-        raise ValueError(f"it follows from the solid fraction of {steel.name}; steel.composition.C")
+        raise ValueError(
+            f"it follows from the solid fraction of {steel.name}; name steel.composition.C instead"
+        )
     if entry == "latent_heat":
         return Parameter(name, "steel.overrides.latent_heat", steel.latent_heat / 1e3, "kJ/kg", 0.0)
     kelvin = steel.solidus if entry == "solidus" else steel.liquidus

@@ -15,6 +15,7 @@ import numpy as np
 from castfem.coupling.staggered import StrandState
 from castfem.errors import InputError
 from castfem.output.summary import Quantity
+from castfem.results.of_case import fault_of
 from castfem.results.registry import QuantityDefinition, columns_of, results_of
 from castfem.results.sample import Sample
 from castfem.results.thermal import Sampler
@@ -62,8 +63,9 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
         elif any(name == own or name.startswith(f"{own}_") for own in _OF_STEPS):
             problems.append(f"--of {name}: it tells of steps or cells, which are held")
         else:
+            fault = fault_of(simulation.case, name)
             near = units.nearest(name, having)
-            problems.append(f"--of {name}: is no result of this run{near}")
+            problems.append(f"--of {name}: {fault or f'is no result of this run{near}'}")
     if problems:
         raise InputError(problems)
     return {name: having[name] for name in dict.fromkeys(wanted)}

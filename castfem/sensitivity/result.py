@@ -206,9 +206,15 @@ class Sensitivity:
         return text.getvalue()
 
 
-def per(unit: str, other: str) -> str:
-    """The unit of a derivative."""
-    other = "K" if other in LEVELS else other
+def per(unit: str, other: str, *, level: bool = True) -> str:
+    """The unit of a derivative.
+
+    Args:
+        unit: Of what is differentiated.
+        other: Of that by which.
+        level: Whether degrees Celsius are those of a level, two of which differ by K.
+    """
+    other = "K" if level and other in LEVELS else other
     own = "1" if unit in ("-", "") else unit
     if not other:
         return own

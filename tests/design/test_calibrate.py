@@ -192,6 +192,7 @@ def test_data_beyond_the_case(twin: Path, tmp_path: Path) -> None:
     [
         (["casting.speed=2..4 m/min"] * 2, r'^--free "casting\.speed": is named twice'),
         (["casting.spede=2..4 m/min"], r'^--free "casting\.spede": .*did you mean speed'),
+        (["title=0..1"], r'^--free "title": title: is a text \("'),
         (["casting.speed=2..4 mm"], r'^--free "casting\.speed": .*a speed is needed'),
     ],
 )
@@ -201,14 +202,17 @@ def test_keys_that_cannot_be_fitted(twin: Path, free: list[str], message: str) -
     assert not (twin / "none").exists()
 
 
-def test_a_result_that_the_run_has_not(twin: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("column", "line"),
+    [
+        ("gap_mid_face", r"gap_mid_face: is none of this case, for it has no \[mechanics\] and "),
+        ("shell_mid_fac", r'shell_mid_fac: has no place "mid_fac" .*did you mean mid_face'),
+    ],
+)
+def test_a_result_that_the_run_has_not(twin: Path, tmp_path: Path, column: str, line: str) -> None:
     path = tmp_path / "data.csv"
-    path.write_text("position [mm], gap_mid_fac [mm]\n54, 9\n")
-    with pytest.raises(InputError, match=r"data\.csv: line 2: gap_mid_fac: no such result"):
-        calibrate_case(
-            *(str(twin / "case.toml"), path),
-            ["cooling.mould.surface.0.coefficient=800..4000 W/(m^2 K)"],
-            twin / "fit",
-            processes=0,
-            quiet=True,
-        )
+    path.write_text(f"position [mm], {column} [mm]\n54, 9\n")
+    free = ["cooling.mould.surface.0.coefficient=800..4000 W/(m^2 K)"]
+    with pytest.raises(InputError, match=rf"data\.csv: line 2: {line}"):
+        calibrate_case(str(twin / "case.toml"), path, free, tmp_path / "fit", processes=0)
+    assert not (tmp_path / "fit").exists()

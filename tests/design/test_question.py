@@ -91,6 +91,45 @@ def test_keys_that_cannot_be_varied(key: str, ends: list[str], line: str):
     assert any(line in problem for problem in error.value.problems)
 
 
+@pytest.mark.parametrize(
+    ("key", "line"),
+    [
+        ("steel.name", 'steel.name: is a text ("carbon_042"); a number is varied: name a key that'),
+        ("title", 'title: is a text ("coarse billet"); a number is varied: name a key that has'),
+        ("section.symmetry", "one of quarter, half, whole; a number is varied: name a key that"),
+        ("thermal.time.scheme", "one of sdirk2, backward_euler; a number is varied: name a key"),
+    ],
+)
+def test_a_text_is_no_variable_and_is_told_once(key: str, line: str):
+    variable = {"key": key, "range": ["0 mm", "1 mm"]}
+    with pytest.raises(InputError) as error:
+        Question(
+            small({"optimise": {"minimise": "heat_removed", "variable": [variable]}}), "f.toml"
+        )
+    (problem,) = error.value.problems
+    assert problem.startswith("f.toml: optimise.variable.0: ") and line in problem
+
+
+def test_results_that_no_run_has_are_refused_before_one():
+    asked = {
+        "minimise": "von_mises_max",
+        "constraints": ["gap_max <= 1 mm", "shell_tip >= 1 mm", "shell_mid_face >= 1 mm"],
+        "front": {"maximise": "negative_strip_time"},
+        "variable": [{"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}],
+    }
+    with pytest.raises(InputError) as error:
+        Question(small({"optimise": asked}), "f.toml").check_results()
+    for problem, key in zip(
+        error.value.problems,
+        ('minimise: ("von_mises_max") is none of this case, for it has no [mechanics]; add it, or',
+         'constraints.0: ("gap_max") is none of this case, for it has no [mechanics] and [mould]',
+         'constraints.1: ("shell_tip") has no place "tip" on this section; allowed: mid_face',
+         'front.maximise: ("negative_strip_time") is none of this case'),
+        strict=True,
+    ):  # fmt: skip
+        assert problem.startswith(f"f.toml: optimise.{key}"), problem
+
+
 def test_two_variables_of_one_key():
     twice = [{"key": "casting.speed", "range": ["2 m/min", "5 m/min"]}] * 2
     with pytest.raises(InputError, match="is given twice; leave one out"):

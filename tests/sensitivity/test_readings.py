@@ -206,7 +206,9 @@ def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> Non
     with pytest.raises(InputError, match=r"steel.emissivity: neumann_steel has none"):
         read_parameters(strip, case_steel(strip), ["steel.emissivity"])
     mixed = castfem.load("slab1200/thermal")
-    with pytest.raises(InputError, match=r"solid fraction of plain_carbon; steel.composition.C"):
+    with pytest.raises(
+        InputError, match=r"solid fraction of plain_carbon; name steel.composition.C"
+    ):
         read_parameters(mixed, case_steel(mixed), ["steel.solidus"])
     (carbon,) = read_parameters(mixed, case_steel(mixed), ["steel.composition.C=0.01"])
     assert (carbon.value, carbon.unit, carbon.spread) == (0.1, "", 0.01)

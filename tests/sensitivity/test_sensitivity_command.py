@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
+from typing import Any
 
 import matplotlib.image
 import pytest
+from matplotlib.figure import Figure
+from rich.console import Console
 from small_case import write_small
 from typer.testing import CliRunner
 
 from castfem.cli.app import app
+from castfem.cli.sensitivity import head_of, table_of
+from castfem.output.summary import Quantity
+from castfem.plots.chosen_units import in_chosen_units
+from castfem.plots.tornado import draw_tornado
+from castfem.sensitivity.chosen_units import ShownRow
+from castfem.sensitivity.parameters import Parameter
+from castfem.sensitivity.result import Derivative, Sensitivity
+from castfem.values.shown_units import ShownUnits, shown_in
 
 
 def test_table_files_and_figure(tmp_path: Path) -> None:
@@ -39,3 +51,82 @@ def test_table_files_and_figure(tmp_path: Path) -> None:
 def test_bad_input_is_answered_in_a_line(tmp_path: Path, words: list[str]) -> None:
     done = CliRunner().invoke(app, ["sensitivity", str(write_small(tmp_path)), *words])
     assert done.exit_code != 0
+
+
+FOUND = Sensitivity(
+    "a case",
+    0.06,
+    {
+        "surface_temperature_mid_face": Quantity(1500.0, "degC", "surface, mid-face"),
+        "shell_mid_face": Quantity(5e-3, "mm", "shell, mid-face"),
+    },
+    (
+        Parameter("casting.speed", "casting.speed", 3.6, "m/min", 0.1, step=1e-5),
+        Parameter("cooling.mould.wall", "cooling.0.wall", 160.0, "degC", 10.0, step=1e-3),
+        Parameter("steel.conductivity", "", 100.0, "percent", 1.0, steel="conductivity", step=1e-3),
+    ),
+    tuple(
+        Derivative(name, by, slope, slope)
+        for name, slope in (("surface_temperature_mid_face", 9.0), ("shell_mid_face", 2.54e-3))
+        for by in ("casting.speed", "cooling.mould.wall", "steel.conductivity")
+    ),
+    1,
+)
+
+
+def test_units_that_were_chosen() -> None:
+    def rows() -> list[tuple[float, str, float, str, float]]:
+        shown = [ShownRow.of(row) for row in FOUND.rows()]
+        return [(r.at, r.at_unit, r.value, r.unit, r.spread) for r in shown]
+
+    def close(got: tuple[float, str, float, str, float], wanted: tuple[object, ...]) -> bool:
+        return all(
+            one == other if isinstance(other, str) else one == pytest.approx(other, rel=1e-12)
+            for one, other in zip(got, wanted, strict=True)
+        )
+
+    usual = rows()
+    assert usual[0] == (3.6, "m/min", 9.0, "K/(m/min)", 0.1)
+    assert close(usual[4], (160.0, "degC", 2.54, "mm/K", 10.0))
+    with shown_in(ShownUnits.read("si")):
+        si = rows()
+        assert "0.06 m below" in head_of(FOUND)
+    assert close(si[0], (0.06, "m/s", 540.0, "K/(m/s)", 0.1 / 60.0))
+    assert close(si[1], (433.15, "K", 9.0, "K/K", 10.0))
+    assert close(si[3], (0.06, "m/s", 0.1524, "m/(m/s)", 0.1 / 60.0))
+    with shown_in(ShownUnits.read({"temperature": "degF", "shell": "inch"})):
+        own = rows()
+        out = io.StringIO()
+        Console(file=out, width=120).print(table_of(FOUND))
+    assert close(own[1], (320.0, "degF", 9.0, "degF/degF", 18.0))
+    assert close(own[4], (320.0, "degF", 0.1 / 1.8, "inch/degF", 18.0))
+    assert close(own[5], (100.0, "percent", 0.1, "inch/percent", 1.0))
+    # 1500 K are 2240.3 °F
+    assert "surface, mid-face: 2240.3" in out.getvalue() and "0.05556 inch/" in out.getvalue()
+
+
+def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) -> None:
+    kept: list[Figure] = []
+
+    def keep(figure: Figure, path: Path) -> None:
+        in_chosen_units(figure)
+        kept.append(figure)
+
+    monkeypatch.setattr("castfem.plots.tornado.save", keep)
+    with shown_in(ShownUnits.read({"temperature": "degF", "shell": "inch"})):
+        draw_tornado(FOUND, tmp_path / "none.png")
+    surface, shell = kept[0].axes[:2]
+    assert surface.get_xlabel() == "change of surface, mid-face [°F]"
+    assert shell.get_xlabel() == "change of shell, mid-face [inch]"
+    assert {text.get_text() for text in surface.get_yticklabels()} == {
+        "casting.speed \N{PLUS-MINUS SIGN}0.1 m/min",
+        "cooling.mould.wall \N{PLUS-MINUS SIGN}18 °F",
+        "steel.conductivity \N{PLUS-MINUS SIGN}1 %",
+    }
+
+
+def test_units_of_the_case_and_of_the_command(tmp_path: Path) -> None:
+    write_small(tmp_path)
+    words = ["sensitivity", str(tmp_path / "case.toml"), "--to", "casting.superheat"]
+    done = CliRunner().invoke(app, [*words, "--units", "shell=degC"])
+    assert done.exit_code == 1 and "--units shell" in str(done.exception)
