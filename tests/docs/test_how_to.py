@@ -46,7 +46,7 @@ QUICK = {
     ("how_to/calibrate.md", "calibrate"): COARSE,
     ("how_to/cluster.md", "sweep"): COARSE | SHORT,
     ("how_to/error.md", "error"): COARSE | SHORT,
-    ("how_to/locked_roll.md", "run"): SHORT,
+    ("how_to/locked_roll.md", "run"): SHORT | {"casting.start.at": "meniscus"},
     ("how_to/my_billet.md", "run"): COARSE | {"casting.length": "5 m"},
     ("how_to/report.md", "run"): COARSE | {"casting.length": "1 m"},
     ("how_to/slab.md", "run"): {
