@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from castfem.bulging.creep import CreepingStrip, Pitch, extrapolated, nodes
+from castfem.bulging.creep import CreepingStrip, Pitch, coarsest, extrapolated, nodes
 from castfem.bulging.layers import LayerHistory, Layers
 from castfem.bulging.result import Bulge, Span
 from castfem.bulging.shell import Shell
@@ -77,7 +77,8 @@ def over_rolls(strip: CreepingStrip, rolls: Rolls, shell: Shell) -> Bulge:
     layers = Layers(strip.law, shell.points(strip.layers, shell.breaks(strip.law)))
     coarse, found = _Spans(strip, rolls, layers, strip.steps // 2).solved()
     fine, _ = _Spans(strip, rolls, layers, strip.steps).solved(found)
-    bulge = extrapolated(coarse, fine, layers)
+    coarser = coarsest(strip.steps, lambda n: _Spans(strip, rolls, layers, n).solved(found)[0])
+    bulge = extrapolated(coarse, fine, layers, coarser)
     return replace(bulge, roll_force=_forces(rolls, bulge.moment[:: strip.steps // 2]))
 
 
