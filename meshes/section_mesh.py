@@ -12,6 +12,8 @@ from castfem.meshes.quality import Quality
 # Local number of the node in the middle of each side, sides in the order of `edges_of`.
 _MIDDLES = {"quadrilateral": (4, 6, 7, 5), "triangle": (5, 3, 4)}
 
+_ENDS = slice(None, -1), slice(1, None)  # of the segments of a polyline
+_HAIR = 1e-2  # of a facet: how far beyond it a point counts as of the section
 _INNER = ("symmetry_", "side_", "core_end")
 
 
@@ -84,6 +86,19 @@ class SectionMesh:
             left.difference_update(loop)
             runs += self._runs(loop, middle)
         return runs
+
+    def holds(self, x: float, y: float) -> bool:
+        """Whether a point (m) lies in the modelled part, or outside by a hair of a facet."""
+        lines = [line for _, line in self.outline()]
+        start, end = (np.concatenate([line[cut] for line in lines]) for cut in _ENDS)
+        along, off = end - start, np.array([x, y]) - start
+        share = np.clip(np.sum(off * along, axis=1) / np.sum(along**2, axis=1), 0.0, 1.0)
+        away = np.linalg.norm(off - share[:, None] * along, axis=1)
+        if np.any(away <= _HAIR * np.linalg.norm(along, axis=1)):
+            return True
+        crossed = (start[:, 1] > y) != (end[:, 1] > y)
+        at = start[crossed, 0] + along[crossed, 0] * off[crossed, 1] / along[crossed, 1]
+        return bool(np.count_nonzero(at > x) % 2)
 
     def _runs(
         self, loop: list[int], middle: dict[tuple[int, int], int]

@@ -68,6 +68,10 @@ class RollDefect(Defect):
 
     roll: int = Field(ge=1, strict=True, description="number of the pair, from 1", examples=[48])
 
+    def __str__(self) -> str:
+        """What messages call it."""
+        return f"roll {self.roll}, {self.tag},"
+
     @abstractmethod
     def changed(self, pair: Pair) -> Pair:
         """Return the pair that has the defect."""
@@ -122,6 +126,10 @@ class Misaligned(RollDefect):
         description="what a maker's curve of the resistance grows by, as a coupled run tells it, "
         "over the pairs where the strand is bent more than before; left out: nothing",
     )
+
+    def __str__(self) -> str:
+        """What messages call it."""
+        return f"roll {self.roll} off by {1e3 * (self.by or 0.0):g} mm"
 
     def changed(self, pair: Pair) -> Pair:
         """See `RollDefect`."""

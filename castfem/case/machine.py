@@ -6,7 +6,7 @@ What reads and checks them (`castfem.machine.rolls`) is imported by a case that 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -169,7 +169,7 @@ def check_machine(case: Case) -> Iterator[Problem]:
         )
     if case.section is None:
         return
-    thickness, rolls = thickness_of(case.section), table.pairs()
+    thickness, rolls = thickness_of(case.section), table.normal()
     if thickness is None and isinstance(case.section, Strip):
         yield Problem(("machine",), "a strip has no thickness that rolls could hold; leave it out")
     if thickness is None or rolls is None:
@@ -178,8 +178,40 @@ def check_machine(case: Case) -> Iterator[Problem]:
 
     ends = None if case.cooling is None and case.mould is None else _mould_exit(case)
     key = "rolls" if table.rolls is not None else "segment"
-    for index, text in faults(rolls, thickness, ends):
+    found = list(faults(rolls, thickness, ends))
+    for index, text in found:
         yield Problem(("machine", key), f"{rolls.place(index)}: {text}")
+    if table.defect and not found:
+        yield from _impossible_defects(rolls, table.defect, thickness)
+
+
+def _impossible_defects(
+    rolls: Rolls, defects: Sequence[Defect | None], thickness: float
+) -> Iterator[Problem]:
+    """Yield the defects that leave other rolls no room, each with the first of these."""
+    from castfem.case.defects import with_defects
+    from castfem.machine.rolls import faults
+
+    alone = False
+    for i, defect in enumerate(defects):
+        wrong = next(faults(with_defects(rolls, [defect]), thickness, None), None)
+        if defect is None or wrong is None:
+            continue
+        alone = True
+        yield Problem(("machine", "defect", i), _no_room(rolls, [defect], *wrong))
+    wrong = next(faults(with_defects(rolls, defects), thickness, None), None)
+    if wrong is not None and not alone:
+        given = [one for one in defects if one is not None]
+        yield Problem(("machine", "defect"), _no_room(rolls, given, *wrong))
+
+
+def _no_room(rolls: Rolls, defects: Sequence[Defect], index: int, text: str) -> str:
+    """What is wrong with the rolls as defects leave them, in words."""
+    named = " and ".join(dict.fromkeys(str(defect) for defect in defects))
+    what = text.rpartition("; ")[0]
+    return (
+        f"with {named} the strand is bent too sharply: {rolls.place(index)}: {what}; move it less"
+    )
 
 
 def _mould_exit(case: Case) -> float | None:
@@ -193,35 +225,38 @@ def _mould_exit(case: Case) -> float | None:
 def machine_warnings(case: Case) -> Iterator[Problem]:
     """Yield what rolls of a sound case have that was probably not meant."""
     table, thickness = case.machine, thickness_of(case.section)
-    rolls = None if table is None else table.pairs()
-    if table is None or rolls is None or thickness is None:
+    normal = None if table is None else table.normal()
+    if table is None or normal is None or thickness is None:
         return
     key = "rolls" if table.rolls is not None else "segment"
+    found = list(_doubtful(normal, thickness))
+    yield from (Problem(("machine", key), text) for text in found)
+    rolls = table.pairs()
+    if not found and rolls is not None and table.defect:
+        yield from (Problem(("machine", "defect"), text) for text in _doubtful(rolls, thickness))
+
+
+def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
+    """Yield what rolls have that was probably not meant."""
     line, last = rolls.line(thickness), rolls.pairs[-1]
     angle = line.inclination(last.position)
     if math.isfinite(last.radius):
-        yield Problem(("machine", key), f"the strand is still bent at the last roll, "
-                      f"R = {last.radius:g} m")  # fmt: skip
+        yield f"the strand is still bent at the last roll, R = {last.radius:g} m"
     elif angle > 0.0 and abs(angle - 0.5 * math.pi) > _SQUARE:
-        yield Problem(
-            ("machine", key),
+        yield (
             f"the angles do not close: the strand leaves the last bent roll at "
             f"{math.degrees(angle):.4g} degrees to the vertical, not at 90; are radii, positions "
-            "and the face of the radii right?",
+            "and the face of the radii right?"
         )
     tightest = min(rolls.pairs, key=lambda pair: abs(pair.radius))
     strain = 0.5 * thickness / abs(tightest.radius)
     if strain > _STRAINED:
-        yield Problem(
-            ("machine", key),
-            f"R = {tightest.radius:g} m strains the faces of the strand by {100.0 * strain:.3g} %",
-        )
+        yield f"R = {tightest.radius:g} m strains the faces of the strand by {100.0 * strain:.3g} %"
     for i in range(len(rolls.pairs)):
         aperture = rolls.aperture(i, thickness)
         if abs(aperture / thickness - 1.0) > _OTHER:
-            yield Problem(
-                ("machine", key),
+            yield (
                 f"{rolls.place(i)}: aperture ({1e3 * aperture:g} mm) of a section "
-                f"{1e3 * thickness:g} mm thick",
+                f"{1e3 * thickness:g} mm thick"
             )
             return

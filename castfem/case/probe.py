@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -14,6 +14,9 @@ from castfem.support.messages import choices
 from castfem.values.quantities import Distance, Kind
 from castfem.values.types import Array
 from castfem.values.units import nearest
+
+if TYPE_CHECKING:
+    from castfem.case.model import Case
 
 Coordinate = Annotated[float, Kind("m", "mm")]
 
@@ -63,3 +66,22 @@ class Probe(TableModel):
                 f"of the line there, at {1e3 * length:g} mm"
             )
         return np.asarray(start + depth / length * (end - start))
+
+
+def outside(case: Case, name: str, place: Array) -> InputError:
+    """What a probe outside of the section is answered with.
+
+    Args:
+        case: Has the probe.
+        name: Of the probe.
+        place: Where it lies, x and y in m.
+    """
+    x, y = 1e3 * place
+    part = getattr(case.section, "symmetry", "whole")
+    mirrored = part != "whole" and min(x, y) < 0.0
+    mend = f"; the modelled part is a {part}: give its mirror image" if mirrored else ""
+    round_ = ", whose corners are round" if getattr(case.section, "corner_radius", None) else ""
+    return InputError(
+        f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{round_}{mend}; '
+        "under and depth, instead of x and y, place it below the surface"
+    )

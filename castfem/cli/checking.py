@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import AnyCase, Case, Reading, TensileCase, plausibility, read_case
+from castfem.case.probe import outside
 from castfem.case.problems import Problem
 from castfem.errors import InputError
 from castfem.support import log
@@ -140,7 +141,9 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
     mesh = build_mesh(case)
     for probe in case.output.probe:
         try:
-            probe.place(mesh.probes)
+            place = probe.place(mesh.probes)
+            if not mesh.holds(*place):
+                raise outside(case, probe.name, place)
         except InputError as error:
             problems += [f"{path}: {problem}" for problem in error.problems]
     if problems:

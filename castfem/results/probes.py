@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.case.probe import outside
 from castfem.constitutive.base import equivalent_stress
-from castfem.errors import InputError
 from castfem.fem.point_probes import PointProbes
 from castfem.results.mechanical import MechanicalSampler, in_components
 from castfem.values.types import Array
@@ -111,12 +111,7 @@ def _within(simulation: Simulation, name: str, place: Array) -> None:
     try:
         PointProbes(simulation.section, place[None, :])
     except ValueError:
-        x, y = 1e3 * place
-        part = getattr(simulation.case.section, "symmetry", "whole")
-        mend = "" if part == "whole" else f" (the modelled part is a {part}: give its mirror image)"
-        raise InputError(
-            f'output.probe "{name}": x = {x:g}, y = {y:g} mm lies outside the section{mend}'
-        ) from None
+        raise outside(simulation.case, name, place) from None
 
 
 def _shown(value: float, unit: str) -> float:

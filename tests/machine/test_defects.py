@@ -13,6 +13,7 @@ import pytest
 from castfem.case import Case, load_case
 from castfem.case.build_extraction import coupled_pairs, known_resistance
 from castfem.case.defects import Defect, RollDefect
+from castfem.case.machine import machine_warnings
 from castfem.errors import InputError
 from castfem.extraction.resistance import tributary_lengths
 from castfem.machine.defects import circle, out_of_line, with_radii
@@ -247,6 +248,27 @@ def test_what_is_refused(given: dict[str, Any], key: str, words: str) -> None:
         slab(given)
     (problem,) = caught.value.problems
     assert key in problem and words in problem
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ([("-1 mm", 30), ("1 m", 20)], "machine.defect.1: with roll 20 off by 1000 mm the strand"),
+        ([("30 mm", 20), ("35 mm", 20)], "machine.defect: with roll 20 off by 30 mm and roll 20 o"),
+    ],
+)
+def test_a_pair_too_far_off_is_named_not_the_rolls(given: list[tuple[str, int]], line: str) -> None:
+    with pytest.raises(InputError) as caught:
+        slab(*({"kind": "misaligned", "roll": roll, "by": by} for by, roll in given))
+    (problem,) = caught.value.problems
+    assert line in problem and "sharply: roll 19: diameter (225 mm) overlaps" in problem
+    assert problem.endswith("below it; move it less")
+
+
+def test_what_is_doubtful_of_a_defect_is_told_of_it() -> None:
+    (first, *_) = machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "-1 m"}))
+    assert first.path == ("machine", "defect") and "the angles do not close" in first.text
+    assert not list(machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "2 mm"})))
 
 
 def test_a_defect_that_would_change_nothing_is_refused() -> None:

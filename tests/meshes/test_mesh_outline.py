@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from castfem.meshes import build
 from castfem.meshes.outline import Piece, chain, quarter
 
 
@@ -55,3 +56,22 @@ def test_facet_off_the_outline_is_refused() -> None:
     assert outline.pieces[outline.classify(points, np.array([[1, 0]]))[0]].group == "wide_face"
     with pytest.raises(ValueError, match="lies on no piece"):
         outline.classify(points, np.array([[1, 2]]))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_points_inside_and_outside(order: int) -> None:
+    """A disc of 50 mm, a quarter of it, and the cut-off of a round corner."""
+    sizes = {"surface_size": 3e-3, "core_size": 10e-3, "order": order}
+    disc = build("round", diameter=0.1, symmetry="quarter", **sizes)
+    turns = np.linspace(0.0, 0.5 * np.pi, 13)
+    for radius, inside in ((0.0495, True), (0.0510, False), (0.0, True)):
+        places = radius * np.column_stack([np.cos(turns), np.sin(turns)])
+        assert [disc.holds(*place) for place in places] == [inside] * len(turns)
+    assert not disc.holds(-1e-3, 1e-2) and not disc.holds(1e-2, -1e-3)
+    size = {"width": 0.1, "height": 0.08, "corner_radius": 5e-3}
+    whole = build("rectangle", **size, symmetry="whole", **sizes)
+    cut = 5e-3 * (1.0 - 0.5**0.5)  # of the corner, along both faces
+    for sx in (-1.0, 1.0):
+        assert whole.holds(sx * (0.05 - cut - 2e-4), 0.04 - cut - 2e-4)
+        assert not whole.holds(sx * (0.05 - cut + 2e-4), 0.04 - cut + 2e-4)
+        assert whole.holds(sx * 0.05, 0.0) and not whole.holds(sx * 0.0505, 0.0)

@@ -164,14 +164,21 @@ def test_two_of_a_name_are_refused() -> None:
 
 def test_the_check_finds_a_place_that_the_section_has_not(tmp_path: Path) -> None:
     path = tmp_path / "case.toml"
-    places = ({"under": "midface", "depth": "1 mm"}, {"under": "corner", "depth": "200 mm"})
+    places = (
+        {"under": "midface", "depth": "1 mm"},
+        {"under": "corner", "depth": "200 mm"},
+        {"x": "62 mm", "y": "62 mm"},  # in the cut-off of the round corner
+        {"x": "61 mm", "y": "61 mm"},
+        {"x": "62.5 mm", "y": "0 mm"},
+    )
     probes = [{"name": f"p{i}", **place} for i, place in enumerate(places)]
     path.write_text(billet("thermal").with_({"output.probe": probes}).resolved_toml())
     with pytest.raises(InputError) as error:
         check_case("billet", path, ())
-    first, second = error.value.problems
+    first, second, third = error.value.problems
     assert first.startswith(f'{path}: output.probe "p0": under: no place "midface"')
     assert second.startswith(f'{path}: output.probe "p1": depth (200 mm) is beyond')
+    assert third.startswith(f'{path}: output.probe "p2": x = 62, y = 62 mm lies outside the sect')
 
 
 @pytest.mark.parametrize(
