@@ -40,7 +40,8 @@ FLOWS = 1e-6  # compliance beyond the elastic, from which on the strip counts as
 def nodes(length: float, steps: int) -> Array:
     """Ends of the steps of a pitch, m, (steps + 1,): close to each other at the rolls."""
     s = np.linspace(0.0, 1.0, steps + 1)
-    return np.asarray(length * (s - GRADING / (2.0 * np.pi) * np.sin(2.0 * np.pi * s)))
+    wave = np.sin(2.0 * np.pi * s)
+    return np.asarray(length * (s - GRADING / (2.0 * np.pi) * wave))
 
 
 def accumulates(law: Law) -> bool:

@@ -135,8 +135,10 @@ def along(z: Array, deflection: Array, slope: Array, positions: npt.ArrayLike) -
     i = np.clip(np.searchsorted(z, x, side="right") - 1, 0, len(z) - 2)
     dz, rise = z[i + 1] - z[i], deflection[i + 1] - deflection[i]
     t = (x - z[i]) / dz
-    bend = (1.0 - t) * (dz * slope[i] - rise) + t * (rise - dz * slope[i + 1])
-    return np.asarray(deflection[i] + t * rise + t * (1.0 - t) * bend)
+    first, last = dz * slope[i] - rise, rise - dz * slope[i + 1]
+    bend = (1.0 - t) * first + t * last
+    chord = deflection[i] + t * rise
+    return np.asarray(chord + t * (1.0 - t) * bend)
 
 
 def evenly(length: float, count: int) -> Array:
@@ -150,7 +152,8 @@ def deflected(z: Array, curvature: Array, ends: tuple[float, float] = (0.0, 0.0)
     The curvature is linear from node to node.
     """
     dz = np.diff(z)
-    turned = np.concatenate([[0.0], np.cumsum(0.5 * (curvature[1:] + curvature[:-1]) * dz)])
+    turns = 0.5 * (curvature[1:] + curvature[:-1]) * dz
+    turned = np.concatenate([[0.0], np.cumsum(turns)])
     areas = 0.5 * (turned[1:] + turned[:-1]) * dz - dz**2 / 12.0 * np.diff(curvature)
     sunk = np.concatenate([[0.0], np.cumsum(areas)])
     start = (ends[1] - ends[0] + sunk[-1]) / (z[-1] - z[0])

@@ -143,9 +143,10 @@ def _below(weight: Array, values: Array) -> Array:
     one, other = values[::2], values[1::2]
     mean, slope = 0.5 * (one + other), 0.5 * (other - one) / _GAUSS
     whole = np.concatenate([[0.0], np.cumsum(2.0 * half * mean)[:-1]])
-    parts = [
-        whole + half * (mean * (t + 1.0) + 0.5 * slope * (t**2 - 1.0)) for t in (-_GAUSS, _GAUSS)
-    ]
+    parts = []
+    for t in (-_GAUSS, _GAUSS):
+        area = mean * (t + 1.0) + 0.5 * slope * (t**2 - 1.0)
+        parts.append(whole + half * area)
     return np.stack(parts, axis=1).ravel()
 
 

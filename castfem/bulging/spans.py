@@ -116,7 +116,8 @@ class _Spans:
         dz = np.diff(self._z)
         zero = np.zeros((*curvature.shape[:-1], 1))
         now, then = curvature[..., 1:], curvature[..., :-1]
-        turned = np.concatenate([zero, np.cumsum(0.5 * (now + then) * dz, axis=-1)], axis=-1)
+        turns = np.cumsum(0.5 * (now + then) * dz, axis=-1)
+        turned = np.concatenate([zero, turns], axis=-1)
         area = 0.5 * (turned[..., 1:] + turned[..., :-1]) * dz - dz**2 / 12.0 * (now - then)
         return turned, np.concatenate([zero, np.cumsum(area, axis=-1)], axis=-1)
 

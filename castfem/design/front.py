@@ -225,7 +225,8 @@ class Tracer:
         held = self._outputs.other(extra=(_bound(name, sense, level),))
         search = self._search(held)
         shares = [self._outputs.question.shares(w) for w in (one, other)]
-        first = float(np.clip(0.25 * np.max(np.abs(shares[1] - shares[0])), 0.0, FIRST))
+        apart = np.abs(shares[1] - shares[0])
+        first = float(np.clip(0.25 * np.max(apart), 0.0, FIRST))
         found = search.towards(self._start, search.best_known(self._start), first)
         self._spent |= search.spent
         return found

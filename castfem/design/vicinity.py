@@ -156,7 +156,8 @@ def nearest_to_allowed(margins: Array, scale: Array) -> npt.NDArray[np.bool_]:
     """Which of some places meet all margins (r, m), or miss them least; m may be 0."""
     if not margins.shape[1]:
         return np.ones(len(margins), dtype=bool)
-    short = np.max(np.maximum(-margins / np.maximum(scale, 1e-300), 0.0), axis=1)
+    missed = -margins / np.maximum(scale, 1e-300)
+    short = np.max(np.maximum(missed, 0.0), axis=1)
     return np.asarray(short <= np.min(short) + 1e-9)
 
 

@@ -49,7 +49,8 @@ def tributary_lengths(positions: Sequence[float] | Array) -> Array:
     pitches = np.diff(np.asarray(positions, float))
     if not len(pitches):
         return np.zeros(len(positions))
-    return np.asarray(0.5 * (np.append(pitches[0], pitches) + np.append(pitches, pitches[-1])))
+    before, after = np.append(pitches[0], pitches), np.append(pitches, pitches[-1])
+    return np.asarray(0.5 * (before + after))
 
 
 def pressed(pressure: npt.ArrayLike, lengths: npt.ArrayLike, width: npt.ArrayLike) -> Array:

@@ -82,11 +82,13 @@ def out_of_line(normal: Rolls, rolls: Rolls) -> Array:
         alone[i] = replace(alone[i], offset=rolls.pairs[i].offset)
         bent = with_radii(replace(rolls, pairs=tuple(alone)))
         change = np.array([1.0 / bent.pairs[j].radius - 1.0 / base.pairs[j].radius for j in held])
-        turn = np.concatenate([[0.0], np.cumsum(0.5 * gaps * (change[1:] + change[:-1]))])
+        areas = 0.5 * gaps * (change[1:] + change[:-1])
+        turn = np.concatenate([[0.0], np.cumsum(areas)])
         rise = gaps * turn[:-1] + gaps**2 / 6.0 * (2.0 * change[:-1] + change[1:])
         line = np.concatenate([[0.0], np.cumsum(rise)])
         first, last = max(k - 2, 0), min(k + 2, len(held) - 1)
-        line -= np.interp(places, places[[first, last]], line[[first, last]])
+        ends = [first, last]
+        line -= np.interp(places, places[ends], line[ends])
         line[k] -= rolls.pairs[i].offset
         found[first : last + 1] -= line[first : last + 1]
     return found

@@ -78,7 +78,8 @@ class DifferentialExpansion:
         """Integral of the coefficient from the first row, exact for the linear pieces."""
         t = np.asarray(temperature, float)
         rows, alpha = np.array(self.coefficient.arguments), np.array(self.coefficient.values)
-        sums = np.concatenate([[0.0], np.cumsum(0.5 * (alpha[1:] + alpha[:-1]) * np.diff(rows))])
+        areas = 0.5 * (alpha[1:] + alpha[:-1]) * np.diff(rows)
+        sums = np.concatenate([[0.0], np.cumsum(areas)])
         i = np.clip(np.searchsorted(rows, t, side="right") - 1, 0, len(rows) - 1)
         start, first = np.where(t < rows[0], rows[0], rows[i]), alpha[i]
         return np.asarray(sums[i] + 0.5 * (first + self.coefficient(t)) * (t - start))

@@ -175,7 +175,8 @@ class Validity:
         now = self._now.values().reshape(len(place), 7)
         f, thickness, moved = now[:, :4], now[:, 4], now[:, 5:] - place
         area = f[:, 0] * f[:, 3] - f[:, 1] * f[:, 2]
-        turned = np.abs(np.arctan2(f[:, 2] - f[:, 1], f[:, 0] + f[:, 3]))
+        skew, trace = f[:, 2] - f[:, 1], f[:, 0] + f[:, 3]
+        turned = np.abs(np.arctan2(skew, trace))
         solid, mean = coherent[: len(place)], coherent[len(place) :]
         thinnest, thickest = limits.thickness
         message = "the slice is {{{}:.3g}} times as thick as it was (at {} {:.2g})"

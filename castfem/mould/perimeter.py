@@ -77,7 +77,8 @@ class Places:
         for i in kept:
             nodes = ends[i]
             if order == 2:
-                nodes = np.sort(np.concatenate([nodes, 0.5 * (nodes[1:] + nodes[:-1])]))
+                between = 0.5 * (nodes[1:] + nodes[:-1])
+                nodes = np.sort(np.concatenate([nodes, between]))
             nodes = nodes if i == kept[-1] else nodes[:-1]
             piece += [i] * len(nodes)
             share += [float(node) for node in nodes]

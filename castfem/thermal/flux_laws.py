@@ -102,8 +102,8 @@ class Contact:
 
     def heat_transfer(self, coefficient: float | Array) -> Array:
         """Overall coefficient h(d) of (301), W/m2K, with a coefficient of contact."""
-        hc, kg = coefficient, self.gap_conductivity
-        return np.asarray(hc * kg / (kg + hc * np.maximum(self.gap, 0.0)))
+        hc, kg, gap = np.asarray(coefficient), self.gap_conductivity, np.maximum(self.gap, 0.0)
+        return np.asarray(hc * kg / (kg + hc * gap))
 
     def _wall(self, time: float) -> float:
         return self.wall(time) if callable(self.wall) else self.wall
@@ -149,8 +149,9 @@ class Contact:
         above = hc * (excess + r * crossing)
         its_rise = rise * (excess + r * crossing) + hc * (1.0 + r * slope)
         below, of_below = 1.0 + r * (c + hc), r * (dc + rise)
-        flux = above / below
-        return flux, (its_rise - flux * of_below) / below
+        flux: Array = above / below
+        fall: Array = flux * of_below
+        return flux, (its_rise - fall) / below
 
     def least_rise(self, temperatures: Array, time: float) -> float:
         """See `least_rise`, without a gap, in which a flux that falls does so the most."""

@@ -62,8 +62,9 @@ class CoefficientTable:
         i, right = _place(np.asarray(self.temperatures), surface)
         j, up = _place(np.asarray(self.water), water)
         grid = self._grid
-        low = grid[i, j] + up * (grid[i, j + 1] - grid[i, j])
-        high = grid[i + 1, j] + up * (grid[i + 1, j + 1] - grid[i + 1, j])
+        corner, beside = grid[i, j], grid[i + 1, j]
+        low = corner + up * (grid[i, j + 1] - corner)
+        high = beside + up * (grid[i + 1, j + 1] - beside)
         return np.asarray(low + right * (high - low))
 
 

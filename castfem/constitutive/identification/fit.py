@@ -130,7 +130,9 @@ def _usable(data: TensileData, options: IdentifyOptions) -> TensileData:
         if len(curve) > options.points:
             ln_strain = np.log(kept.strain[curve])
             at = np.linspace(ln_strain[0], ln_strain[-1], options.points)
-            curve = curve[np.unique(np.abs(ln_strain[:, None] - at).argmin(axis=0))]
+            apart = np.abs(ln_strain[:, None] - at)
+            nearest = np.unique(apart.argmin(axis=0))
+            curve = curve[nearest]
         chosen.append(curve)
     if not chosen:
         raise InputError(
