@@ -19,10 +19,16 @@ from castfem.output.history import HISTORY_NAME, read_history
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
+    from pandas import DataFrame
+
     from castfem.design.question import Question
 
 _POINTS = 25  # along the mould
-_SIZES = {"width": "size_mid_face", "height": "size_narrow_face", "diagonal": "size_corner"}
+_SIZES = {
+    "width": "size_narrow_face", "height": "size_mid_face", "diameter": "size_mid_face",
+    "diagonal": "size_corner",
+}  # fmt: skip
+_ALIKE = 0.05  # of a size at the meniscus: a web's, at the mid-face of a beam blank, is no height
 
 
 def fitted(question: Question, start: Array, free: list[int], folder: Path) -> Array:
@@ -43,11 +49,6 @@ def fitted(question: Question, start: Array, free: list[int], folder: Path) -> A
     position = history["position"].to_numpy()
     length = question.case.mould.length if question.case.mould is not None else 0.0
     places = np.linspace(0.0, min(length, position[-1]), _POINTS)
-    columns = {name: column for name, column in _SIZES.items() if column in history}
-    strand = {
-        name: np.interp(places, position, 1e-3 * history[column].to_numpy())
-        for name, column in columns.items()
-    }
 
     def walls(shares: Array) -> dict[str, Array]:
         wanted = question.at(shares)
@@ -57,9 +58,8 @@ def fitted(question: Question, start: Array, free: list[int], folder: Path) -> A
         sizes = [mould.dimensions(float(z)) for z in places]
         return {name: np.array([one[name] for one in sizes]) for name in sizes[0]}
 
-    names = [name for name in walls(start) if name in strand]
-    together = not any(".corner" in question.axes[i].key for i in free)
-    names = [n for n in names if n == "diagonal"] if together and "diagonal" in names else names
+    strand = strand_sizes(history, places, {name: size[0] for name, size in walls(start).items()})
+    names = _fitted_to(list(strand), [question.axes[i].key for i in free])
     if not names:
         return start
 
@@ -80,4 +80,36 @@ def fitted(question: Question, start: Array, free: list[int], folder: Path) -> A
         limits = (-found[free], 1.0 - found[free])
         step = lsq_linear(1e3 * np.column_stack(slopes), -1e3 * base, limits).x
         found[free] = np.clip(found[free] + step, 0.0, 1.0)
+    return found
+
+
+def _fitted_to(sizes: list[str], keys: list[str]) -> list[str]:
+    """Which sizes the tapers of some keys are fitted to.
+
+    One taper of all faces follows the corner; those of each face by itself leave it out.
+    """
+    if "diagonal" not in sizes or any(".corner" in key for key in keys):
+        return sizes
+    alone = any(".narrow_face" in key or ".wide_face" in key for key in keys)
+    return [name for name in sizes if (name == "diagonal") != alone]
+
+
+def strand_sizes(history: DataFrame, places: Array, cavity: dict[str, float]) -> dict[str, Array]:
+    """Sizes of the strand at places along the mould, m, of those that the cavity has there.
+
+    The diagonal of a rectangle that is no square goes by what its corner moves, outwards at 45
+    degrees, as if that were towards the centre.
+    """
+
+    def along(column: str) -> Array:
+        values = 1e-3 * history[column].to_numpy()
+        return np.asarray(np.interp(places, history["position"].to_numpy(), values))
+
+    columns = {name: _SIZES[name] for name in cavity if _SIZES.get(name) in history}
+    found = {name: along(column) for name, column in columns.items()}
+    found = {n: v for n, v in found.items() if abs(v[0] / cavity[n] - 1.0) < _ALIKE}
+    if "diagonal" in cavity and "diagonal" not in found and "displacement_corner" in history:
+        width, height = cavity["width"], cavity["height"]
+        slant = np.hypot(width, height) * np.sqrt(2.0) / (width + height)
+        found["diagonal"] = cavity["diagonal"] + 2.0 * slant * along("displacement_corner")
     return found

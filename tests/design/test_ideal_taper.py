@@ -11,6 +11,7 @@ import pytest
 
 from castfem.api import load
 from castfem.design import Evaluation
+from castfem.design.ideal_taper import strand_sizes
 from castfem.design.question import Question
 
 WIDE, DIAGONAL = 125.0, 2.0**0.5 * 115.0 + 10.0  # mm
@@ -84,3 +85,44 @@ def test_shipped_questions(name: str, tmp_path: Path):
     best = question.case.with_(question.changes(question.at(found)))
     assert best.mould is not None
     assert best.optimise == question.case.optimise
+
+
+def test_width_and_height_of_a_bloom(tmp_path: Path) -> None:
+    """Each by its own face, the narrow one for the width; the corner by what it moves."""
+    z = np.linspace(0.0, 0.6, 121)
+    half = {"x": 0.1 * z / 0.6, "y": 0.3 * z / 0.6}  # mm that each side comes in
+    pd.DataFrame({
+        "time [s]": z / 0.06, "position [m]": z, "size_mid_face [mm]": 100.0 - 2.0 * half["y"],
+        "size_narrow_face [mm]": 200.0 - 2.0 * half["x"],
+        "displacement_corner [mm]": -0.6 / 0.6 * z,
+    }).to_csv(tmp_path / "history.csv", index=False)  # fmt: skip
+
+    def begun(taper: Any, *keys: str) -> np.ndarray:
+        case = load("billet125/taper_1").with_({
+            "section.width": "200 mm", "section.height": "100 mm", "mould.taper": taper,
+            "optimise": {"minimise": "von_mises_max", "variable": [
+                {"key": f"mould.taper{key}", "range": ["-2 %/m", "2 %/m"]} for key in keys
+            ]},
+        })  # fmt: skip
+        return -2.0 + 4.0 * Question(case).start(Evaluation(folder=tmp_path))
+
+    width, height = begun(
+        {"narrow_face": "0 %/m", "wide_face": "0 %/m"}, ".narrow_face", ".wide_face"
+    )
+    assert width == pytest.approx(100.0 * 0.2 / (199.8 * 0.6), rel=1e-3)
+    assert height == pytest.approx(100.0 * 0.6 / (99.4 * 0.6), rel=5e-3)
+    (both,) = begun("1 %/m", "")
+    long, moved = np.hypot(190.0, 90.0) + 10.0, 2.0 * 0.6 * np.hypot(200, 100) * 2.0**0.5 / 300.0
+    assert both == pytest.approx(100.0 * moved / ((long - moved) * 0.6), rel=0.01)
+
+
+def test_the_web_of_a_beam_blank_is_no_height(tmp_path: Path) -> None:
+    z = np.linspace(0.0, 0.6, 13)
+    history = pd.DataFrame(
+        {"position": z, "size_mid_face": 90.0 + z, "size_narrow_face": 380.0 - z}
+    )
+    cavity = {"width": 0.38, "height": 0.26}
+    ((name, width),) = strand_sizes(history, z, cavity).items()
+    assert name == "width" and width == pytest.approx(0.38 - 1e-3 * z)
+    ((name, _),) = strand_sizes(history, z, {"diameter": 0.09}).items()
+    assert name == "diameter"
