@@ -11,6 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from castfem.case import AnyCase, Case, read_case
+from castfem.case.document import PROPERTY_FILES
 from castfem.errors import InputError
 from castfem.output.folder import CASE_NAME
 from castfem.output.run_record import RUN_NAME, RunRecord
@@ -59,11 +60,26 @@ def check(
     if existing.problems or existing.case is None:
         raise InputError(f"{file}: is not a case of this version of castfem; {mend}")
     if existing.case.physics_hash() != case.physics_hash():
-        changes = differences(existing.case.document(), case.document(), _NOT_PHYSICS)
-        changes = changes or "the steel's file has changed"
+        changes = _changes(existing.case, case)
         raise InputError(f"{folder}: holds a run of another case ({changes}); {mend}")
     if isinstance(case, Case) and (folder / RUN_NAME).is_file():
         _check_length(folder, case, resume, mend)
+
+
+def _changes(there: AnyCase, here: AnyCase) -> str:
+    """In which keys two cases differ; property files by content, for a run has copies of them."""
+    one, other = there.document(), here.document()
+    if isinstance(there, Case) and isinstance(here, Case):
+        before, now = there.physics(), here.physics()
+        for table, key in PROPERTY_FILES:
+            if key not in one.get(table, {}) or key not in other.get(table, {}):
+                continue
+            names = [Path(document[table][key]).name for document in (one, other)]
+            alike = before[table][key] == now[table][key]
+            one[table][key], other[table][key] = names[1] if alike else names[0], names[1]
+            if not alike and names[0] == names[1]:
+                one[table][key] = "other contents"
+    return differences(one, other, _NOT_PHYSICS) or "a file that it names has changed"
 
 
 def _check_length(folder: Path, case: Case, resume: bool, mend: str) -> None:

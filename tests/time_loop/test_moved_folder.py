@@ -11,8 +11,10 @@ import pytest
 from billet_runs import billet, run
 
 from castfem import constitutive, materials
+from castfem.case.portable import portable
 from castfem.cli import execute
 from castfem.errors import InputError
+from castfem.time_loop import existing_run
 
 HISTORY = "history.csv"
 
@@ -88,3 +90,27 @@ def test_a_resume_with_another_steel_leaves_the_copies(tmp_path: Path, own: Path
         run(case, tmp_path / "out", resume=True)
     after = {p: p.read_bytes() for p in (tmp_path / "out").rglob("*.*") if p.suffix != ".log"}
     assert after == before
+
+
+def test_property_files_are_told_by_their_contents(tmp_path: Path, own: Path) -> None:
+    """A folder has copies: that they lie elsewhere is no difference."""
+    case = billet("thermal", f"steel.name={own}/mine.toml")
+    folder = tmp_path / "out"
+    text, files = portable(case, "properties")
+    for name, content in {"case.toml": text.encode(), **files}.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    existing_run.check(folder, case, resume=False, overwrite=False)
+
+    def told(*changes: str) -> str:
+        with pytest.raises(InputError) as refused:
+            existing_run.check(folder, billet("thermal", *changes), resume=False, overwrite=False)
+        return str(refused.value).partition("another case (")[2].partition(");")[0]
+
+    mine = f"steel.name={own}/mine.toml"
+    assert told(mine, "casting.speed=3 m/min") == "casting.speed: 3.6 m/min there, 3 m/min here"
+    (own / "other.toml").write_bytes((own / "mine.toml").read_bytes() + b"# changed")
+    other = f"steel.name={own}/other.toml"
+    assert told(other) == "steel.name: mine.toml there, other.toml here"
+    (own / "mine.toml").write_bytes((own / "other.toml").read_bytes())
+    assert told(mine) == "steel.name: other contents there, mine.toml here"
