@@ -21,14 +21,20 @@ if TYPE_CHECKING:
 
 
 def problems_of(
-    path: Path, overrides: Iterable[str]
+    path: Path, overrides: Iterable[str], sizes: Iterable[str] = ()
 ) -> tuple[AnyCase | None, Steel | None, list[str]]:
     """Return a case, its steel and all the problems of both, laws too; None for what is not sound.
 
     A tensile test has a law instead of a steel. What a sound case has that was probably not meant
     goes to the log.
+
+    Args:
+        path: File of the case.
+        overrides: Assignments of --set.
+        sizes: Further ones, of --accuracy, about which the user is not warned.
     """
-    reading = read_case(path, overrides)
+    sizes = tuple(sizes)
+    reading = read_case(path, (*overrides, *sizes))
     problems = list(reading.problems)
     steel, law, law_carbon = None, None, None
     try:
@@ -42,19 +48,24 @@ def problems_of(
     if not problems and isinstance(reading.case, Case):
         problems += _solvers(reading, reading.case)
     if not problems:
-        _print_warnings(reading, steel, law, law_carbon)
+        own = tuple(f"--set: {one.partition('=')[0]}" for one in sizes)
+        _print_warnings(reading, steel, law, law_carbon, own)
     return (None if problems else reading.case), steel, problems
 
 
 def _print_warnings(
-    reading: Reading, steel: Steel | None, law: Law | None, law_carbon: float | None
+    reading: Reading,
+    steel: Steel | None,
+    law: Law | None,
+    law_carbon: float | None,
+    but: tuple[str, ...],
 ) -> None:
-    """Log what a sound case has that was probably not meant."""
+    """Log what a sound case has that was probably not meant, `but` what begins so."""
     warnings = list(reading.warnings)
     if isinstance(reading.case, Case) and steel is not None:
         found = plausibility.warnings_with(reading.case, steel, law_carbon, law)
         warnings += [reading.line(problem) for problem in found]
-    for warning in warnings:
+    for warning in (one for one in warnings if not one.startswith(but)):
         log.logger.warning("%s", warning)
 
 

@@ -17,6 +17,7 @@ from castfem.design.mould_table import mould_table, write_mould_table
 from castfem.design.study import Study
 from castfem.design.told import told
 from castfem.errors import RunFailure
+from castfem.report.narrow import keep_words
 from castfem.support.atomic_files import write_json
 from castfem.sweep.work import Job, Outcome
 from castfem.values.shown_units import scale_of, shown_in
@@ -124,6 +125,8 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
     if not options.quiet:
         out = parallel.console()
         for block in told(optimum):
+            if not isinstance(block, str):
+                keep_words(block, out.width)
             out.print(block, "", highlight=False, soft_wrap=isinstance(block, str))
         if moulded:
             out.print(_mould(study, optimum), "", highlight=False)

@@ -81,8 +81,7 @@ def _validated(comm: MPI.Intracomm | None, options: Options) -> tuple[AnyCase, P
     problems: list[str] = []
     try:
         path, target = _place(options)
-        overrides = (*options.overrides, *_scaled(path, options))
-        case, _, problems = problems_of(path, overrides)
+        case, _, problems = problems_of(path, options.overrides, _scaled(path, options))
     except InputError as error:
         problems = list(error.problems)
     found = parallel.agree(comm, tuple(problems))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +24,7 @@ _ROOM = 1_200_000  # bytes of all curves of a page
 _EACH = 30  # bytes of a point: once in the drawing, once for the pointer
 _DASHES = ("", "7 4", "2 3", "9 3 2 3")
 _TICKS = 6
+_DIGITS, _MOST_DIGITS = 4, 15  # of the number of a mark
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,13 +174,24 @@ def chart(title: str, label: str, series: Sequence[Series], *, zero: bool) -> Ch
             {"label": s.label, "colour": s.colour, "dash": s.dash, "path": path}
             for s, path in ((s, _path(s, place_x, place_y)) for s in series)
         ),
-        tuple(Tick(place_x(v), f"{v:.4g}") for v in across if left <= v <= right),
-        tuple(Tick(place_y(v), f"{v:.4g}") for v in up),
+        _ticks([v for v in across if left <= v <= right], place_x),
+        _ticks(up, place_y),
         {
             "x": [left, right], "y": [low, high],
             "curves": [{"x": _rounded(s.x), "y": _rounded(s.y)} for s in series],
         },
     )  # fmt: skip
+
+
+def _ticks(values: Sequence[float], place: Callable[[float], float]) -> tuple[Tick, ...]:
+    """Marks with as many digits as tell one from the next."""
+    texts = next(
+        texts
+        for digits in range(_DIGITS, _MOST_DIGITS + 1)
+        if len(set(texts := [f"{value:.{digits}g}" for value in values])) == len(values)
+        or digits == _MOST_DIGITS
+    )
+    return tuple(Tick(place(value), text) for value, text in zip(values, texts, strict=True))
 
 
 def _span(low: float, high: float) -> tuple[float, float]:

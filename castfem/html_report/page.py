@@ -15,7 +15,7 @@ from castfem.compare.runs import Run, alone, read_runs
 from castfem.compare.table import SHARE, Line, cells, lines
 from castfem.errors import InputError
 from castfem.html_report import charts as drawn
-from castfem.html_report.sections import Section, section
+from castfem.html_report.sections import Section, sections
 from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import CASE_NAME, FIGURES_NAME
 from castfem.output.run_record import RunRecord
@@ -171,7 +171,8 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
         rows = _rows(_there(runs, position), len(runs))
         tables.append((f"place{number}", f"At {place_said(position)}", rows))
     charts = drawn.charts(runs)[:_CURVES] if runs else []
-    parts = [_part(run, len(runs)) for run in runs]
+    drawn_sections = sections([run.folder for run in runs])
+    parts = [_part(run, one, len(runs)) for run, one in zip(runs, drawn_sections, strict=True)]
     for one in parts:
         if one["section"] is not None:
             one["slice_data"] = _json(_slice(one["section"]))
@@ -240,11 +241,12 @@ def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
     return [{"id": key, "name": name} for key, (name, present) in there.items() if present]
 
 
-def _part(run: Run, count: int) -> dict[str, Any]:
+def _part(run: Run, drawn_section: Section | None, count: int) -> dict[str, Any]:
     """What the page says of one run.
 
     Args:
         run: The run.
+        drawn_section: Its section.
         count: Of runs among which the size of the page is divided.
     """
     record = RunRecord.load(run.folder)
@@ -255,7 +257,7 @@ def _part(run: Run, count: int) -> dict[str, Any]:
         "status": how_it_ended(record),
         "referred": referred,
         "remarks": list(_remarks(run)),
-        "section": section(run.folder, count),
+        "section": drawn_section,
         "slice_data": "",
         "pictures": list(_pictures(run.folder, LARGEST / 2 / count)),
         "balances": [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,8 +38,8 @@ class Section:
         polygons: Corners of each cell, as SVG has them.
         outlines: Paths of the cells, for each of `polygons`.
         places: Positions below the meniscus, in words.
-        fields: Name, unit, limits, palette and the values of all cells and places (base64 of 16-bit
-            numbers, 0 to 65535 between the limits).
+        fields: Name, unit, limits, palette and the values of all cells and places (base64 of
+            16-bit numbers, 0 to 65535 between the limits).
     """
 
     box: tuple[float, float]
@@ -48,13 +49,43 @@ class Section:
     fields: tuple[dict[str, Any], ...]
 
 
-def section(folder: Path, runs: int = 1) -> Section | None:
-    """The section of a run; None if it has no fields, or too many cells for a page.
+def sections(folders: Sequence[Path]) -> list[Section | None]:
+    """The sections of runs that share a page, all in one scale of colours a field.
 
     Args:
-        folder: Of the run.
-        runs: How many share the page. The more, the fewer places each has, and the fewer cells.
+        folders: Of the runs. The more, the fewer places each has, and the fewer cells.
+
+    Returns:
+        One for each run; None of one that has no fields, or too many cells for a page.
     """
+    found = [_read(folder, len(folders)) for folder in folders]
+    limits: dict[str, tuple[float, float]] = {}
+    for one in found:
+        for name, part in one.fields.items() if one is not None else ():
+            low, high = limits.get(name, (np.inf, -np.inf))
+            low, high = min(low, float(part.min())), max(high, float(part.max()))
+            limits[name] = low, high
+    return [None if one is None else one.drawn(limits) for one in found]
+
+
+@dataclass(frozen=True, slots=True)
+class _Read:
+    """What is read of a run: as `Section`, each field as shown (places, cells)."""
+
+    box: tuple[float, float]
+    mirrors: tuple[tuple[int, int], ...]
+    polygons: tuple[str, ...]
+    places: tuple[str, ...]
+    fields: dict[str, NDArray[np.float64]]
+
+    def drawn(self, limits: Mapping[str, tuple[float, float]]) -> Section:
+        """The section in scales of colours between limits."""
+        fields = tuple(_field(name, one, *limits[name]) for name, one in self.fields.items())
+        return Section(self.box, self.mirrors, self.polygons, self.places, fields)
+
+
+def _read(folder: Path, runs: int) -> _Read | None:
+    """Read the section of a run; None if it has no fields, or too many cells for a page."""
     if not (folder / HDF5_NAME).is_file():
         return None
     with Fields(folder) as fields:
@@ -66,10 +97,10 @@ def section(folder: Path, runs: int = 1) -> Section | None:
         places = min(max(1, STATES // runs), count)
         chosen = np.unique(np.linspace(count - 1, 0, places).round().astype(int))  # the end first
         box, polygons = _polygons(fields.points[:, :2], corners, str(_part(fields)))
-        shown = tuple(_field(fields, name, corners, chosen) for name in names)
+        shown = {name: _values(fields, name, corners, chosen) for name in names}
         positions = [float(fields.positions[i]) for i in chosen]
         words = tuple(place_said(one, near=".0f", beyond=np.inf) for one in positions)
-        return Section(box, _MIRRORS.get(_part(fields), ((1, 1),)), polygons, words, shown)
+        return _Read(box, _MIRRORS.get(_part(fields), ((1, 1),)), polygons, words, shown)
 
 
 def _part(fields: Fields) -> str:
@@ -96,18 +127,22 @@ def _polygons(
     )
 
 
-def _field(
+def _values(
     fields: Fields, name: str, corners: NDArray[np.int32], chosen: NDArray[np.int_]
-) -> dict[str, Any]:
-    """A field at the chosen places, a mean a cell, between its smallest and largest value."""
+) -> NDArray[np.float64]:
+    """A field as it is shown, at the chosen places a mean a cell (places, cells)."""
+    unit, factor, offset = _SCALED[UNITS[name]]
+    values = np.stack([fields.values(name, int(i))[corners].mean(axis=1) for i in chosen])
+    found: NDArray[np.float64] = np.nan_to_num(scale_of(unit, name)(factor * values + offset))
+    return found
+
+
+def _field(name: str, values: NDArray[np.float64], low: float, high: float) -> dict[str, Any]:
+    """A field (places, cells) in a scale of colours between two limits."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
-    unit, factor, offset = _SCALED[UNITS[name]]
-    values = np.stack([fields.values(name, int(i))[corners].mean(axis=1) for i in chosen])
-    scale = scale_of(unit, name)
-    values = np.nan_to_num(scale(factor * values + offset))
-    low, high = float(values.min()), float(values.max())
+    scale = scale_of(_SCALED[UNITS[name]][0], name)
     if high - low < 1e-9 * max(1.0, abs(high)):
         high = low + 1.0
     levels = np.round(65535 * (values - low) / (high - low)).astype("<u2")
@@ -117,6 +152,7 @@ def _field(
         "unit": plain_unit(scale.unit),
         "low": float(f"{low:.6g}"),
         "high": float(f"{high:.6g}"),
+        "ends": [f"{low:.4g}", f"{high:.4g}"],
         "palette": [to_hex(palette(i / (_SHADES - 1))) for i in range(_SHADES)],
         "first": [min(_SHADES - 1, int(_SHADES * int(level) / 65536)) for level in levels[-1]],
         "values": base64.b64encode(levels.tobytes()).decode("ascii"),

@@ -244,7 +244,7 @@ def _largest(
     least: float = 0.0,
     of: str = "",
 ) -> Iterator[Remark]:
-    """The largest value of the columns `prefix_max`, and which probe has most of it there.
+    """The largest value of the columns `prefix_max`, and of the probes the one that has most there.
 
     What is not above `least` is not told; `of` is the prefix of the largest where it is another.
     """
@@ -263,8 +263,11 @@ def _largest(
     unit = unit_of(table, column)
     if there and max(there)[0] > least:
         most, label = max(there)
+        if most > value and not of:  # at the point itself; the largest is that of points beside it
+            yield Remark(what, most, unit, f"{label}, {where}", column)
+            return
         scale = scale_of(documented(unit), column)
-        where += f"; of the probes {label}, {scale(most):.3g}"
+        where += f"; {label}: {scale(most):.3g}"
         where += f" {plain_unit(scale.unit)}" if unit == "mm" else ""  # a small gap is told in µm
     yield Remark(what, value, unit, where, column)
 
@@ -316,7 +319,7 @@ def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Rema
     far = ".1f" if across.unit == "mm" else ".4g"
     x, y = (across(1e3 * place) for place in (hot_spot.x, hot_spot.y))
     place = f"x = {x:{far}}, y = {y:{far}} {plain_unit(across.unit)}, {where}"
-    said_ = f"{place}; of the probes {label}, {beside:{digits}}"
+    said_ = f"{place}; {label}: {beside:{digits}}"
     return Remark(probe.what, value, probe.unit, said_, probe.name)
 
 

@@ -30,7 +30,8 @@ def read_positions(given: Sequence[str]) -> list[float]:
         try:
             found.append(units.parse(text, "m"))
         except ValueError as error:
-            problems.append(f"--at {text}: {error}")
+            mend = "" if any(map(str.isdigit, text)) else '; give a position, such as "800 mm"'
+            problems.append(f"--at {text}: {error}{mend}")
     if problems:
         raise InputError(problems)
     return found
@@ -55,7 +56,7 @@ def quantities_at(
     if not start - slack <= position <= end + slack:
         raise InputError(
             f"{folder}: {_mm(position)} is not between {_mm(start)} and {_mm(end)}, where the run "
-            "begins and ends"
+            "begins and ends; ask for a place within, or run it farther (casting.length)"
         )
     # Where the strand stands the slice is at a place more than once: the first time counts.
     after = min(int(np.searchsorted(places, position - slack)), len(places) - 1)

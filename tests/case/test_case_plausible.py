@@ -8,7 +8,9 @@ import pytest
 
 from castfem.case import Case, read_case, shipped_cases
 from castfem.case.plausibility import warnings_with
+from castfem.cli.checking import problems_of
 from castfem.materials import load_steel
+from castfem.support import log
 
 TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
 ROUGH = 'mould.friction={ law = "coulomb", coefficient = %s }'
@@ -281,6 +283,20 @@ def test_a_step_beyond_the_next_state_of_the_fields_is_told(
     assert not reading.problems
     told = [line for line in reading.warnings if "output.every" in line]
     assert len(told) == bool(said) and said in "".join(told)
+
+
+def test_what_an_accuracy_sets_is_no_fault_of_the_user(capsys: pytest.CaptureFixture[str]) -> None:
+    size = "thermal.time.adaptive={largest='1 s'}"
+    told = []
+    for overrides, sizes in (((size,), ()), ((), (size,))):
+        log.setup()
+        try:
+            case, _, problems = problems_of(TAPERED.with_name("thermal.toml"), overrides, sizes)
+        finally:
+            log.close()
+        assert case is not None and not problems
+        told.append(capsys.readouterr().err.count("is cut to output.every"))
+    assert told == [1, 0]
 
 
 def test_keys_of_the_coupling_that_do_something() -> None:

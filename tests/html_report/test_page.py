@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 from xml.etree import ElementTree
 
+import h5py
 import numpy as np
 import pytest
 from synthetic_run import write_run
@@ -17,7 +18,7 @@ from castfem.cli import execute
 from castfem.errors import InputError
 from castfem.html_report.charts import Series, chart
 from castfem.html_report.page import LARGEST, write
-from castfem.html_report.sections import section
+from castfem.html_report.sections import sections
 from castfem.output.fields import Fields
 from castfem.output.history import read_history
 
@@ -94,7 +95,7 @@ def test_curves_carry_the_history_for_the_pointer(folder: Path, page: str) -> No
 
 
 def test_the_section_shows_the_fields(folder: Path) -> None:
-    found = section(folder)
+    (found,) = sections([folder])
     assert found is not None
     with Fields(folder) as fields:
         cells, last = fields.cells, fields.values("temperature", -1)
@@ -105,6 +106,25 @@ def test_the_section_shows_the_fields(folder: Path) -> None:
     mean = last[cells[:, :4]].mean(axis=1) - 273.15
     shown = first["low"] + (first["high"] - first["low"]) * levels / 65535
     assert shown == pytest.approx(mean, abs=0.05)
+
+
+def test_sections_of_several_runs_have_one_scale_of_colours(folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "hotter"
+    shutil.copytree(folder, other)
+    with h5py.File(other / "fields.h5", "r+") as file:
+        for step in file["steps"].values():
+            step["temperature"][...] += 50.0
+    (alone,) = sections([folder])
+    both = sections([folder, other])
+    assert alone is not None
+    low, high = alone.fields[0]["low"], alone.fields[0]["high"]
+    for one in both:
+        assert one is not None
+        first = one.fields[0]
+        assert first["name"] == "temperature" and first["low"] == low
+        assert first["high"] == pytest.approx(high + 50.0, rel=1e-5)
+        shown = [float(end) for end in first["ends"]]
+        assert shown == pytest.approx([low, high + 50.0], abs=0.51)
 
 
 def test_several_runs_side_by_side(folder: Path, tmp_path: Path) -> None:
@@ -136,7 +156,7 @@ def test_a_page_of_many_runs_stays_small(tmp_path: Path) -> None:
     one = next(e for e in root.iter(f"{NAMESPACE}script") if e.get("id") == "chart0")
     curves = json.loads(one.text or "")["curves"]
     assert len(curves) == 36 and curves[0]["x"][-1] == pytest.approx(0.6)
-    whole, few = section(folder), section(folder, 24)
+    (whole,), (few, *_) = sections([folder]), sections([folder] * 24)
     assert whole is not None and few is not None and few.places == whole.places[-1:]
 
 
@@ -199,3 +219,10 @@ def test_places_that_are_asked_for_have_their_own_tables(folder: Path, tmp_path:
 def test_a_place_where_no_run_has_been(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"has not been at 7 m"):
         write([folder], tmp_path / "at.html", (7.0,))
+
+
+def test_marks_have_as_many_digits_as_tell_them_apart() -> None:
+    y = np.array([1538.1, 1538.3])
+    found = chart("t", "y", [Series("a", "#000", "", np.array([0.0, 1.0]), y)], zero=False)
+    texts = [tick.text for tick in found.up]
+    assert len(texts) == len(set(texts)) and "1538.2" in texts

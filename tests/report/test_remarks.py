@@ -44,7 +44,7 @@ def test_remarks_name_what_is_worth_a_look(table):
     assert of(found, "largest gap").value == table["gap_max"].max()
     pressure = of(found, "highest contact pressure")
     assert pressure.value == pytest.approx(0.12)
-    assert pressure.where == "at 600 mm, t = 10 s; of the probes corner, 0.12"
+    assert pressure.where == "at 600 mm, t = 10 s; corner: 0.12"
     least = of(found, "least contact")
     assert (least.value, least.unit) == (pytest.approx(80.0), "%")
     assert least.where.endswith("; 100 % at the end of the run")
@@ -103,7 +103,7 @@ def test_the_highest_pressure_is_a_mean_where_there_is_one(table):
     table.attrs["units"]["mean_contact_pressure_max"] = "MPa"
     found = of(remarks(table, summary()), "highest contact pressure, mean over 5 mm")
     assert found.value == pytest.approx(0.06)
-    assert found.where == "at 600 mm, t = 10 s; of the probes corner, 0.12"
+    assert found.where == "at 600 mm, t = 10 s; corner: 0.12"
 
 
 def test_cells_too_large_for_the_shell_are_named(table):
@@ -164,13 +164,11 @@ def test_weak_spots_between_the_probes_are_found_in_the_fields(tmp_path, table, 
             table[f"surface_temperature_{name}"] = 1326.85
         remark = of(remarks(table, summary(), fields), "thinnest shell")
         assert remark.value == pytest.approx(1e3 * thin.value)
-        probes = "; of the probes mid-face and corner, 6.26"
+        probes = "; mid-face and corner: 6.26"
         assert remark.where.endswith(f" y = 62.5 mm, mould exit at 600 mm{probes}")
         remark = of(remarks(table, summary(), fields), "hottest surface")
         assert remark.value == pytest.approx(hot.value - 273.15)
-        assert remark.where.endswith(
-            "mould exit at 600 mm; of the probes mid-face and corner, 1327"
-        )
+        assert remark.where.endswith("mould exit at 600 mm; mid-face and corner: 1327")
         later = Summary("x", "finished", mould_exit=0.45)
         remark = of(remarks(table, later, fields), "thinnest shell")  # no field at 450 mm
         assert (remark.value, remark.where) == (
