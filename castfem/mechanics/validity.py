@@ -193,7 +193,8 @@ class Validity:
             found.append(Judged(turned[solid], place[solid], limits.rotation, message, more=fresh))
             shell = reductions.any_of(self._comm, bool(solid.any()))
             found += self._bulges(place, moved[solid] if shell else moved)
-        borne = self._borne(state, temperature, solid)
+        distorted = np.inf if self._large else _distortion(f[solid], thickness[solid])
+        borne = self._borne(state, temperature, solid, distorted)
         message = f"the shell is strained by {{0:.3g}} (at most {limits.strain:g})"
         found.append(Judged(borne, place[solid], limits.strain, message))
         message = f"its mean stress alone strains the shell by {{0:.3g}} (at most {COMPRESSED:g})"
@@ -239,11 +240,18 @@ class Validity:
         message = f"bulge or shrinkage is {{0:.3g}} of the section (at most {self._limits.size:g})"
         return [Judged(share[[i]], nowhere, self._limits.size, message) for i in range(2)]
 
-    def _borne(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
-        """Strain that the solid deviator's points have borne since they froze."""
+    def _borne(
+        self, state: MechanicalState, temperature: Array, solid: Flags, distorted: Array | float
+    ) -> Array:
+        """Strain that the solid deviator's points have borne since they froze.
+
+        Hardening that accumulates grows under loads that reverse, while the shell is strained no
+        more than it is `distorted` now; that holds more, where it froze distorted.
+        """
         shear = self._law.elasticity.moduli(temperature[: len(solid)][solid])[0]
         elastic = equivalent_stress(state.stress[: len(solid)][solid]) / (3.0 * shear)
-        return np.asarray(elastic + self._law.strain(state.internal[: len(solid)][solid]))
+        path = self._law.strain(state.internal[: len(solid)][solid])
+        return np.asarray(elastic + np.minimum(path, distorted))
 
     def _squeezed(self, state: MechanicalState, temperature: Array, solid: Flags) -> Array:
         """Elastic strain along each axis of the mean stress, at solid points of its rule."""
@@ -251,3 +259,11 @@ class Validity:
         bulk = self._law.elasticity.moduli(temperature[deviator_points:][solid])[1]
         mean = state.stress[deviator_points:, :3][solid].mean(axis=1)
         return np.asarray(np.abs(mean) / (3.0 * bulk))
+
+
+def _distortion(gradient: Array, thickness: Array) -> Array:
+    """Equivalent strain (n,), less its mean, of gradients (n, 4) and thicknesses (n,)."""
+    xx, yy, zz = gradient[:, 0] - 1.0, gradient[:, 3] - 1.0, thickness - 1.0
+    shear, mean = 0.5 * (gradient[:, 1] + gradient[:, 2]), (xx + yy + zz) / 3.0
+    square = (xx - mean) ** 2 + (yy - mean) ** 2 + (zz - mean) ** 2 + 2.0 * shear**2
+    return np.asarray(np.sqrt(2.0 / 3.0 * square))

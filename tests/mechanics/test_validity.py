@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from castfem.constitutive import load_law
+from castfem.constitutive.base import Law
 from castfem.constitutive.elasticity import Elasticity, Solidity
 from castfem.constitutive.flow_laws import ThermoElastic
 from mechanics.setups import SliceSetup, box, mapped
@@ -21,6 +23,8 @@ def refusal(
     large: bool = False,
     generalized_strains: tuple[float, ...] = (0, 0, 0, 0),
     right: float | None = None,
+    law: Law = LAW,
+    path: float = 0.0,
     **u: float,
 ) -> str:
     """What is said of a square of 4 x 4 cells whose middle, or all of it, is displaced.
@@ -30,11 +34,13 @@ def refusal(
         large: Whether strain is large.
         generalized_strains: Generalized strains.
         right: Of its right half, K, if that is another.
+        law: Of the material.
+        path: Viscoplastic strain that it has summed up.
         u: "middle": the middle node along x, m; "xx", "xy", "yx": displacement gradients; "half":
             that is yx of the right half alone.
     """
     given = {"large_strain": large}
-    setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), LAW, judge=True, given=given)
+    setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), law, judge=True, given=given)
     problem, judge = setup.problem, setup.stepper._validity
     assert judge is not None
     x, y = problem.space.tabulate_dof_coordinates()[:, :2].T
@@ -47,6 +53,7 @@ def refusal(
         setup.state,
         displacement=moved.ravel(),
         generalized_strains=np.array(generalized_strains, float),
+        internal=np.full_like(setup.state.internal, path),
     )
     heat = np.full(problem.points.count, temperature)
     if right is not None:
@@ -120,3 +127,15 @@ def test_strain_that_is_borne() -> None:
         state = replace(setup.state, stress=stress)
         assert told in judge.refusal(state, temperature)
         assert judge.refusal(state, np.full_like(temperature, HOT)) == ""
+
+
+def test_strain_to_and_fro_is_no_strain() -> None:
+    """What hardening has summed up counts as far as the cell is distorted: 0.086 and 0.104 here."""
+    law = load_law("kozlowski_zhu", LAW.elasticity, carbon=0.1)
+    for drawn, kept in ((0.075, True), (0.09, False)):
+        found = refusal(COLD, law=law, path=0.3, xx=drawn, generalized_strains=(-drawn, 0, 0, 0))
+        assert (found == "") == kept and ("strained by 0.104" in found) == (not kept)
+        assert refusal(COLD, law=law, path=0.09, xx=drawn) == ""
+    # At large strain the path counts, whose limit is ten times as much.
+    for path, kept in ((0.3, True), (1.1, False)):
+        assert (refusal(COLD, law=law, path=path, large=True) == "") == kept
