@@ -41,6 +41,10 @@ def faults(text: str) -> list[str]:
         found.append("a dollar sign that is part of no formula")
     found += [f"TeX outside of a formula: {tex}" for tex in re.findall(r"\\[a-zA-Z]+", left)]
     found += [f"an indented block, which is code: {line}" for line in indented(left)]
+    found += [
+        f"MyST leaves out a line that begins so: {line}"
+        for line in re.findall(r"^ *%.*", prose, re.MULTILINE)
+    ]
     for body in equations:
         if body.count("{") != body.count("}"):
             found.append(f"braces: {body}")
@@ -84,5 +88,6 @@ def test_what_is_wrong_is_found() -> None:
         "```math\na\n\nb\n```",
         "```math\n\\left( a )\n```",
         "$$a$$",
+        "less by 5\n% of it",
     ):
         assert faults(bad), bad
