@@ -119,16 +119,17 @@ def size_lines(found: Drawing, wall: HotWall) -> list[str]:
     names = [name for name in mould.dimensions(0.0) if name != "height" or _unequal(found)]
     head = ["position [mm]"]
     head += [f"{name} {state} [mm]" for name in names for state in ("cold", "hot")]
-    head += ["hot face [degC]", "corner [degC]", "water side [degC]"]
-    rows = [head]
-    ways = wall.displacement.ways
-    middle = int(np.argmin(np.abs(ways - 0.5 * ways[-1])))
+    columns = {"hot face": wall.hot[:, 0]}
+    if wall.corner is not None:
+        columns["corner"] = wall.hot[:, wall.corner]
+    columns["water side"] = wall.outer[:, 0]
+    rows = [[*head, *(f"{name} [degC]" for name in columns)]]
     for z in np.linspace(0.0, mould.length, _ROWS + 1):
         cold, hot = found.cold.dimensions(float(z)), found.hot.dimensions(float(z))
         sizes = [f"{1e3 * size[name]:.3f}" for name in names for size in (cold, hot)]
         faces = [
             float(np.interp(z, wall.displacement.positions, column)) - ZERO_CELSIUS
-            for column in (wall.hot[:, 0], wall.hot[:, middle], wall.outer[:, 0])
+            for column in columns.values()
         ]
         rows.append([f"{1e3 * z:.4g}", *sizes, *(f"{value:.0f}" for value in faces)])
     return aligned(rows)

@@ -19,7 +19,7 @@ from castfem.hot_mould.tube import Tube
 from castfem.meshes.tube import TubeMesh, graded, tube
 from castfem.mould.displaced import WallDisplacement
 from castfem.mould.mould import Mould
-from castfem.mould.perimeter import Places, lengths, sides_of
+from castfem.mould.perimeter import Places, corner_of, lengths, sides_of
 from castfem.values.tables import Constant, Table
 from castfem.values.types import Array
 
@@ -80,6 +80,12 @@ class HotWall:
     heated: Heated
     distorted: Distorted
     model: HotMould
+
+    @property
+    def corner(self) -> int | None:
+        """Which of its places lies in the middle of the corner; None of a round."""
+        mould = self.model.mould
+        return corner_of(sides_of(mould.cavity, mould.tapers, 0.0), self.displacement.ways)
 
     def profile(self) -> tuple[Array, Array]:
         """Return positions and the hot face's mean temperature round the quarter (p,), K."""

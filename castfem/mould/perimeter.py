@@ -42,6 +42,14 @@ def lengths(sides: Sides) -> tuple[float, float, float]:
     return math.hypot(p - a, q - r), 0.5 * math.pi * r, math.hypot(q - b, p - r)
 
 
+def corner_of(sides: Sides, ways: Array) -> int | None:
+    """Which of the ways round a quarter lies in the middle of its corner; None of a round."""
+    right, arc, upper = lengths(sides)
+    if right == upper == 0.0:
+        return None
+    return int(np.argmin(np.abs(ways - right - 0.5 * arc)))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Places:
     """Places on a quarter of the wall.

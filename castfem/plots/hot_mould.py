@@ -96,16 +96,17 @@ def _sizes(ax: Axes, found: Drawing) -> None:
 
 
 def _faces(ax: Axes, wall: HotWall) -> None:
-    """Temperature of both faces, at mid-face and in the corner."""
-    z, ways = 1e3 * wall.displacement.positions, wall.displacement.ways
-    middle = int(np.argmin(np.abs(ways - 0.5 * ways[-1])))
+    """Temperature of both faces, at mid-face and, if there is one, in the corner."""
+    z = 1e3 * wall.displacement.positions
+    places = [(0, "-", "" if wall.corner is None else ", mid-face")]
+    places += [] if wall.corner is None else [(wall.corner, ":", ", corner")]
     for values, colour, name in (
         (wall.hot, _COLOURS[1], "hot face"),
         (wall.outer, _COLOURS[0], "water side"),
     ):
-        for column, style, where in ((0, "-", "mid-face"), (middle, ":", "corner")):
+        for column, style, where in places:
             shown = values[:, column] - ZERO_CELSIUS
-            ax.plot(shown, z, color=colour, linestyle=style, label=f"{name}, {where}")
+            ax.plot(shown, z, color=colour, linestyle=style, label=f"{name}{where}")
     ax.set_xlabel("temperature [°C]")
     ax.set_title("copper")
     ax.legend(loc="best")

@@ -17,7 +17,7 @@ from castfem.hot_mould.flux import FluxMap, of_strand, profile
 from castfem.hot_mould.model import HotMould, HotWall, TubeSettings
 from castfem.hot_mould.vtk_file import write_tube
 from castfem.mould import Mould, RectangleCavity, RoundCavity, Taper, same
-from castfem.mould.perimeter import Places, lengths, sides_of
+from castfem.mould.perimeter import Places, corner_of, lengths, sides_of
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Constant, Table
 
@@ -94,6 +94,18 @@ def test_wall_in_the_middle_is_that_of_its_thickness(
     # Hottest a little below the meniscus, by conduction up the tube (V.2.4).
     hottest = wall.displacement.positions[wall.hot[:, 0].argmax()]
     assert 0.02 < hottest < 0.12
+
+
+def test_the_corner_of_a_bloom_is_not_half_way_round() -> None:
+    """Its place on the wall; a round has none."""
+    bloom = sides_of(RectangleCavity(0.2, 0.11, 0.008), (tapers := mould(0.0).tapers), 0.0)
+    places = Places.spread(bloom, 8, 6)
+    at = corner_of(bloom, places.ways(bloom))
+    assert at is not None
+    middle = np.array([0.1, 0.055]) - 0.008 * (1.0 - 0.5**0.5)
+    assert places.on(bloom)[0][at] == pytest.approx(middle)
+    round_ = sides_of(RoundCavity(0.18), tapers, 0.0)
+    assert corner_of(round_, Places.spread(round_, 8, 6).ways(round_)) is None
 
 
 def test_width_is_about_that_of_free_expansion(
