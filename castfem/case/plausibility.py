@@ -100,6 +100,7 @@ def warnings_with(
         )
     if law is not None:
         yield from _hardens_for_good(case, law)
+        yield from _limit_of_signed_strain(case, law)
     # A steel computed from its carbon is meant by it; a set of fixed numbers stands for a class.
     carbon = case.steel.composition.get("C")
     if case.mechanics is None or carbon is None or law_carbon is None:
@@ -129,6 +130,20 @@ def _hardens_for_good(case: Case, law: Law) -> Iterator[Problem]:
             "make of virgin steel; "
             + (f'give "{mend}"' if mend else 'give it hardening = "signed"')
             + ', or bulging = "elastic"',
+        )
+
+
+def _limit_of_signed_strain(case: Case, law: Law) -> Iterator[Problem]:
+    """Yield a law whose yield limit goes by a rate that belongs to another direction of flow."""
+    from castfem.constitutive.hardening_laws import NortonHoff
+
+    if isinstance(law, NortonHoff) and law.signed and law.yield_limit is None and case.mechanics:
+        name = str(case.mechanics.law).rpartition("/")[2]
+        yield Problem(
+            ("mechanics", "law"),
+            f'("{name}") has signed strain and finds its '
+            "yield limit automatically: bent and straightened, a slab finds no equilibrium with "
+            'both; give it yield_limit = "0 MPa"',
         )
 
 

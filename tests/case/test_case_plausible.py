@@ -178,6 +178,24 @@ def test_a_strip_whose_law_hardens_for_good_is_told_once(
         assert mend in told[0]
 
 
+@pytest.mark.parametrize(("limit", "told"), [("automatic", True), ("0 MPa", False)])
+def test_signed_strain_that_finds_its_yield_limit_is_told(
+    limit: str, told: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The shipped set has none; one that finds it ends a bent slab without equilibrium."""
+    from castfem.cli.checking import check_case
+    from castfem.constitutive import parameters
+
+    shipped = Path(parameters.__file__).parent / "data" / "norton_hoff_kozlowski_signed.toml"
+    text = shipped.read_text()
+    assert 'yield_limit = "0 MPa"' in text
+    own = tmp_path / "own.toml"
+    own.write_text(text.replace('yield_limit = "0 MPa"', f'yield_limit = "{limit}"'))
+    slab = TAPERED.parents[1] / "slab1200" / "bending.toml"
+    check_case("slab", slab, [f"mechanics.law={own}"])
+    assert ('give it yield_limit = "0 MPa"' in "".join(capfd.readouterr())) == told
+
+
 def test_what_does_not_fit_the_steel_is_told() -> None:
     assert _with({"C": 0.1}, 0.1) == []
     assert _with({"C": 0.2}, None) == []
