@@ -77,9 +77,19 @@ def link_pages(app, what, name, obj, options, lines):
 
 
 def keep_equations(app, doctree):
-    """Hand an equation on as it is written: Sphinx would put one of several lines into `split`."""
-    for node in doctree.findall(nodes.math_block):
-        node.children = [nodes.Text(f"\\[{node.astext()}\\]")]
+    """Hand an equation on as it is written, with its number beside it.
+
+    Sphinx would put one of several lines into `split`; MathJax would draw the number where the edge
+    of the window is just then, which on paper is another place.
+    """
+    for node in list(doctree.findall(nodes.math_block)):
+        text, number = node.astext(), re.search(r"\\tag\{(.+?)\}", node.astext())
+        if number:
+            text = text.replace(number[0], "")
+            beside = nodes.container(classes=["numbered"])
+            node.replace_self(beside)
+            beside += [node, nodes.paragraph("", f"({number[1]})")]
+        node.children = [nodes.Text(f"\\[{text}\\]")]
         node["nowrap"] = True
 
 

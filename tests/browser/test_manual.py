@@ -18,9 +18,12 @@ DRAWN = "window.MathJax && MathJax.isReady && !MathJax.Hub.queue.pending"
 STATE = """() => {
   const text = document.querySelector("article").cloneNode(true);
   text.querySelectorAll("pre, code, script, .MathJax_SVG").forEach(e => e.remove());
+  const edge = document.querySelector("article").getBoundingClientRect().right;
   const drawn = [...document.querySelectorAll(".math")].map(e => {
     const box = e.querySelector("svg")?.getBoundingClientRect();
-    return box ? [box.width, box.height] : null;
+    if (!box) return null;
+    const cut = e.closest("table") ? 0 : box.right - edge;
+    return [box.width, box.height, cut];
   });
   const wrong = [...document.querySelectorAll("[data-mathml]")].map(e => e.dataset.mathml);
   return { text: text.textContent, drawn, wrong: wrong.filter(m => m.includes("<merror")) };
@@ -68,15 +71,16 @@ def test_equations_are_drawn(page: Page) -> None:
     for file in with_equations:
         page.goto(file.as_uri())
         page.wait_for_function(DRAWN)
-        for media in ("screen", "print"):
+        for media, width in (("screen", 1200), ("print", 720)):  # a sheet of A4 less its margins
             page.emulate_media(media=media)
+            page.set_viewport_size({"width": width, "height": 900})
             state = page.evaluate(STATE)
             assert not state["wrong"], file.name
-            assert all(box and min(box) > 2.0 for box in state["drawn"]), (file.name, media)
+            assert all(box and min(box[:2]) > 2.0 for box in state["drawn"]), (file.name, media)
+            assert all(box[2] < 1.0 for box in state["drawn"]), f"{file.name}: cut off in {media}"
             assert not re.findall(r"\\\w+|\$\$|\\\[", state["text"]), file.name
-        wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
-        assert wide <= 0, f"{file.name} is wider than its window"
-        page.emulate_media(media="screen")
+            wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+            assert wide <= 0, f"{file.name} is wider than its window"
     page.evaluate(BROKEN)
     assert len(page.evaluate(STATE)["wrong"]) == 1, "a formula in error is not found"
     assert not errors
