@@ -5,7 +5,8 @@ Inside castfem every number is in SI (K, m, s, J, W, Pa, kg); units exist at the
 
 A temperature and a difference of temperatures are two things: "160 degC" is 433.15 K, but a
 difference is written in kelvin, "40 K". Conversions are carried out in exact fractions, so that
-"0.3 mm" is the float nearest to 0.0003. pint is imported at the first quantity with a unit.
+"0.3 mm" is the float nearest to 0.0003. pint is imported at the first unit that is not among the
+most common ones.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING
+
+from castfem.values.common_units import COMMON
 
 if TYPE_CHECKING:
     import pint
@@ -165,6 +168,11 @@ def _conversion(
     Raises:
         ValueError: The unit is unknown or measures something else.
     """
+    scale, names = COMMON.get(unit, (Fraction(1), ()))
+    if si in names:
+        return scale, Fraction(0)
+    if (unit, si, difference) == ("degC", "K", False):
+        return _OFFSET_SCALES["degree_Celsius"]
     name, example = kind or describe(si, difference)
     if not unit:
         if si == "1":
@@ -277,6 +285,10 @@ def _si_of(unit: str) -> str:
     Raises:
         ValueError: The unit is unknown.
     """
+    if unit in COMMON:
+        return COMMON[unit][1][0]
+    if unit == "degC":
+        return "K"
     parsed = _parse_unit(unit)
     if parsed.dimensionless:
         return "rad" if "radian" in str(parsed) or "degree" in str(parsed) else "1"

@@ -224,7 +224,7 @@ from castfem.time_loop import loop
 loop.run(load_case(sys.argv[1], sys.argv[3:]), sys.argv[2])
 parts = ("castfem.mechanics", "castfem.constitutive", "castfem.sensitivity")
 unwanted = [m for m in sys.modules if m.startswith(parts)]
-unwanted += [m for m in ("gmsh", "matplotlib", "pandas") if m in sys.modules]
+unwanted += [m for m in ("gmsh", "matplotlib", "pandas", "pint") if m in sys.modules]
 print("LOADED", unwanted)
 """
 

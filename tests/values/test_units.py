@@ -9,7 +9,30 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
-from castfem.values import quantities, units
+from castfem.values import common_units, quantities, units
+
+
+def test_common_units_are_what_pint_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = [(unit, si) for unit, (_, names) in common_units.COMMON.items() for si in names]
+
+    def told() -> list[object]:
+        units._conversion.cache_clear()
+        units._si_of.cache_clear()
+        return [(units._conversion(unit, si, False), units._si_of(unit)) for unit, si in asked]
+
+    found = told()
+    with monkeypatch.context() as known:
+        known.setattr(units, "COMMON", {})
+        parsed: list[str] = []
+        parse = units._parse_unit
+        known.setattr(units, "_parse_unit", lambda unit: parsed.append(unit) or parse(unit))
+        expected = told()
+        assert {*parsed} >= {*common_units.COMMON}
+    told()
+    for entry, one, other in zip(asked, found, expected, strict=True):
+        assert one == other, entry
+    with pytest.raises(ValueError, match="in kelvin"):
+        units.parse("40 degC", "K", difference=True)
 
 
 @pytest.mark.parametrize(
