@@ -142,6 +142,19 @@ class ThermalCurve:
             theta += s * k
         return CurvePoint(t + s, slope, theta, k * slope)
 
+    def lines(self) -> tuple[Array, Array, Array] | None:
+        """T(H) and theta(H) as straight lines; None where rho c or k changes within a piece.
+
+        Returns:
+            Enthalpies at which pieces begin, the first without bound (n,), J/m3; T (K) and theta
+            (W/m) at H = 0 on the line of each piece (2, n); their slopes (2, n).
+        """
+        if self._quadratic:
+            return None
+        t, h, slope, theta, k = self._pieces
+        slopes = np.array([slope, k * slope])
+        return self._starts, np.array([t, theta]) - slopes * h, slopes
+
     def enthalpy(self, temperature: Array | float, side: Side = "right") -> Array:
         """H at `temperature` (K), J/m3; at an isothermal knot "right" picks the molten end."""
         t = np.asarray(temperature, float)

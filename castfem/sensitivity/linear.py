@@ -65,7 +65,7 @@ class StageTangent:
         held[problem.fixed] = True
         self._held, self._slope, self._tau = np.flatnonzero(held), point.conduction_slope, tau
         problem.conduction_matrix(tau, matrix)
-        safe = np.where(held, 1.0, self._slope)
+        safe = np.where(held, 1.0, self._slope) if len(self._held) else self._slope
         self._diagonal.setArray((problem.volume + tau * slope * point.temperature_slope) / safe)
         matrix.setDiagonal(self._diagonal, addv=PETSc.InsertMode.ADD_VALUES)
         comm = problem.section.comm

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from castfem.fem import reductions
 from castfem.sensitivity.feedback import Feedback
@@ -52,6 +53,7 @@ class ThermalDerivatives:
         self._problem = simulation.problem
         self._tangent = StageTangent(self._problem)
         self._zone = -1
+        self._cooled: npt.NDArray[np.intp] = np.zeros(0, np.intp)
         shape = (len(self.variations), simulation.section.owned)
         self.enthalpy: Array = np.zeros(shape)
         self.rate: Array = np.zeros(shape)
@@ -69,10 +71,8 @@ class ThermalDerivatives:
         """DT/dp of the vertices at the state these are of (owned,), K per unit."""
         variation = self.variations[number]
         found = state.point.temperature_slope * self.enthalpy[number]
-        if not variation.above.same_curve:
-            curves = (s.simulation.problem.curve for s in (variation.above, variation.below))
-            above, below = (curve.at(state.enthalpy).temperature for curve in curves)
-            found = found + (above - below) / variation.span
+        if variation.curves is not None:
+            found = found + variation.curves.temperature(state.enthalpy) / variation.span
         return np.asarray(found)
 
     def mark(self, state: ThermalState) -> None:
@@ -122,9 +122,13 @@ class ThermalDerivatives:
         """Follow the cooling of the run into the zone of a step that begins at `time` (s)."""
         zone = self._simulation.zones.index(time)
         if zone != self._zone:
+            cooling = self._simulation.zones.cooling(zone)
+            dofs = [patch.dofs for patch, _ in cooling.laws]
+            self._cooled = np.unique(np.concatenate(dofs)) if dofs else np.zeros(0, np.intp)
             for variation in self.variations:
                 for end in (variation.below, variation.above):
                     end.enter(zone)
+                    end.compare(cooling)
             self._zone = zone
 
     def _stage(self, stage: Stage, step: _Step, base: Array) -> Array:
@@ -135,18 +139,26 @@ class ThermalDerivatives:
         right = problem.volume * base
         fixed = np.zeros((len(base), len(problem.fixed)))
         for i, v in enumerate(self.variations):
-            change = self._change(v, stage, step, i)
+            change = self._change(v, stage, step, i, slope)
             if change is not None:
                 right[i] -= change
             if self.feedback is not None:
                 right[i] += self.feedback.of_stage(i, stage, problem)
+            if not fixed.size:
+                continue
             above, below = (end.simulation.problem for end in (v.above, v.below))
             fixed[i] = (above.fixed_enthalpy - below.fixed_enthalpy) / v.span
         self.solves += len(base)
         return self._tangent.solve(right, fixed)
 
-    def _change(self, v: Variation, stage: Stage, step: _Step, number: int) -> Array | None:
-        """D(tau F)/dp at the enthalpies of a stage (owned,), J/m per unit; None if it is 0."""
+    def _change(
+        self, v: Variation, stage: Stage, step: _Step, number: int, slope: Array
+    ) -> Array | None:
+        """D(tau F)/dp at the enthalpies of a stage (owned,), J/m per unit; None if it is 0.
+
+        Where laws and times are those of the run, heat crosses the surface by another temperature
+        alone: `slope` (owned,), W/(m K), times its change.
+        """
         problem, point = self._problem, stage.point
         alike = v.above.same_cooling and v.below.same_cooling and self.feedback is None
         if alike and not step.lengthened[number]:
@@ -154,15 +166,22 @@ class ThermalDerivatives:
         share, place = stage.tau / step.span, (stage.time - step.begin) / step.span
         sides = tuple(zip((v.above, v.below), step.own[number], (1.0, -1.0), strict=True))
         weights = [sign * share * span / v.span for _, (_, span), sign in sides]
-        points = [end.temperatures(stage.enthalpy, point) for end, _, _ in sides]
-        change = np.zeros_like(point.conduction)
-        for (end, (begin, span), _), its, weight in zip(sides, points, weights, strict=True):
-            end.add_surface(its, begin + place * span, weight, change)
-        if not v.above.same_curve:
-            above, below = (w * p.conduction for w, p in zip(weights, points, strict=True))
-            change += problem.conducted(above + below)
-        elif step.lengthened[number]:  # the same heat for longer
-            change += sum(weights) * problem.conducted(point.conduction)
+        mean, longer = 0.5 * (weights[0] - weights[1]), sum(weights)
+        conduction = longer * point.conduction if longer else None  # the same heat for longer
+        if v.curves is not None:
+            by_curve = mean * v.curves.conduction(stage.enthalpy)
+            conduction = by_curve if conduction is None else conduction + by_curve
+        if conduction is None:
+            change = np.zeros_like(point.conduction)
+        else:
+            change = problem.conducted(conduction)
+        if self.feedback is None and v.above.same_laws and v.below.same_laws:
+            if v.curves is not None:
+                warmer = v.curves.temperature(stage.enthalpy[self._cooled])
+                change[self._cooled] += mean * slope[self._cooled] * warmer
+            return change
+        for (end, (begin, span), _), weight in zip(sides, weights, strict=True):
+            end.add_surface(stage, begin + place * span, weight, change)
         return change
 
     def destroy(self) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 from castfem.case import Case
 from castfem.case.build_machine import build_machine
 from castfem.errors import InputError
-from castfem.materials.curve import CurvePoint
+from castfem.sensitivity.alike import same_laws
+from castfem.sensitivity.curve_difference import CurveDifference
 from castfem.sensitivity.parameters import Parameter
 from castfem.simulation.cooling import Zones
 from castfem.simulation.simulation import (
@@ -19,6 +20,7 @@ from castfem.simulation.simulation import (
     stations,
 )
 from castfem.thermal.boundary import Cooling
+from castfem.thermal.problem import Stage
 from castfem.thermal.stepper import ThermalStepper
 from castfem.values.same_place import EXACT, same_instant
 from castfem.values.types import Array
@@ -38,12 +40,16 @@ class Varied:
             time between them.
         same_curve: Whether T(H) and theta(H) are those of the run.
         same_cooling: Whether the laws of its cooling are, and their times.
+        same_times: Whether its times are.
+        same_laws: Whether the laws that cool it now are, and their times; see `compare`.
     """
 
     simulation: Simulation
     instants: Array
     same_curve: bool
     same_cooling: bool
+    same_times: bool = False
+    same_laws: bool = False
 
     def time(self, time: float) -> float:
         """Its own time at a time of the run, s."""
@@ -51,6 +57,8 @@ class Varied:
 
     def step(self, time: float) -> tuple[float, float]:
         """Its own time at a time of the run, s, and how much longer its steps from there on are."""
+        if self.same_times:
+            return time, 1.0
         run, own = self.instants
         hair = EXACT * run[-1]  # steps end at the instants, but for rounding
         i = int(np.searchsorted(run, time + hair, side="right")) - 1
@@ -62,21 +70,27 @@ class Varied:
         """Cool as zone `zone` does from now on."""
         self.simulation.problem.set_cooling(self.simulation.zones.cooling(zone))
 
-    def temperatures(self, enthalpy: Array, point: CurvePoint) -> CurvePoint:
-        """What belongs to enthalpies (owned,), J/m3; `point` is that of the run."""
-        return point if self.same_curve else self.simulation.problem.curve.at(enthalpy)
+    def compare(self, cooling: Cooling) -> None:
+        """Compare its laws with those of the run, which has this cooling from now on."""
+        self.same_laws = self.same_times and same_laws(self.simulation.problem.cooling, cooling)
 
-    def add_surface(self, point: CurvePoint, time: float, weight: float, heat: Array) -> None:
+    def add_surface(self, stage: Stage, time: float, weight: float, heat: Array) -> None:
         """Add the heat that leaves each vertex through the surface at its own time (s).
 
         Args:
-            point: What belongs to the enthalpies of the vertices.
+            stage: Of the run: the enthalpies of the vertices, and what belongs to them there.
             time: Its own, s.
             weight: By which it is multiplied.
             heat: To which it is added (owned,), W/m.
         """
         for patch, law in self.simulation.problem.cooling.laws:
-            flux = law.flux(point.temperature[patch.dofs], time)[0]
+            if self.same_curve:
+                temperature = stage.point.temperature[patch.dofs]
+            else:
+                temperature = self.simulation.problem.curve.at(
+                    stage.enthalpy[patch.dofs]
+                ).temperature
+            flux = law.flux(temperature, time)[0]
             heat[patch.dofs] += weight * patch.weights * flux
 
 
@@ -97,11 +111,13 @@ class Variation:
     Attributes:
         parameter: With the step that was taken.
         below: At `value - step`. above: At `value + step`.
+        curves: Difference of their T(H) and theta(H); None where they are those of the run.
     """
 
     parameter: Parameter
     below: Varied
     above: Varied
+    curves: CurveDifference | None
 
     def lateness(self, time: float) -> float:
         """Derivative of the time that belongs to a time of the run (s), s per unit."""
@@ -126,7 +142,9 @@ def vary(simulation: Simulation, parameter: Parameter) -> Variation:
         knots = [len(end.simulation.problem.curve.knots) for end in (below, above)]
         if knots[0] == knots[1]:
             _check_effect(simulation, tried, below, above)
-            return Variation(tried, below, above)
+            curves = [end.simulation.problem.curve for end in (above, below)]
+            alike = below.same_curve and above.same_curve
+            return Variation(tried, below, above, None if alike else CurveDifference(*curves))
     raise InputError(
         f"{parameter.name}: the tables of the steel are divided otherwise on both sides of it; "
         "change it a little"
@@ -155,8 +173,9 @@ def _varied(simulation: Simulation, parameter: Parameter, by: float) -> Varied:
         start_temperature=start,
     )  # fmt: skip
     instants = _instants(simulation, other, parameter)
-    cooled_alike = same and bool(np.array_equal(*instants)) and _same_tables(case, simulation.case)
-    return Varied(other, instants, same, cooled_alike)
+    timed_alike = bool(np.array_equal(*instants))
+    cooled_alike = same and timed_alike and _same_tables(case, simulation.case)
+    return Varied(other, instants, same, cooled_alike, timed_alike)
 
 
 def _same_tables(one: Case, other: Case) -> bool:
