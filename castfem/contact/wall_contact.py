@@ -94,6 +94,11 @@ class WallContact(Interaction):
             other._stress = self._stress.of_law(solid.law)
         return other
 
+    @property
+    def travelled(self) -> Array:
+        """How far the strand goes down in a step, m, as the forms see it: written to, it is so."""
+        return self._travel.value
+
     def shifted(self, base: Array, shift: Array) -> None:
         """Tell how far the points have moved (n, 2), m, in two parts that are not to be added.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 
 from castfem.contact.state import ContactState
@@ -32,6 +34,39 @@ class VariedProblem(MechanicalProblem):
         self.interactions = run.interactions.of_slice(slice_.interactions, slice_)
         self.planes = run.planes.of_slice(slice_.planes, self.interactions)
         self.residual_state, self._integrated = None, None
+        self._begun: tuple[MechanicalState, float, list[Array]] | None = None
+        self._held = copy.copy(self.constraints.springs)
+
+    def begin(self, old: MechanicalState, time: float, temperature: Array) -> None:
+        """See `MechanicalProblem`."""
+        super().begin(old, time, temperature)
+        self._begun = old, time, [one.copy() for one in self._shared()]
+        self._held = copy.copy(self.constraints.springs)
+
+    def _shared(self) -> list[Array]:
+        """Arrays of a step that other slices on this mesh write to as they begin theirs."""
+        found = [self._part.rest_forces, self._part.rest_stress]
+        if self.contact is not None:
+            found.append(self.contact.travelled)
+        functions = self.fields.pressure, self._loads.liquid
+        return found + [one.x.array for one in functions if one is not None]
+
+    def again(self) -> None:
+        """Go on with the step that was begun last, after another slice has begun its own."""
+        assert self._begun is not None
+        old, time, kept = self._begun
+        fields = self.fields
+        fields.u_old.x.array[:] = old.displacement
+        fields.generalized_strains_old.value[:] = old.generalized_strains
+        for one, values in zip(self._shared(), kept, strict=True):
+            one[...] = values
+        if self._held is not None:
+            vars(self.constraints.springs).update(vars(self._held))
+        self._loads.set(time)
+        self.constraints.set(time, self._target)
+        if self.liquid is not None:
+            self._target[self.liquid.deep] = old.displacement[self.liquid.deep]
+        self.residual_state, self._integrated, self._first = None, None, 0.0
 
     def _frozen(self, liquid: FedLiquid, temperature: Array) -> Flags:
         """See `MechanicalProblem`: as in the run's last step."""

@@ -203,7 +203,7 @@ class MechanicalDerivatives:
         comm = self._simulation.section.comm
         move = np.zeros_like(step.local)
         for pair in pairs:
-            parts = [step.residual(side, move) for side in pair]
+            parts = [step.begun(side).residual_at(step.local, move) for side in pair]
             halves = np.abs(parts[0] + parts[1]), np.abs(parts[0] - parts[1])
             apart, whole = (reductions.largest(comm, h) for h in halves)
             if apart <= UNEVEN * whole:
@@ -216,7 +216,8 @@ class MechanicalDerivatives:
                 raise RunFailure("the derivative of a mechanical step cannot be solved for")
             move, ends = move + more, []
             for number, side in enumerate(pair):
-                parts[number] = step.residual(side, move)
+                side.problem.again()
+                parts[number] = side.problem.residual_at(step.local, side.by * move)
                 ends.append(side.problem.carried(step.old))
             left, slopes = parts[0] - parts[1], _slopes(ends, span)
             if not self._touches:
@@ -275,14 +276,14 @@ class _Step:
     temperatures: tuple[Array, Array]
     local: Array
 
-    def residual(self, side: Side, move: Array) -> Array:
-        """What is out of balance on one side, the unknowns moved by so much per unit."""
+    def begun(self, side: Side) -> VariedProblem:
+        """The slice on one side, at the start of its step (collective)."""
         by, states = side.by, (self.old, self.state)
         times = [s.time + by * self.variation.lateness(s.time) for s in states]
         warm = [s.temperature + by * t for s, t in zip(states, self.temperatures, strict=True)]
         begun = replace(_moved(self.old, self.start, by), time=times[0], temperature=warm[0])
         side.problem.begin(begun, times[1], warm[1])
-        return side.problem.residual_at(self.local, by * move)
+        return side.problem
 
 
 def none_of(state: MechanicalState) -> Slopes:
