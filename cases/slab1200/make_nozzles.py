@@ -70,7 +70,7 @@ def film_boiling(surface: float, factor: float = FLOWING) -> float:
 
 def write(name: str, header: str, rows: Iterable[str]) -> None:
     """Write a table beside this file."""
-    told = "# Made by make_nozzles.py from published correlations (docs/slab.md)."
+    told = "# Made by make_nozzles.py from published correlations (docs/machine.md)."
     (HERE / name).write_text("\n".join([told, header, *rows]) + "\n", encoding="utf-8")
 
 
