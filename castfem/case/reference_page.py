@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -76,8 +76,9 @@ unit = "W/(m^2 K)"
 
 or a CSV file, `coefficient = { file = "spray.csv" }`, its path relative to the case file, that
 begins with a line such as `temperature [degC], value [W/(m^2 K)]`; lines that begin with `#` are
-skipped. A table has at least two rows in increasing order; it is linear between them and constant
-beyond.
+skipped. Columns are parted by commas, semicolons or tabs; between the latter two numbers may have
+decimal commas. A table has at least two rows in increasing order; it is linear between them and
+constant beyond.
 
 ## Inheriting and changing
 
@@ -232,7 +233,8 @@ def _mark(mark: Kind | Curve, example: object) -> str:
         return f"{_mark(mark.kind, example)}, a table over {mark.arguments}, or {names}"
     if isinstance(mark, Curve):
         return f"{_mark(mark.kind, example)}, or a table over {mark.arguments}"
-    text = str(example or mark.example)
+    single = None if isinstance(example, Mapping) else example  # of a table in a file
+    text = str(single or mark.example)
     return f"{mark.name}: `{text}`" if mark.unit == "1" else f'{mark.name}: `"{text}"`'
 
 

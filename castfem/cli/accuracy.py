@@ -75,8 +75,10 @@ def _prepared(options: Options, ranks: bool) -> Ladder:
     many_runs.check_processes(options.processes, ranks)
     if options.to:
         read_share(options.to)
+    folder = _folder(options)
+    many_runs.check_folder(folder)
     case = load_case(shipped_cases.find(options.name), options.overrides)
-    return prepare(levels(case), _folder(options), overwrite=options.overwrite)
+    return prepare(levels(case), folder, overwrite=options.overwrite)
 
 
 def _alone(options: Options) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -157,9 +157,24 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
                 raise outside(case, probe.name, place)
         except InputError as error:
             problems += [f"{path}: {problem}" for problem in error.problems]
+    problems += [f"{path}: {problem}" for problem in drive_faults(case)]
     if problems:
         raise InputError(problems)
     return describe(name, case, steel, mesh)
+
+
+def drive_faults(case: Case) -> Iterator[str]:
+    """Yield that the drives are weaker than the rolls, where that is known before a run."""
+    machine = case.machine
+    if machine is None or machine.extraction is None:
+        return
+    from castfem.case.build_extraction import known_resistance
+    from castfem.extraction.drives import StrandStopsError
+
+    try:
+        known_resistance(machine.extraction, machine)
+    except StrandStopsError as error:
+        yield f"machine.extraction: {error}"
 
 
 def describe_test(name: str, case: TensileCase) -> str:

@@ -74,7 +74,7 @@ def draw_material(name: str, composition: Iterable[str], picture: Path | None) -
     from castfem.materials import describe_steel, load_steel
     from castfem.materials.plot import plot_steel
 
-    steel = load_steel(name, Path.cwd(), composition=amounts, origin="castfem material")
+    steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
     print_rows(describe_steel(steel))
     target = picture or Path(f"{Path(name).stem}.png")
     with drawing(target):

@@ -162,13 +162,22 @@ def evaluator(case: Case, folder: Path, processes: int | None) -> Evaluator:
     """
     from castfem.design.evaluator import Evaluator
 
+    check_folder(folder)
+    comm = parallel.communicator()
+    at_once = cores() if processes is None else processes
+    return Evaluator(case, folder, processes=0 if comm is not None else at_once, comm=comm)
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse what cannot be the folder of many runs.
+
+    Raises:
+        InputError: It is a file, or that of a single run.
+    """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
     if (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: holds a single run; choose another with -o")
-    comm = parallel.communicator()
-    at_once = cores() if processes is None else processes
-    return Evaluator(case, folder, processes=0 if comm is not None else at_once, comm=comm)
 
 
 def check_processes(processes: int | None, ranks: bool) -> None:

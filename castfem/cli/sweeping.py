@@ -20,6 +20,7 @@ from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
 from castfem.sweep.share import Share
 from castfem.sweep.work import Job, Outcome
 from castfem.time_loop import existing_run
+from castfem.values.same_place import ROUNDING
 from castfem.values.shown_units import shown_in
 
 if TYPE_CHECKING:
@@ -111,8 +112,14 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
     path = shipped_cases.find(options.name)
     variants = plan(_base(path, options.accuracy), options.assignments, options.table)
     target = options.folder or _default_folder(options.name, path)
-    if target.exists() and not target.is_dir():
-        raise InputError(f"{target}: is a file, a folder is needed; choose another with -o")
+    many_runs.check_folder(target)
+    longest = max((one.case.casting.length for one in variants), default=0.0)
+    beyond = [f"{1e3 * at:g} mm" for at in options.at if at > longest * (1.0 + ROUNDING)]
+    if beyond:
+        raise InputError(
+            f"--at {', '.join(beyond)}: no run comes that far, they are followed to "
+            f"{1e3 * longest:g} mm; give a place above, or a longer casting.length"
+        )
     return variants, target
 
 

@@ -342,6 +342,6 @@ def _parse(name: str, base: Path, holds: str) -> tuple[dict[str, Any], str]:
     except OSError as error:
         raise InputError(f"{label}: cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise InputError(f"{label}: not a text in UTF-8") from None
+        raise InputError(f"{label}: not a text in UTF-8; save it as that") from None
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{label}: {error}") from None

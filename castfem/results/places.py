@@ -30,8 +30,7 @@ def read_positions(given: Sequence[str]) -> list[float]:
         try:
             found.append(units.parse(text, "m"))
         except ValueError as error:
-            mend = "" if any(map(str.isdigit, text)) else '; give a position, such as "800 mm"'
-            problems.append(f"--at {text}: {error}{mend}")
+            problems.append(f"--at {text}: {error}")
     if problems:
         raise InputError(problems)
     return found

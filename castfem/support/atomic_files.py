@@ -24,6 +24,8 @@ from castfem.errors import CannotWrite, RunFailure
 UNWRITTEN = "cannot be written"  # stands in the reason of a run that ends so
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _NO_RIGHT = (errno.EACCES, errno.EPERM, errno.EROFS)
+_NO_PLACE = (errno.ENOENT, errno.ENOTDIR)
+_AGAIN = ", and give the command again (a run goes on with --resume)"
 
 
 def temporary_name(path: Path) -> Path:
@@ -51,10 +53,12 @@ def system_reason(error: BaseException) -> tuple[int | None, str]:
 def mend_for(number: int | None) -> str:
     """What the user can do about an operating system error while a run writes."""
     if number in _NO_SPACE:
-        return "free some space and continue with --resume"
+        return f"free some space{_AGAIN}"
     if number in _NO_RIGHT:
-        return "make the folder writable and continue with --resume"
-    return "mend the disk or the folder and continue with --resume"
+        return f"make the folder writable{_AGAIN}"
+    if number in _NO_PLACE:
+        return f"make the folder, or name another place{_AGAIN}"
+    return f"mend the disk or the folder{_AGAIN}"
 
 
 @contextmanager

@@ -211,8 +211,8 @@ def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
         raise ValueError("needs a header, such as 'casting.speed [m/min]', and a row for each run")
     columns = [(_key(heading, document), heading.unit) for heading in file.headings]
     keys = [key for key, _ in columns]
-    if len(set(keys)) < len(keys):
-        raise ValueError("two columns have the same key")
+    if twice := next((key for key in keys if keys.count(key) > 1), ""):
+        raise ValueError(f"line {file.line}: two columns are of {twice}; leave one out")
     rows: list[Row] = []
     for number, row in enumerate(file.rows, start=1):
         cells = row.cells

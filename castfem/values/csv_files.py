@@ -1,8 +1,8 @@
 """CSV files whose header names each column and its unit: `temperature [degC], value [MPa]`.
 
 Blank lines and those that begin with # are passed over, columns are parted by commas or, if the
-header is, by semicolons; a cell in quotes may hold either. Between semicolons a number may have a
-decimal comma, "3,6" or "3,6 m/min", and is handed on with a point.
+header is, by semicolons or tabs; a cell in quotes may hold any. Between semicolons or tabs a number
+may have a decimal comma, "3,6" or "3,6 m/min", and is handed on with a point.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def read_csv(path: Path) -> CsvFile:
     except OSError as error:
         raise UnreadableError(error.strerror or str(error)) from None
     except UnicodeDecodeError:
-        raise UnreadableError("not a text in UTF-8") from None
+        raise UnreadableError("not a text in UTF-8; save it as that (CSV UTF-8)") from None
     kept = [
         (number, line)
         for number, line in enumerate(lines, start=1)
@@ -93,7 +93,7 @@ def read_csv(path: Path) -> CsvFile:
     if not kept:
         return CsvFile((), 1, "", (), ",")
     first = kept[0][1].strip()
-    separator = ";" if ";" in first else ","
+    separator = next((one for one in ";\t" if one in first), ",")
     texts = (line for _, line in kept)
     reader = csv.reader(texts, delimiter=separator, skipinitialspace=True)
     rows, begun = [], 0
@@ -108,5 +108,5 @@ def read_csv(path: Path) -> CsvFile:
 
 def _pointed(cell: str, separator: str) -> str:
     """A cell whose number has a point for its decimal comma."""
-    found = _DECIMAL_COMMA.match(cell) if separator == ";" else None
+    found = _DECIMAL_COMMA.match(cell) if separator != "," else None
     return cell if found is None else f"{found[1]}.{found[2]}{cell[found.end() :]}"

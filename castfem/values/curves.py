@@ -81,6 +81,8 @@ class CurveOrName(CurveOverEither):
         try:
             return CurveOverEither.read(self, given)
         except ValueError as error:
+            if isinstance(given, Mapping):
+                raise
             near = nearest(given, self.register) if isinstance(given, str) else ""
             names = ", ".join(self.register)
             raise ValueError(f"{error}; or the name of a formula, {names}{near}") from None

@@ -54,6 +54,12 @@ class Curve(Notation):
                 raise ValueError(f"a table over {self.over} is needed, not over {given.over}")
             self._check(given.arguments, given.values)
             return given
+        if isinstance(given, Mapping) and "file" in given:
+            columns = self._columns(given)
+            try:
+                return self._from_columns(columns)
+            except ValueError as error:
+                raise ValueError(f"'{given['file']}': {error}") from None
         if isinstance(given, Mapping):
             return self._from_columns(self._columns(given))
         return self.kind.read(given)
@@ -73,7 +79,7 @@ class Curve(Notation):
         if "file" in given:
             if len(given) > 1:
                 raise ValueError("a table with a file takes no other key")
-            return _columns_of_file(Path(str(given["file"])), self.over)
+            return _columns_of_file(Path(str(given["file"])), self.over, self.kind)
         allowed = (self.over, f"{self.over}_unit", "value", "unit")
         for key in given:
             if key not in allowed:
@@ -227,8 +233,13 @@ def _no_unit(name: str, kind: Kind) -> NoReturn:
     raise ValueError(f'name the unit of the column once, {key} = "{kind.shown or kind.unit}"')
 
 
-def _columns_of_file(path: Path, over: str) -> dict[str, Any]:
+def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
     """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
+
+    Args:
+        path: The file.
+        over: What the table is over.
+        kind: Of its values.
 
     Raises:
         ValueError: The file cannot be read, or its header or a row is not as it must be.
@@ -242,6 +253,12 @@ def _columns_of_file(path: Path, over: str) -> dict[str, Any]:
         raise ValueError(f"'{path}' is empty; its first line must be '{header}'")
     if [heading.name for heading in file.headings] != [over, "value"]:
         raise ValueError(f"the first line of '{path}' must be '{header}', not '{file.first}'")
+    for heading, its in zip(file.headings, (ARGUMENTS[over], kind), strict=True):
+        if not heading.unit and its.unit != "1":
+            raise ValueError(
+                f"'{path}' line {file.line}: {heading.name} has no unit; write it in the header, "
+                f"such as '{heading.name} [{its.shown or its.unit}]'"
+            )
     units_given = [heading.unit or None for heading in file.headings]
     columns: dict[str, Any] = {
         over: [],

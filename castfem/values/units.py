@@ -236,6 +236,9 @@ def parse(
         raise ValueError(f'{_a(name)} is needed, such as "{example}"')
     if not isinstance(text, str):
         return _check(_plain(text, unit, name, example), unit, difference)
+    if _QUANTITY.fullmatch(text) is None:
+        wanted = f'{_a(name)} is needed, such as "{example}"'
+        raise ValueError(f'"{text}" does not begin with a number; {wanted}')
     number, written = split(text)
     scale, offset = _conversion(written, unit, difference, kind)
     if abs(float(number)) > 1e300:

@@ -147,12 +147,15 @@ def test_a_plain_run_knows_nothing_of_it(tmp_path) -> None:
         (("error", "nosuch"), "nosuch: no such case file"),
         (("error", "small", "-j", 0), "at least one process"),
         (("error", "small", "-o", "small.toml"), "small.toml: is a file"),
+        (("error", "small", "-o", "lone"), "lone: holds a single run; choose another with -o"),
         (("error", "small", "--set", "speed=3"), "a speed needs its unit"),
         (("error", "tensile/unloading"), "is a tensile test; a strand is needed here"),
     ],
 )
 def test_bad_input_runs_nothing(castfem, tmp_path, words, message) -> None:
     write_small(tmp_path)
+    (tmp_path / "lone").mkdir()
+    (tmp_path / "lone" / "run.json").write_text("{}")
     before = sorted(tmp_path.rglob("*"))
     outcome = castfem(*words)
     assert outcome.status == 1

@@ -122,10 +122,14 @@ def test_one_failed_run_does_not_stop_the_rest(castfem, tmp_path):
         ((*SPEEDS, "-j", "0"), "at least one process"),
         ((*SPEEDS, "--resume", "--overwrite"), "exclude each other"),
         ((*SPEEDS, "-o", "small.toml"), "is a file"),
+        ((*SPEEDS, "-o", "lone"), "lone: holds a single run; choose another with -o"),
+        ((*SPEEDS, "--at", "9 m"), "--at 9000 mm: no run comes that far, they are followed to 60"),
     ],
 )
 def test_bad_input_runs_nothing(castfem, tmp_path, words, message):
     write_small(tmp_path)
+    (tmp_path / "lone").mkdir()
+    (tmp_path / "lone" / "run.json").write_text("{}")
     before = sorted(tmp_path.rglob("*"))
     outcome = castfem("sweep", "small", *words)
     assert outcome.status == 1

@@ -14,6 +14,7 @@ from castfem.case import Case, load_case
 from castfem.case.build_extraction import coupled_pairs, known_resistance
 from castfem.case.defects import Defect, RollDefect
 from castfem.case.machine import machine_warnings
+from castfem.cli import checking
 from castfem.errors import InputError
 from castfem.extraction.resistance import tributary_lengths
 from castfem.machine.defects import circle, out_of_line, with_radii
@@ -388,3 +389,10 @@ def test_what_the_line_leaves_of_a_roll_that_is_off() -> None:
     beside = 1e3 * out_of_line(normal, rolls_of(slab(OFF, lost)))
     assert beside == pytest.approx(np.delete(found, 29), abs=1e-6)
     assert not out_of_line(normal, rolls_of(slab(lost))).any()
+
+
+def test_the_check_tells_that_the_strand_would_stop() -> None:
+    locked = [{"kind": "locked", "roll": roll} for roll in (44, 50, 55, 60)]
+    (line,) = checking.drive_faults(slab(*locked))
+    assert line.startswith("machine.extraction: the strand would stop: its rolls resist with ")
+    assert not list(checking.drive_faults(REFERENCE))

@@ -315,7 +315,7 @@ def test_a_disk_that_fills_during_the_run_is_a_run_failure(tmp_path, monkeypatch
 
     monkeypatch.setattr(atomic_files.os, "fsync", full)
     with pytest.raises(
-        RunFailure, match=r"No space left on device\); free some space and continue"
+        RunFailure, match=r"No space left on device\); free some space, and give the c"
     ):
         folder.update(memory_mb=1.0)
     assert RunRecord.load(tmp_path).status == "running"

@@ -35,7 +35,7 @@ def test_positions_are_read_with_their_unit() -> None:
     with pytest.raises(InputError) as caught:
         read_positions(["800", "soon"])
     assert [text.partition(":")[0] for text in caught.value.problems] == ["--at 800", "--at soon"]
-    assert caught.value.problems[1].endswith('; give a position, such as "800 mm"')
+    assert "; a length is needed, such as" in caught.value.problems[1]
 
 
 def test_between_two_rows_by_straight_lines(finished_run: Path) -> None:

@@ -161,7 +161,10 @@ def test_refused(base, assignments, message):
         ("", "needs a header"),
         ("speed [m/min]\n", "needs a header"),
         ("speed [m/min],sped [m/min]\n1,2\n", "column sped: no table"),
-        ("speed [m/min],casting.speed [m/min]\n1,2\n", "two columns have the same key"),
+        (
+            "speed [m/min],casting.speed [m/min]\n1,2\n",
+            "line 1: two columns are of casting.speed; leave one out",
+        ),
         ("speed [m/min],superheat [K]\n1\n", "run 1 has 1 cells, the header 2"),
         ("name,order\na,{ a=1, b=2 }\n", "run 1 has 3 cells, the header 2 (a cell with commas"),
         ("name;order\na;1;2\n", "run 1 has 3 cells, the header 2"),

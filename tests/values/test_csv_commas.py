@@ -36,3 +36,34 @@ def test_between_commas_they_are_told(tmp_path: Path) -> None:
     law = {"law": "flux", "value": {"file": str(path)}}
     with pytest.raises(InputError, match=r"two numbers; numbers with decimal commas need semicol"):
         small({SURFACE: [law]})
+
+
+def test_tabs_part_the_columns_as_semicolons_do(tmp_path: Path) -> None:
+    path = tmp_path / "flux.csv"
+    path.write_text("position [mm]\tvalue [MW/m^2]\n0\t2,5\n30,5\t1,25\n")
+    assert read_csv(path).rows[1].cells == ("30.5", "1.25")
+    law = {"law": "flux", "value": {"file": str(path)}}
+    (found,) = small({SURFACE: [law]}).cooling[0].surface
+    assert found.value.values == (2.5e6, 1.25e6)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (
+            b"position, value [MW/m^2]\n0, 2\n30, 1\n",
+            "flux.csv' line 1: position has no unit; write it in the header, such as 'position [mm",
+        ),
+        (b"position [mm], value [MW/m^2]\n0, nan\n30, 1\n", "flux.csv': 'value' row 1 (nan): a fi"),
+        (b"position [\xb5m], value [MW/m^2]\n0, 2\n", "not a text in UTF-8; save it as that (CSV"),
+    ],
+)
+def test_what_is_wrong_with_a_table_in_a_file_names_it(
+    tmp_path: Path, text: bytes, line: str
+) -> None:
+    path = tmp_path / "flux.csv"
+    path.write_bytes(text)
+    with pytest.raises(InputError) as error:
+        small({SURFACE: [{"law": "flux", "value": {"file": str(path)}}]})
+    (problem,) = error.value.problems
+    assert line in problem and "name of a formula" not in problem
