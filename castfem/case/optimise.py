@@ -92,6 +92,9 @@ def _as_text(given: Any) -> Any:
 _ONE_OR_MORE = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 Names = Annotated[tuple[str, ...], BeforeValidator(_listed), WithJsonSchema(_ONE_OR_MORE)]
 Constraint = Annotated[str, AfterValidator(_constraint)]
+Constraints = Annotated[
+    tuple[Constraint, ...], BeforeValidator(_listed), WithJsonSchema(_ONE_OR_MORE)
+]
 _TEXT_OR_NUMBER = {"anyOf": [{"type": "string"}, {"type": "number"}]}
 Value = Annotated[str, BeforeValidator(_as_text), WithJsonSchema(_TEXT_OR_NUMBER)]
 
@@ -197,7 +200,7 @@ class Optimise(TableModel):
 
     minimise: Names = Field((), description="result, as in summary.json, that is to be small")
     maximise: Names = Field((), description="likewise, that is to be large")
-    constraints: tuple[Constraint, ...] = Field(
+    constraints: Constraints = Field(
         (),
         description="what must hold: result, >= or <=, and a value with unit or a share of what "
         "the idealised mould gives",

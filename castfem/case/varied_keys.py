@@ -30,7 +30,7 @@ def faults_of_key(case: Case, key: str, values: Sequence[Any], where: str) -> li
     told: set[str] = set()
     for value in values:
         for line in _refused(case, key, value, where):
-            plain = line.replace(f'"{value}"', "")
+            plain = line.replace(f'"{value}"', "").replace(f"({value})", "")
             if plain not in told:
                 told.add(plain)
                 found.append(line)

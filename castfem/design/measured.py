@@ -83,6 +83,8 @@ def read_measured(path: Path, known: Iterable[str] = ()) -> list[Measured]:
         if _POSITION not in cells:
             raise InputError(f"{where}: the position is missing")
         place = _si(*cells[_POSITION], where)
+        if place < 0.0:
+            raise InputError(f"{where}: the position lies above the meniscus, from which it counts")
         for name, cell in cells.items():
             if name == _POSITION or name.endswith(_ERROR):
                 continue
@@ -111,7 +113,12 @@ def _misfits(path: Path, line: int, headings: Iterable[Heading]) -> Iterable[str
     """Units of columns that do not measure their results; unknown results are left to the run."""
     for heading in headings:
         bare = heading.name.removesuffix(_ERROR)
-        unit = unit_of(bare)
+        unit = "mm" if bare == _POSITION else unit_of(bare)
+        if not heading.unit and unit not in (None, "1", "percent"):
+            usual = "K" if bare != heading.name and unit == "degC" else unit
+            told = f"{heading.name} has no unit; write it in the header, {heading.name} [{usual}]"
+            yield f"{path}: line {line}: {told}"
+            continue
         if not heading.unit or unit is None or bare == _POSITION:
             continue
         try:

@@ -177,8 +177,13 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
     """Sobol indices (results, inputs) of a function of inputs between -1 and 1."""
     from scipy import stats
 
+    def twice(x: Array) -> Array:
+        """A single result of a single input stands there twice: scipy fails at one number."""
+        values = function(x.T).T
+        return np.vstack([values, values]) if inputs == len(values) == 1 else values
+
     found = stats.sobol_indices(
-        func=lambda x: function(x.T).T,
+        func=twice,
         n=_DRAWS,
         dists=[stats.uniform(-1.0, 2.0)] * inputs,
         rng=np.random.default_rng(_SEED),
@@ -187,7 +192,8 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
     with np.errstate(invalid="ignore"):
         parts = [np.reshape(part, shape) for part in (found.first_order, found.total_order)]
     first, total = (np.clip(np.nan_to_num(part), 0.0, 1.0) for part in parts)
-    return first, total
+    count = np.shape(function(np.zeros((1, inputs))))[1]
+    return first[:count], total[:count]
 
 
 class _Finder:

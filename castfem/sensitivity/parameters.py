@@ -226,6 +226,8 @@ def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
     temperature = parameter.unit in LEVELS or parameter.unit == "K"
     usual = 10.0 if temperature else 0.01 * abs(parameter.value)
     wide = _spread(spread, parameter, temperature) if spread else usual
+    if spread and not wide > 0.0:
+        raise ValueError("by how much it may differ must be above 0")
     if not wide > 0.0:
         raise ValueError(f"it is 0; say by how much it may differ: {name}=SPREAD")
     share = _OF_WALL if parameter.key.startswith("mould.") else _SHARE

@@ -157,6 +157,12 @@ HEAD = "position [mm], shell_mid_face [mm], shell_mid_face error [mm]"
     [
         ("", "a header and rows are needed"),
         ("position [mm], shel_mid_face [mm]\n5, 1", "no such result .*did you mean shell_mid"),
+        (
+            "position [mm], shell_mid_face\n5, 1",
+            r"shell_mid_face has no unit; .* header, shell_mid",
+        ),
+        ("position, shell_mid_face [mm]\n5, 1", r"line 1: position has no unit; .*position \[mm\]"),
+        ("position [mm], shell_mid_face [mm]\n-5, 1", r"line 2: the position lies above the men"),
         (f"{HEAD}\n5, 1", r"line 2: 2 cells, not 3"),
         (f"{HEAD}\n5, 1, 0", r"line 2: shell_mid_face error must be above 0"),
         (f"{HEAD}\n5, 1, 0.1\n6, 2, ", r"at 6 mm has no error and others have"),

@@ -110,6 +110,20 @@ def test_a_text_is_no_variable_and_is_told_once(key: str, line: str):
     assert problem.startswith("f.toml: optimise.variable.0: ") and line in problem
 
 
+def test_a_missing_unit_is_told_once_and_a_constraint_may_stand_alone():
+    asked = {
+        "minimise": "heat_removed",
+        "constraints": "shell_mid_face >= 1 mm",
+        "variable": [{"key": "casting.speed", "range": [2, 5]}],
+    }
+    case = small({"optimise": asked})
+    assert case.optimise is not None and len(case.optimise.bounds) == 1
+    with pytest.raises(InputError) as error:
+        Question(case, "f.toml")
+    (problem,) = error.value.problems
+    assert "casting.speed: a speed needs its unit, such as" in problem
+
+
 def test_results_that_no_run_has_are_refused_before_one():
     asked = {
         "minimise": "von_mises_max",

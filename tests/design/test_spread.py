@@ -88,6 +88,21 @@ def test_a_bound_that_inputs_move():
     assert "best of what meets all constraints in 95 % of the draws: casting.speed" in said
 
 
+def test_a_single_input_makes_all_of_a_single_result():
+    """One variable, one input, no constraint: its indices are numbers, not arrays, to scipy."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        a = ((wanted.inputs or (1.0,))[0] - 1.0) / 0.1
+        return {STRESS: 10.0 + 0.5 * a + 2.0 * (wanted.values[0] - 3.3 - 0.06 * a) ** 2}
+
+    found = solve(study(input=[H]), given)
+    assert found.spread is not None
+    objective, place = found.spread.rows
+    for row in (objective, place):
+        assert row.first == pytest.approx((1.0,), abs=0.03)
+        assert row.total == pytest.approx((1.0,), abs=0.03)
+
+
 def test_the_error_of_the_quadratics_is_told():
     def given(wanted: Wanted) -> dict[str, float]:
         _, a, b = drawn(wanted)

@@ -188,6 +188,7 @@ WRONG = [
     ("steel.conductance", "no number of a steel; .* did you mean conductivity"),
     ("steel.youngs_modulus", "no number of a steel"),
     ("casting.speed=1 kg", "'kg' is the unit of a mass, a speed is needed"),
+    ("casting.speed=-1 m/min", "by how much it may differ must be above 0"),
     ("casting.speed,casting.speed", "it is named twice"),
     ("speeed", "no table of the case has a key of this name; did you mean"),
     ("", "a key of the case is needed"),
