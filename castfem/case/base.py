@@ -30,7 +30,11 @@ class TableModel(BaseModel):
     """A table of the case file: unknown keys are refused, values cannot be changed."""
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, validate_default=True, protected_namespaces=()
+        extra="forbid",
+        frozen=True,
+        validate_default=True,
+        protected_namespaces=(),
+        defer_build=True,  # a table is built as part of the whole case, and not by itself before
     )
 
     @field_validator("*", mode="wrap")
