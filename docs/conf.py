@@ -93,6 +93,13 @@ def keep_equations(app, doctree):
         node["nowrap"] = True
 
 
+def spare_mathjax(app, pagename, templatename, context, doctree):
+    """Leave MathJax out of a page without equations; what is for screen readers fails there."""
+    if 'class="math' not in context.get("body", ""):
+        files = context["script_files"]
+        context["script_files"] = [file for file in files if mathjax_path not in str(file.filename)]
+
+
 def copy_mathjax(app, error):
     """Put MathJax beside the pages, which then need no network."""
     target = Path(app.outdir, "_static", "mathjax")
@@ -112,4 +119,5 @@ def setup(app):
         )
     app.connect("autodoc-process-docstring", link_pages)
     app.connect("doctree-read", keep_equations)
+    app.connect("html-page-context", spare_mathjax, priority=900)  # after Sphinx' own
     app.connect("build-finished", copy_mathjax)

@@ -68,6 +68,7 @@ def test_equations_are_drawn(page: Page) -> None:
     page.on("requestfailed", lambda request: errors.append(request.url))
     with_equations = pages('class="math')
     assert len(with_equations) > 10
+    assert pages("MathJax.js") == with_equations
     for file in with_equations:
         for media, width in (("screen", 1200), ("print", 720)):  # a sheet of A4 less its margins
             page.emulate_media(media=media)
