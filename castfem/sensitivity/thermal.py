@@ -98,14 +98,14 @@ class ThermalDerivatives:
         for number, stage in enumerate(result.stages):
             found = self._stage(stage, step, base)
             rate = np.asarray((found - base) / stage.tau, dtype=np.float64)
-            if step.lengthened.any():
-                rate -= np.outer(step.lengthened / step.span, stage.rate)
+            for i in step.moving:
+                rate[i] -= step.lengthened[i] / step.span * stage.rate
             self.rate = rate
             base = found
             if second_order and number == 0:
                 gained = step.span * self.rate
-                if step.lengthened.any():
-                    gained += np.outer(step.lengthened, stage.rate)
+                for i in step.moving:
+                    gained[i] += step.lengthened[i] * stage.rate
                 base = started + (1.0 - GAMMA) * gained
         self.enthalpy, self.reached = found, result.state
         comm, problem, feedback = self._simulation.section.comm, self._problem, self.feedback
@@ -196,13 +196,14 @@ class _Step:
     Attributes:
         begin: s. span: Its length, s.
         own: Begin and length of each parameter above and below it, s.
-        lengthened: D span / dp (parameters,), s per unit.
+        lengthened: D span / dp (parameters,), s per unit. moving: Parameters of which it is not 0.
     """
 
     begin: float
     span: float
     own: list[tuple[tuple[float, float], ...]]
     lengthened: Array
+    moving: list[int]
 
     @classmethod
     def of(cls, begin: float, end: float, variations: Sequence[Variation]) -> _Step:
@@ -213,7 +214,8 @@ class _Step:
             met = [side.step(begin) for side in (v.above, v.below)]
             own.append(tuple((first, pace * span) for first, pace in met))
         longer = [(o[0][1] - o[1][1]) / v.span for o, v in zip(own, variations, strict=True)]
-        return cls(begin, span, own, np.array(longer))
+        moving = [i for i, one in enumerate(longer) if one]
+        return cls(begin, span, own, np.array(longer), moving)
 
 
 def _of_start(variation: Variation) -> Array:
