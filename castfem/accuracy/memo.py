@@ -11,6 +11,7 @@ from castfem.accuracy.table import ErrorTable, Ran, gather
 from castfem.errors import InputError, RunFailure
 from castfem.output.folder import OutputFolder
 from castfem.output.summary import Summary
+from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant
 from castfem.sweep.record import Record
 from castfem.sweep.work import Job
@@ -97,5 +98,5 @@ def prepare(levels: Sequence[Level], folder: Path, *, overwrite: bool = False) -
         folder.mkdir(parents=True, exist_ok=True)
         record.save()
     except (OSError, RunFailure) as error:
-        raise InputError(f"{folder}: cannot be written ({error}); choose another with -o") from None
+        raise InputError(folder_refused(folder, error)) from None
     return Ladder(tuple(levels), record, tuple(jobs))

@@ -14,6 +14,7 @@ from castfem.cli.options import chosen
 from castfem.errors import InputError, RunFailure
 from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import OutputFolder
+from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant, plan
 from castfem.sweep.record import Record
 from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
@@ -173,7 +174,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
         with record.shared():
             record.expect(everything, {variant.name for variant in variants})
     except (OSError, RunFailure) as error:
-        raise InputError(f"{target}: cannot be written ({error}); choose another with -o") from None
+        raise InputError(folder_refused(target, error)) from None
     return _Sweep(record, variants, tuple(jobs), share.count == 1)
 
 

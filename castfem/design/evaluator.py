@@ -12,6 +12,7 @@ from castfem.case.result_names import SMOOTH
 from castfem.design.fidelity import DEFAULT, at_level, idealised
 from castfem.design.store import Evaluation, Store
 from castfem.errors import InputError, RunFailure
+from castfem.support.atomic_files import folder_refused
 from castfem.support.closing import Closing
 from castfem.support.messages import shown
 from castfem.sweep.local import Team
@@ -160,7 +161,7 @@ class Evaluator(Closing):
             folder.mkdir(parents=True, exist_ok=True)
             self.store.record.save()
         except (OSError, RunFailure) as error:
-            raise InputError(f"{folder}: cannot be written ({error}); choose another") from None
+            raise InputError(folder_refused(folder, error)) from None
 
     def _do(self, jobs: list[Job], ended: Any, watcher: Watcher | None) -> None:
         begun, tick = (watcher.begun, watcher.tick) if watcher else (_nothing, _nothing)

@@ -56,6 +56,7 @@ def _panel(axes: Axes, rows: list[Row]) -> None:
     axes.barh(places, change, height=0.62, color=_UP, label="more of it")
     axes.barh(places, -change, height=0.62, color=_DOWN, label="less of it")
     axes.set_yticks(places, [spread_of(row) for row in order], fontsize=7)
+    axes.set_ylim(-0.6, len(order) - 0.4)  # also where no change is known, and no bar drawn
     axes.axvline(0.0, color="0.3", lw=0.8)
     quantity = rows[0].quantity
     unit = plain_unit(unit_of_difference(quantity.shown_unit))

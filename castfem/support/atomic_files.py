@@ -50,6 +50,17 @@ def system_reason(error: BaseException) -> tuple[int | None, str]:
     return None, str(error).splitlines()[0] if str(error) else type(error).__name__
 
 
+def folder_refused(folder: Path, error: BaseException) -> str:
+    """What is said of a folder that cannot be written, before anything is run in it.
+
+    Args:
+        folder: The folder.
+        error: An OSError, or what `saving` raised.
+    """
+    _, reason = system_reason(error.__cause__ or error)
+    return f"{folder}: {UNWRITTEN} ({reason}); choose another with -o"
+
+
 def mend_for(number: int | None) -> str:
     """What the user can do about an operating system error while a run writes."""
     if number in _NO_SPACE:

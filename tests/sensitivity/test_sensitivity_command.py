@@ -116,6 +116,7 @@ def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) 
     with shown_in(ShownUnits.read({"temperature": "degF", "shell": "inch"})):
         draw_tornado(FOUND, tmp_path / "none.png")
     surface, shell = kept[0].axes[:2]
+    assert surface.get_ylim() == (-0.6, 2.6)
     assert surface.get_xlabel() == "change of surface, mid-face [°F]"
     assert shell.get_xlabel() == "change of shell, mid-face [inch]"
     assert {text.get_text() for text in surface.get_yticklabels()} == {
