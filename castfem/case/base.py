@@ -37,6 +37,12 @@ class TableModel(BaseModel):
         defer_build=True,  # a table is built as part of the whole case, and not by itself before
     )
 
+    def __setstate__(self, state: dict[Any, Any]) -> None:
+        """Build the table, which another process has validated, so that it can be written here."""
+        if not type(self).__pydantic_complete__:
+            type(self).model_rebuild()
+        super().__setstate__(state)
+
     @field_validator("*", mode="wrap")
     @classmethod
     def _keep_going(
