@@ -102,8 +102,9 @@ def test_eighty_cycles(castfem, swing, material):
     assert signed["compression_80"] == pytest.approx(signed["compression_3"], rel=1e-3)
     assert abs(signed["growth"]) < 0.1
     assert plain["growth"] > 30.0
-    # The first peak is that of steel which has hardened once only: the laws are one to 10 %.
-    assert signed["tension_1"] == pytest.approx(plain["tension_1"], rel=0.1)
+    # At the first peak p is three times the strain, which has gone there and back and on: with
+    # exponents up to 0.15 steel that has not hardened by all of it bears 3**-0.15 of that or more.
+    assert 3.0**-0.15 < signed["tension_1"] / plain["tension_1"] < 1.0
 
 
 def test_steel_that_relaxes(castfem):
