@@ -261,3 +261,24 @@ def test_gain_of_two_ranks_is_that_of_the_quickest_of_each_window() -> None:
     assert row["factor"] == pytest.approx(20.0) and row["other"] == pytest.approx(75.0)
     assert 100.0 / row["gain"] == pytest.approx(row["alone"] + 0.5 * (100.0 - row["alone"]))
     assert slab_ranks._row("thin", "1", alone, alone)["alone"] is None
+
+
+def test_what_the_page_concludes_of_the_thesis_is_in_the_data() -> None:
+    """VI.3.3 to VI.4.4: straightening above bending, locked rolls below a misaligned one."""
+    data = Path(__file__).parents[2] / "docs" / "data" / "slab_defects.csv"
+    found = pd.read_csv(data).set_index("case")
+    for case in ("reference", "locked_48", "locked_48_52", "warm_edges"):
+        row = found.loc[case]
+        assert row.bending_stress < row.straightening_stress
+        assert row.bending_I1 < row.straightening_I1
+        assert row.straightening_place.startswith("intrados")
+    moved = found.straightening_I1 / found.straightening_I1["reference"] - 1.0
+    assert abs(moved["locked_48"]) < 0.02 < moved["locked_48_52"]
+    for face in ("intrados", "extrados"):
+        rates, stresses = found[f"defect_{face}_I2"], found[f"defect_{face}_I1"]
+        assert rates["misaligned_48"] > 2.0 * found.straightening_I2["locked_48_52"]
+        assert stresses["misaligned_48"] > 4.0 * stresses["reference"]
+    edges, nozzles = found.loc["warm_edges"], found.loc["nozzles_47_52"]
+    assert nozzles.warm_intrados > edges.warm_intrados + 5.0
+    for name in ("straightening_I1", "straightening_I2", "straightening_stress"):
+        assert nozzles[name] == pytest.approx(edges[name], rel=0.03)
