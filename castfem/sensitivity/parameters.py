@@ -272,13 +272,9 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
         raise ValueError(f"no number of a steel; one of {choices(allowed)}{near}")
     origin = steel.origins.get(entry)
     if entry == "latent_heat" and "enthalpy" in steel.properties:
-        raise ValueError(
-            f"{steel.name} releases its heat by its enthalpy; name steel.composition.C instead"
-        )
+        raise ValueError(f"{steel.name} releases its heat by its enthalpy; {_BY_CARBON}")
     if origin is None:
-        raise ValueError(
-            f"it follows from the solid fraction of {steel.name}; name steel.composition.C instead"
-        )
+        raise ValueError(f"it follows from the solid fraction of {steel.name}; {_BY_CARBON}")
     if entry == "latent_heat":
         return Parameter(name, "steel.overrides.latent_heat", steel.latent_heat / 1e3, "kJ/kg", 0.0)
     kelvin = steel.solidus if entry == "solidus" else steel.liquidus
