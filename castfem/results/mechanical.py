@@ -5,6 +5,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -33,7 +34,35 @@ SQRT2 = 2.0**0.5
 HARDLY = 0.05  # share of the section that is solid before its shell is spoken of
 INSTANT = 1e-3  # s: over which the generalized strains are differentiated
 FAR = 1e6  # m: stands for the distance to no wall where vertices are interpolated between
+OPPOSITE = 1e-6  # of its distance from the centre, how near the opposite place a probe begins
 LARGEST = 1.0  # m: of a gap; what is larger has a vertex without a wall in it
+
+
+def opposite(starts: Mapping[str, tuple[float, float]], multiplicity: int) -> dict[str, str]:
+    """Find the probe at the other end of the line through each probe and the centre.
+
+    Args:
+        starts: Of probes that end in the centre of the section, on its surface, m.
+        multiplicity: How many times the modelled part makes up the section: the missing parts are
+            mirror images, in x of a half, in x and y of a quarter.
+
+    Returns:
+        By the name of each probe that of the opposite one, or of its mirror image; itself, where
+        there is none, or the other half is its own mirror image.
+    """
+    places = np.array(list(starts.values())).reshape(-1, 2)
+    ends = -places
+    if multiplicity > 1:
+        ends[:, 0] = np.abs(ends[:, 0])
+    if multiplicity > 2:
+        ends[:, 1] = np.abs(ends[:, 1])
+    names, found = list(starts), {}
+    for name, place, end in zip(names, places, ends, strict=True):
+        off = np.linalg.norm(places - end, axis=1)
+        nearest = int(np.argmin(off))
+        there = off[nearest] <= OPPOSITE * np.linalg.norm(place)
+        found[name] = names[nearest] if there else name
+    return found
 
 
 class MechanicalSampler:
@@ -54,8 +83,10 @@ class MechanicalSampler:
         smooth: bool = False,
     ) -> None:
         self._smooth = smooth
-        self.problem, self.probes, self._centred = stepper.problem, probes, centred
+        self.problem, self.probes = stepper.problem, probes
         self.section: Section = self.problem.section
+        starts = {name: probes.lines[name][0] for name in centred}
+        self._opposite = opposite(starts, self.section.multiplicity)
         self._outward = {
             name: -np.subtract(end, start) / np.linalg.norm(np.subtract(end, start))
             for name, (start, end) in probes.lines.items()
@@ -170,8 +201,11 @@ class MechanicalSampler:
 
     def _across(self, moved: dict[str, float]) -> dict[str, float]:
         """Size of the section through the probes that end in its centre, m."""
-        starts = {name: self.probes.lines[name][0] for name in self._centred}
-        return {n: 2.0 * (float(np.linalg.norm(p)) + moved[n]) for n, p in starts.items()}
+        reach = {
+            name: float(np.linalg.norm(self.probes.lines[name][0])) + moved[name]
+            for name in self._opposite
+        }
+        return {name: reach[name] + reach[other] for name, other in self._opposite.items()}
 
     def displaced(self, profiles: dict[str, Profile], state: MechanicalState) -> dict[str, Profile]:
         """Profiles over the depth below the surface as both are now (collective)."""

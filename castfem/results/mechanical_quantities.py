@@ -121,7 +121,7 @@ def displacement(sample: Sample, probe: str) -> float:
 def size(sample: Sample, probe: str) -> float:
     """Size of the section through each probe that ends in its centre.
 
-    It is twice the distance of the surface from the centre; of `corner` the diagonal.
+    It is the distance between the surfaces on both sides of the centre; of `corner` the diagonal.
     """
     return sample.strained.across[probe]
 
