@@ -84,6 +84,31 @@ def _without_order(known: Sequence[tuple[float, float]], here: float) -> float:
     return max(FEW * finer, HALF * coarser)
 
 
+def convergence_index(values: Mapping[float, float]) -> float:
+    """Return the grid convergence index of a number at the size 1; NaN where nothing is known.
+
+    [Roache1994], with the factor of safety: of each other size x
+
+        SAFETY |v_x - v_1| / |1 - x^p|
+
+    and the largest of these. The order p is the one that three sizes show, at least 1, which the
+    schemes have, and at most 2; where none shows it is 1. Unlike `estimate` it needs no third size,
+    and regards how far the sizes are apart.
+
+    Args:
+        values: The number by size, relative; that of 1 among them. Finer sizes count, if there are
+            any.
+    """
+    here = values.get(1.0, math.nan)
+    others = {size: v for size, v in values.items() if size != 1.0 and math.isfinite(v)}
+    if not others or not math.isfinite(here):
+        return math.nan
+    order = observed_order(sorted({**others, 1.0: here}.items())[:3]) if len(others) > 1 else None
+    believed = min(max(order or 1.0, 1.0), MOST_ORDER)
+    finer = {size: v for size, v in others.items() if size < 1.0} or others
+    return max(SAFETY * abs((v - here) / (1.0 - size**believed)) for size, v in finer.items())
+
+
 def observed_order(known: Sequence[tuple[float, float]]) -> float | None:
     """Return the order that three pairs of size and value show, the finest first; None for none."""
     (x0, v0), (x1, v1), (x2, v2) = known

@@ -13,10 +13,10 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
+from castfem.accuracy.levels import LEVELS
 from castfem.case import Case
 from castfem.case.mechanics import Way
 from castfem.coupling.step_control import ALLOWED_STRAIN
-from castfem.design.fidelity import LEVELS
 from castfem.errors import InputError
 from castfem.support.messages import choices
 
@@ -41,8 +41,7 @@ _SIZES = {
 def factors_of(word: str) -> dict[str, float]:
     """Return the factors that a word for the accuracy of a run stands for.
 
-    They are those of the levels of fidelity (`castfem.design.fidelity`); the step goes with the
-    coupling window.
+    They are those of `castfem.accuracy.levels`; the step goes with the coupling window.
 
     Raises:
         InputError: There is no such word.

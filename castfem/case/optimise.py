@@ -208,8 +208,8 @@ class Optimise(TableModel):
     )
     fidelity: Literal["coarse", "default", "fine"] = Field(
         "default",
-        description="how well the runs of the search are computed; the best one is checked by the "
-        "next better level",
+        description="how well the runs of the search are computed; the best one is run by the "
+        "other two, too, which gives its numerical error",
     )
     method: Literal["cobyqa", "optuna"] = Field(
         "cobyqa",

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from castfem.accuracy.levels import DEFAULT
 from castfem.case.load import changed, from_document
 from castfem.case.result_names import SMOOTH
-from castfem.design.fidelity import DEFAULT, at_level, idealised
+from castfem.design.fidelity import at_level, idealised
 from castfem.design.store import Evaluation, Store
 from castfem.errors import InputError, RunFailure
 from castfem.support.atomic_files import folder_refused

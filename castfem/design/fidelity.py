@@ -11,10 +11,9 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from castfem.accuracy.levels import DEFAULT, LEVELS
 from castfem.case.load import from_document
 from castfem.case.mechanics import Way
 from castfem.errors import InputError
@@ -24,33 +23,10 @@ from castfem.values.tables import Table
 if TYPE_CHECKING:
     from castfem.case import Case
 
-THERMAL, DEFAULT = "thermal", "default"
+THERMAL = "thermal"
 _WALL = "mould"  # a contact law's word for mould.wall_temperature
 # Nothing but the liquid holds a shell without a wall; with this stiffness it bulges as in V.2.1.1.
 _HELD = {"liquid": "elastic", "liquid_stiffness": 1e-3, "ferrostatic": "proportional"}
-
-
-@dataclass(frozen=True, slots=True)
-class Level:
-    """A level of fidelity.
-
-    Attributes:
-        cells: Size of the cells over that of the case.
-        window: Length of the coupling windows over that of the case.
-        finer: The next level that is better in everything; "" for none.
-    """
-
-    cells: float
-    window: float
-    finer: str
-
-
-LEVELS: Mapping[str, Level] = {
-    "coarse": Level(1.5, 2.0, DEFAULT),
-    DEFAULT: Level(1.0, 1.0, "fine"),
-    "fine": Level(0.625, 0.5, ""),
-}
-"""The levels with mechanics, the cheapest first."""
 WORDS = (THERMAL, *LEVELS)
 
 

@@ -23,7 +23,8 @@ class Value:
         high: Likewise.
         open_low: Whether it may lie lower still.
         open_high: Likewise.
-        checked: Where the optimum is with the constraints as the level of the check has them; None
+        checked: Where the optimum is with the constraints as the level of the check has them, and
+            with the slope of the objective by the next level where constraints leave it free; None
             where that failed.
         range: In which it was looked for.
         at_end: What it lies at: the "lowest" or "highest" of its range, or where "runs fail"; ""
@@ -100,7 +101,8 @@ class Known:
         shown_unit: In which it is shown.
         value: At the best run.
         noise: Scatter between runs that differ by next to nothing.
-        numerical: Difference to the level of fidelity that checks it; NaN where that run failed.
+        numerical: Its numerical error, by all levels of fidelity; NaN where only that of the search
+            came through.
         twin: Of a smooth one the maximum that it stands for, and that at the best run; else None.
     """
 

@@ -27,6 +27,7 @@ from castfem.values.types import Array
 _NEIGHBOURS = 5  # runs by which noise is measured
 _APART = 1e-3  # of the ranges: how far apart they are
 FIRST, LAST = 0.1, 0.002  # of the ranges: first step, and the smallest worth taking
+AT_END = 2.0  # last steps from the end of a range
 _LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
 _FAILED = 10.0  # of a failed run's missing way, in scales of the other constraints
 _UNSEEN = 1e-2  # of a result: its scale where no two runs have shown one

@@ -16,16 +16,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.accuracy.levels import DEFAULT, LEVELS
 from castfem.api import Result
 from castfem.case.result_names import unit_of
 from castfem.design import vicinity
 from castfem.design.evaluator import Evaluator, Watcher, lean, variant
-from castfem.design.fidelity import DEFAULT, LEVELS
 from castfem.design.front import Tracer
+from castfem.design.numerical import Numerical, next_of
 from castfem.design.optimum import Optimum
 from castfem.design.outputs import Needs, Obtain, Outputs
 from castfem.design.question import Question, Wanted
-from castfem.design.search import Done, Search
+from castfem.design.search import AT_END, Done, Search
 from castfem.design.spread import spread
 from castfem.design.store import Evaluation
 from castfem.design.verdict import Findings, verdict
@@ -213,19 +214,18 @@ class Study:
         start = question.start(ideal)
         best = search.run(start)
         if outputs.seen[best].failed:
-            return verdict(Findings(question, outputs, search, best, None, "", None, self._told))
+            return verdict(Findings(question, outputs, search, best, None, None, self._told))
         best, model, step = self._surroundings(search, best)
-        checked, check = self._checked(outputs, best)
-        error = check - outputs.vector(best)
+        error = self._numerical(search, best, model)
         for _ in range(2):
             assert search.noise is not None
-            places = vicinity.intervals(model, search.noise.sigma, np.abs(np.nan_to_num(error)))
+            places = vicinity.intervals(model, search.noise.sigma, error.below, error.above)
             ends = np.array([i.open_low or i.open_high for i in places])
             if not np.any(ends & (step < _WIDEST)):
                 break
             step = np.where(ends, np.minimum(2.0 * step, _WIDEST), step)
             model = self._model(outputs, best, step)
-        found = Findings(question, outputs, search, best, model, checked, error, self._told)
+        found = Findings(question, outputs, search, best, model, error, self._told)
         spread_by = None
         if question.inputs:
             spread_by = spread(Outputs(question, self.known, obtain), best, model)
@@ -265,12 +265,46 @@ class Study:
         values = np.array([outputs.vector(w) for w in own])
         return vicinity.Quadratic.fit(centre, step, shares, values)
 
-    def _checked(self, outputs: Outputs, best: Wanted) -> tuple[str, Array]:
-        """The level that checks the best run, and cost and margins by it (1 + m,)."""
-        level = LEVELS[best.fidelity].finer or DEFAULT
-        other = Wanted(best.values, level)
-        given = outputs.fetch([other])[0]
-        return ("" if given.failed else level), outputs.vector(other)
+    def _numerical(self, search: Search, best: Wanted, model: vicinity.Quadratic) -> Numerical:
+        """The error of cost and margins, by the best run at the other levels."""
+        every = {word: Wanted(best.values, word) for word in LEVELS}
+        able = {word: one for word, one in every.items() if self._sound(one)}
+        search.outputs.fetch(list(able.values()))
+        vectors = {word: self._vector(search.outputs, one) for word, one in able.items()}
+        found = Numerical.of(best.fidelity, vectors)
+        assert search.noise is not None
+        shares, last = self.question.shares(best), AT_END * search.radius
+        held = sum(vicinity.binding(model, search.noise.sigma))
+        held += int(np.count_nonzero((shares <= last) | (shares >= 1.0 - last)))
+        if held >= len(shares) or next_of(best.fidelity) not in found.through:
+            return found
+        return found.with_tilt(best.fidelity, self._tilt(search.outputs, best, model.step))
+
+    def _tilt(self, outputs: Outputs, best: Wanted, step: Array) -> vicinity.Tilt:
+        """How the cost by the next level, less its own, changes about a best run."""
+        shares = self.question.shares(best)
+        own = [self.question.at(at) for at in [shares, *vicinity.around(shares, step, (1,))]]
+        there = [replace(one, fidelity=next_of(best.fidelity)) for one in own]
+        outputs.fetch([*own, *there])
+        pairs = zip(own, there, strict=True)
+        change = [self._vector(outputs, b)[0] - self._vector(outputs, a)[0] for a, b in pairs]
+        places = np.array([self.question.shares(one) for one in own])
+        return vicinity.Tilt.fit(shares, places, np.array(change))
+
+    def _vector(self, outputs: Outputs, wanted: Wanted) -> Array:
+        """Cost and margins (1 + m,), NaN also where the run in the idealised mould has failed."""
+        try:
+            return outputs.vector(wanted)
+        except InputError:
+            return np.full(1 + outputs.count, np.nan)
+
+    def _sound(self, wanted: Wanted) -> bool:
+        """Whether a case can be computed so: larger cells may not fit into its faces."""
+        try:
+            self.case(wanted)
+        except InputError:
+            return False
+        return True
 
 
 def _quantity(name: str, value: float) -> Quantity:

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from castfem.accuracy.levels import LEVELS
 from castfem.case.result_names import SMOOTH
 from castfem.design import vicinity
 from castfem.design.front import Front
+from castfem.design.numerical import Numerical, error
 from castfem.design.optimum import (
     Away,
     Kept,
@@ -22,13 +24,11 @@ from castfem.design.optimum import (
 )  # fmt: skip
 from castfem.design.outputs import Outputs
 from castfem.design.question import Axis, Question, Wanted
-from castfem.design.search import Search
+from castfem.design.search import AT_END, Search
 from castfem.design.spread import Spread
 from castfem.design.store import Evaluation
 from castfem.output.summary import unit_of_difference
 from castfem.values.types import Array
-
-_AT_END = 2.0  # last steps from the end of a range
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +38,7 @@ class Findings:
     Attributes:
         question: What was asked. outputs: What the runs mean. search: The search.
         best: The best run. model: Of what lies about it; None where no run has come through.
-        checked: The level by which the best run was checked, "" where that failed.
-        error: Cost and margins by it less those of the search (1 + m,), SI; NaN where it failed.
+        numerical: The error by the other levels; None where no run has come through.
         told: All runs.
     """
 
@@ -48,8 +47,7 @@ class Findings:
     search: Search
     best: Wanted
     model: vicinity.Quadratic | None
-    checked: str
-    error: Array | None
+    numerical: Numerical | None
     told: Mapping[Wanted, Evaluation]
 
     @property
@@ -57,6 +55,11 @@ class Findings:
         """Of cost and margins (1 + m,), SI."""
         noise = self.search.noise
         return np.zeros(1 + self.outputs.count) if noise is None else noise.sigma
+
+    @property
+    def checked(self) -> str:
+        """The level by which the best run was checked, "" where that failed."""
+        return "" if self.numerical is None else self.numerical.checked
 
 
 def verdict(found: Findings, front: Front | None = None, spread: Spread | None = None) -> Optimum:
@@ -93,19 +96,20 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
 
 
 def _intervals(found: Findings) -> list[vicinity.Interval]:
-    if found.model is None or found.error is None:
+    if found.model is None or found.numerical is None:
         return [vicinity.Interval(0.0, 1.0, False, False) for _ in found.question.axes]
-    error = np.abs(np.nan_to_num(found.error))
-    return vicinity.intervals(found.model, found.noise, error)
+    known = found.numerical
+    return vicinity.intervals(found.model, found.noise, known.below, known.above, known.tilted)
 
 
 def _values(
     found: Findings, places: list[vicinity.Interval], spread: Spread | None
 ) -> tuple[Value, ...]:
-    shares, last = found.question.shares(found.best), _AT_END * found.search.radius
+    shares, last = found.question.shares(found.best), AT_END * found.search.radius
     moved = None
-    if found.model is not None and found.error is not None and found.checked:
-        moved = vicinity.moved_best(found.model, found.error[1:])
+    known = found.numerical
+    if found.model is not None and known is not None and known.tells:
+        moved = vicinity.moved_best(found.model, known.moved[1:], known.tilt)
     values = []
     for number, (axis, value, place, share) in enumerate(
         zip(found.question.axes, found.best.values, places, shares, strict=True)
@@ -196,10 +200,9 @@ def _known(found: Findings, name: str, place: int) -> Known:
     """A result at the optimum; `place` is that of its noise among cost and margins."""
     outputs, best = found.outputs, found.best
     quantity = outputs.seen[best].quantities[name]
-    check = found.told.get(Wanted(best.values, found.checked)) if found.checked else None
-    numerical = np.nan
-    if check is not None and name in check.quantities:
-        numerical = abs(check[name] - quantity.value)
+    levels = {word: found.told.get(Wanted(best.values, word)) for word in LEVELS}
+    values = {w: e[name] for w, e in levels.items() if e is not None and name in e.quantities}
+    numerical = error(values, best.fidelity)
     noise = float(found.noise[place])
     of = SMOOTH.get(name)
     twin = None if of is None else (of, outputs.seen[best][of])
@@ -215,8 +218,10 @@ def _constraints(found: Findings) -> list[Kept]:
     kept = []
     for i, margin in enumerate(outputs.margins(best)):
         known = _known(found, outputs.name(i), 1 + i)
-        moved = np.nan if found.error is None else float(found.error[1 + i])
-        numerical = abs(float(np.nan_to_num(moved)))
+        moved, numerical = np.nan, 0.0
+        if found.numerical is not None:
+            moved = float(found.numerical.moved[1 + i])
+            numerical = float(max(found.numerical.below[1 + i], found.numerical.above[1 + i]))
         allowed = known.noise + 1e-9 * abs(margin.bound)
         kept.append(
             Kept(

@@ -1,17 +1,20 @@
 """What lies round an optimum: slopes, the cost of a step, and how sure its place is.
 
 Quadratics are fitted to the runs near the optimum. Of two runs near to one another the numerical
-error is all but the same: it moves a bound, not which of two neighbours has the smaller objective.
+error is nearly the same: it moves a bound rather than which of two has the smaller objective.
 So the place of the optimum is as sure as
     - the scatter of the objective (noise, and what the quadratic leaves) against its curvature: all
       values whose objective is not worse by more than that,
     - the error of the constraints (numerical error, noise, misfit) against their slopes: the optima
-      of bounds that are moved by it.
+      of bounds that are moved by it,
+    - where bounds do not hold all variables, what the numerical error of the objective changes from
+      neighbour to neighbour: its tilt.
 """
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +26,7 @@ from castfem.values.types import Array
 REACH = 2.5  # steps from the optimum to which the quadratics are held
 _SAMPLES = 2**14
 _LINE = 4001
+_TILTS = 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0  # of the largest numerical error of the cost
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +67,34 @@ def _columns(d: npt.NDArray[np.floating[Any]]) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
+class Tilt:
+    """A change of the cost near an optimum that is linear in the variables.
+
+    Attributes:
+        centre: The optimum (n,), shares of the ranges.
+        slope: Of the cost along each variable (n,), SI over the range.
+    """
+
+    centre: Array
+    slope: Array
+
+    @classmethod
+    def fit(cls, centre: Array, shares: Array, change: Array) -> Tilt:
+        """Fit changes (r,) at some places (r, n); those that are NaN do not count."""
+        there = np.isfinite(change)
+        columns = np.column_stack([np.ones(np.count_nonzero(there)), shares[there] - centre])
+        return cls(centre, np.linalg.lstsq(columns, change[there], rcond=1e-8)[0][1:])
+
+    def __call__(self, shares: Array) -> Array:
+        """The change (r,) at some places (r, n), less that at the optimum."""
+        return np.asarray((shares - self.centre) @ self.slope)
+
+    def times(self, factor: float) -> Tilt:
+        """Return a multiple of it."""
+        return Tilt(self.centre, factor * self.slope)
+
+
+@dataclass(frozen=True, slots=True)
 class Interval:
     """Where an optimum may lie along one variable.
 
@@ -77,28 +109,37 @@ class Interval:
     open_high: bool
 
 
-def intervals(model: Quadratic, scatter: Array, error: Array) -> list[Interval]:
+def intervals(
+    model: Quadratic, scatter: Array, below: Array, above: Array, tilt: Tilt | None = None
+) -> list[Interval]:
     """Return where the optimum may lie, one interval a variable.
 
     Args:
         model: Of the runs near it.
         scatter: Of cost and margins (1 + m,), SI: noise.
-        error: Numerical error of cost and margins (1 + m,), SI; that of the cost does not count.
+        below: How far below these cost and margins may lie by their numerical error (1 + m,), SI;
+            that of the cost does not count.
+        above: How far above.
+        tilt: How the numerical error of the cost changes, at the most; None where not known.
     """
     places, low, high = _places(model)
     values = model(places)
     beside = float(scatter[0] + model.misfit[0])
-    moved = scatter[1:] + model.misfit[1:] + error[1:]
-    count = len(moved)
-    shifts = [np.zeros(count), *(s * e for e in np.diag(moved) for s in (1.0, -1.0))]
+    blurred = scatter[1:] + model.misfit[1:]
+    up, down = blurred + above[1:], -blurred - below[1:]
+    count, moved = len(blurred), np.maximum(up, -down)
+    shifts = [np.zeros(count), *np.diag(up), *np.diag(down)]
     if count > 1:
-        shifts += [moved, -moved]
+        shifts += [up, down]
     kept = np.zeros(len(places), dtype=bool)
     kept[-1] = True
+    tilted = np.zeros(len(places)) if tilt is None else tilt(places)
+    shares = _TILTS if tilt is not None else (0.0,)
     for shift in shifts:
         allowed = nearest_to_allowed(values[:, 1:] + shift, moved)
-        least = np.min(values[allowed, 0])
-        kept |= allowed & (values[:, 0] <= least + beside)
+        for share in shares:
+            cost = values[:, 0] + share * tilted
+            kept |= allowed & (cost <= np.min(cost[allowed]) + beside)
     found = places[kept]
     ends = zip(found.min(axis=0), found.max(axis=0), low, high, strict=True)
     near = 0.02 * (high - low)
@@ -111,12 +152,13 @@ def intervals(model: Quadratic, scatter: Array, error: Array) -> list[Interval]:
     ]  # fmt: skip
 
 
-def moved_best(model: Quadratic, shift: Array) -> Array:
+def moved_best(model: Quadratic, shift: Array, tilt: Tilt | None = None) -> Array:
     """Return the best place near an optimum if all margins were moved by something.
 
     Args:
         model: Of the runs near it.
         shift: What the margins are moved by (m,), SI.
+        tilt: What the cost is moved by; None for nothing.
 
     Returns:
         Shares of the ranges (n,).
@@ -124,7 +166,8 @@ def moved_best(model: Quadratic, shift: Array) -> Array:
     places, _, _ = _places(model)
     values = model(places)
     allowed = nearest_to_allowed(values[:, 1:] + shift, np.maximum(np.abs(shift), model.misfit[1:]))
-    return np.asarray(places[allowed][np.argmin(values[allowed, 0])])
+    cost = values[:, 0] if tilt is None else values[:, 0] + tilt(places)
+    return np.asarray(places[allowed][np.argmin(cost[allowed])])
 
 
 def binding(model: Quadratic, scatter: Array) -> list[bool]:
@@ -171,15 +214,15 @@ def _sampled(low: Array, high: Array) -> Array:
     return np.asarray(low + points * (high - low))
 
 
-def around(centre: Array, step: Array) -> list[Array]:
-    """Return the places along each variable through an optimum: two steps to either side.
+def around(centre: Array, step: Array, steps: Sequence[int] = (1, 2)) -> list[Array]:
+    """Return the places along each variable through an optimum: some steps to either side.
 
-    Where a range ends before, the other side has more of them.
+    Where a range ends before, there are none.
     """
     found: list[Array] = []
     for i in range(len(centre)):
-        below = [k for k in (-1, -2) if centre[i] + k * step[i] >= -1e-9]
-        above = [k for k in (1, 2) if centre[i] + k * step[i] <= 1.0 + 1e-9]
+        below = [k for k in (-j for j in steps) if centre[i] + k * step[i] >= -1e-9]
+        above = [k for k in steps if centre[i] + k * step[i] <= 1.0 + 1e-9]
         for k in sorted([*below, *above]):
             place = np.array(centre)
             place[i] = np.clip(centre[i] + k * step[i], 0.0, 1.0)

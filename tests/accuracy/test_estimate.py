@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from castfem.accuracy.estimate import FEW, LEAST, SAFETY, estimate
+from castfem.accuracy.estimate import FEW, LEAST, SAFETY, convergence_index, estimate
 
 R = 2.0**0.5
 
@@ -60,3 +60,22 @@ def test_sizes_need_not_have_one_ratio() -> None:
 
 def test_the_same_everywhere_has_no_error() -> None:
     assert estimate({R: 3.6, 1.0: 3.6, 1.0 / R: 3.6 * (1.0 + 1e-15)}).error == 0.0
+
+
+@pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
+def test_convergence_index_of_a_pure_power(order: float) -> None:
+    """Of v = 5 + 3 x^p the error at 1 is 3, whatever the sizes; two of them take it for order 1."""
+    for sizes in ((1.0, 2 / 3, 5 / 12), (1.5, 1.0, 0.625), (2.4, 1.6, 1.0)):
+        found = convergence_index({x: 5.0 + 3.0 * x**order for x in sizes})
+        assert found == pytest.approx(SAFETY * 3.0)
+    assert convergence_index({1.0: 8.0, 0.5: 6.5}) == pytest.approx(SAFETY * 3.0)
+
+
+def test_convergence_index_without_an_order() -> None:
+    """The largest that a finer size tells; a coarser one counts where there is nothing else."""
+    assert convergence_index({1.0: 0.0, 0.75: 1.0, 0.5: -1.0}) == pytest.approx(SAFETY * 4.0)
+    assert convergence_index({1.5: 9.0, 1.0: 0.0, 0.5: 1.0}) == pytest.approx(SAFETY * 2.0)
+    assert convergence_index({1.0: 0.0, 1.5: 1.0}) == pytest.approx(SAFETY * 2.0)
+    assert convergence_index({1.0: 0.0, 0.5: math.nan, 2.0: 1.0}) == pytest.approx(SAFETY)
+    assert math.isnan(convergence_index({1.0: 0.0, 0.5: math.nan}))
+    assert math.isnan(convergence_index({1.0: math.nan, 0.5: 0.0}))

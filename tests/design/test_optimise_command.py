@@ -51,7 +51,7 @@ def test_command(case, capsys):
     assert content["status"] == "found"
     assert content["values"][0]["value"] == 2.0
     assert content["values"][0]["at_end"] == "lowest"
-    assert content["checked"] == "default"
+    assert content["checked"] == "fine"
     assert (case / "out" / "optimum.png").stat().st_size > 10_000
     assert "casting.speed at the lowest of its range" in first.out
     assert "[m/min]" in first.out
@@ -59,7 +59,7 @@ def test_command(case, capsys):
     with (case / "out" / "sweep.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == content["runs"]["all"]
-    assert {row["fidelity"] for row in rows} == {"coarse", ""}
+    assert {row["fidelity"] for row in rows} == {"coarse", "", "fine"}
     # Again: nothing is run, the same is said.
     call("-j", "1", "-o", "out", "--no-figures")
     again = capsys.readouterr()

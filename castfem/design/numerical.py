@@ -1,0 +1,119 @@
+"""The numerical error at an optimum: its best run by the other levels of accuracy, too.
+
+The error of a result is its grid convergence index (`castfem.accuracy.estimate`): what better
+levels change, extrapolated to cells of no size with a factor of safety.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from castfem.accuracy.estimate import convergence_index
+from castfem.accuracy.levels import LEVELS
+from castfem.design.vicinity import Tilt
+from castfem.values.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Numerical:
+    """What is known of the numerical error of cost and margins at an optimum, SI.
+
+    Attributes:
+        through: The levels at which the best run has come through.
+        checked: The one of them that checks the optimum, "" for none.
+        moved: Cost and margins by it less those of the search (1 + m,); NaN where there is none.
+        below: How far below those of the search they may be without numerical error (1 + m,).
+        above: How far above.
+        tilt: How the cost by the next better level, less that of the search, changes near the
+            optimum; None where bounds hold all variables, or runs have failed.
+        most: By what it may have to be multiplied to be the numerical error.
+    """
+
+    through: frozenset[str]
+    checked: str
+    moved: Array
+    below: Array
+    above: Array
+    tilt: Tilt | None = None
+    most: float = 0.0
+
+    @property
+    def tells(self) -> bool:
+        """Whether better levels tell where the optimum is: they have come through, and differ."""
+        return bool(self.checked) and (len(self.moved) > 1 or self.tilt is not None)
+
+    @property
+    def tilted(self) -> Tilt | None:
+        """How the numerical error of the cost changes near the optimum, at the most."""
+        return None if self.tilt is None else self.tilt.times(self.most)
+
+    def with_tilt(self, fidelity: str, tilt: Tilt) -> Numerical:
+        """Return it with how the cost by the next level differs near the optimum."""
+        other = next_of(fidelity)
+        most = error({fidelity: 0.0, other: 1.0}, fidelity)
+        finer = LEVELS[other].cells < LEVELS[fidelity].cells
+        return replace(self, tilt=tilt, most=most if finer else -most)
+
+    @classmethod
+    def of(cls, fidelity: str, vectors: Mapping[str, Array]) -> Numerical:
+        """Return what cost and margins by several levels tell of those by the level of a search.
+
+        Args:
+            fidelity: The level of the search.
+            vectors: Cost and margins (1 + m,) by level, that of the search among them; NaN where a
+                run has failed.
+        """
+        here = vectors[fidelity]
+        through = frozenset(word for word, v in vectors.items() if not np.isnan(v).any())
+        checked = next((word for word in checks_of(fidelity) if word in through), "")
+        ends = np.array([
+            sides({word: float(vector[i]) for word, vector in vectors.items()}, fidelity)
+            for i in range(len(here))
+        ])  # fmt: skip
+        moved = vectors[checked] - here if checked else np.full_like(here, np.nan)
+        return cls(through, checked, moved, ends[:, 0], ends[:, 1])
+
+
+def checks_of(fidelity: str) -> tuple[str, ...]:
+    """Return the levels that may check those of a search, the best first: finer ones, if any."""
+    others = sorted((w for w in LEVELS if w != fidelity), key=lambda word: LEVELS[word].cells)
+    finer = [word for word in others if LEVELS[word].cells < LEVELS[fidelity].cells]
+    return tuple(finer or others[:1])
+
+
+def next_of(fidelity: str) -> str:
+    """Return the level next to that of a search: the next better one, if there is one."""
+    return checks_of(fidelity)[-1]
+
+
+def error(values: Mapping[str, float], fidelity: str) -> float:
+    """Return the numerical error of a result, in its unit; NaN where nothing is known.
+
+    Args:
+        values: The result by level.
+        fidelity: The level whose error it is.
+    """
+    own = LEVELS[fidelity].cells
+    return convergence_index({LEVELS[w].cells / own: value for w, value in values.items()})
+
+
+def sides(values: Mapping[str, float], fidelity: str) -> tuple[float, float]:
+    """Return how far below and above a result may lie without numerical error, 0 if not known.
+
+    Where it goes one way over three levels or more it goes on that way, and the error has one side.
+    """
+    size = error(values, fidelity)
+    if math.isnan(size):
+        return 0.0, 0.0
+    finest_last = sorted(values, key=lambda word: -LEVELS[word].cells)
+    known = [values[word] for word in finest_last if math.isfinite(values[word])]
+    steps = np.diff(known)
+    if len(known) > 2 and np.all(steps >= 0.0):
+        return 0.0, size
+    if len(known) > 2 and np.all(steps <= 0.0):
+        return size, 0.0
+    return size, size
