@@ -1,7 +1,7 @@
 """Pitches near a lost or a misaligned pair of rolls: their strip goes over several rolls.
 
 Where the rolls are alike the strip of a single pitch is enough. Near rolls that are not, each pitch
-has a strip of its own over the rolls around it, of the shell that enters it, and keeps of that what
+has a strip of its own over the rolls around it, of one shell, and keeps of that what
 lies between its two rolls. A roll that would have to pull is left by the shell.
 """
 

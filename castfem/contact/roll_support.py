@@ -85,7 +85,7 @@ class Foundation(Protocol):
         """What it remembers at the meniscus; the same names and shapes as ever after."""
 
     def beds(
-        self, memory: Memory, start: float, end: float, temperature: Array
+        self, memory: Memory, start: float, end: float, before: Array, temperature: Array
     ) -> tuple[Mapping[str, Bed], Memory]:
         """The beds at the end of a step, and what to remember if it is kept (collective).
 
@@ -96,8 +96,9 @@ class Foundation(Protocol):
             memory: As the committed state has it.
             start: Of the step, s.
             end: Of the step, s.
-            temperature: Of this rank's own vertices at its end (owned,), K, from which the shell's
-                profile and the solid fraction of the core come.
+            before: Temperatures of this rank's own vertices at its start (owned,), K.
+            temperature: Likewise at its end, from which the shell's profile and the solid fraction
+                of the core come.
 
         Returns:
             A bed for each name in `RollSupport.on`, by that name, the same on every rank.
@@ -137,7 +138,7 @@ class GivenFoundation:
         return {}
 
     def beds(
-        self, memory: Memory, start: float, end: float, temperature: Array
+        self, memory: Memory, start: float, end: float, before: Array, temperature: Array
     ) -> tuple[Mapping[str, Bed], Memory]:
         """See `Foundation`."""
         return {name: bed(end) for name, bed in self.given.items()}, memory
@@ -298,7 +299,8 @@ class WinklerFoundation(Interaction):
         self._beds: Mapping[str, Bed] = {name: Bed() for name in self._faces}
         self._memory, self._times = old.memory, (start, end)
         if self.given.active(end):
-            self._beds, self._memory = self.given.foundation.beds(old.memory, start, end, after)
+            told = old.memory, start, end, before, after
+            self._beds, self._memory = self.given.foundation.beds(*told)
             if missing := [name for name in self._faces if name not in self._beds]:
                 raise InputError(f"{', '.join(missing)}: rolls are to bear it, and it has no bed")
         self._take(self._beds)

@@ -8,7 +8,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from castfem.bulging import (
     Bulge,
@@ -26,6 +25,8 @@ from castfem.contact.surface_interaction import ALWAYS
 from castfem.errors import RunFailure
 from castfem.fem.line_probes import LineProbes, Profile
 from castfem.fem.root import shared_out
+from castfem.simulation.liquid_core import Core, core_of, front_of
+from castfem.simulation.shell_ahead import ShellAhead
 from castfem.values.same_place import same_or_before
 from castfem.values.tables import as_function
 from castfem.values.types import Array
@@ -54,28 +55,6 @@ MOULD_PLAY = 1e-3  # m: what a face moves in the mould under a change of the pre
 
 
 @dataclass(frozen=True, slots=True)
-class Core:
-    """The liquid within.
-
-    Attributes:
-        head: Its pressure over time, Pa.
-        share: Of it that is felt at temperatures (n,), K.
-    """
-
-    head: Callable[[float], float]
-    share: Callable[[Array], Array]
-
-    def share_handed_on(self, profile: Profile) -> float:
-        """Share of the pressure handed on: none through liquid, none of a solid core."""
-        surface, core = self.share(np.array([profile.temperature[0], profile.temperature.max()]))
-        return float(max(core - surface, 0.0))
-
-    def handed_on(self, profile: Profile, time: float) -> float:
-        """The pressure that it hands on, Pa."""
-        return float(self.head(time) * self.share_handed_on(profile))
-
-
-@dataclass(frozen=True, slots=True)
 class Face:
     """A wide face.
 
@@ -91,10 +70,11 @@ class Face:
 
 @dataclass(frozen=True, slots=True)
 class PitchByPitch:
-    """Foundation of the wide faces: a bulge for each pitch, from the shell that enters it.
+    """Foundation of the wide faces: a bulge for each pitch, from the shell in its middle.
 
     A pitch begins with the first step that ends beyond its roll, and its strip goes at the mean
     speed of the slice from roll to roll: where the strand stops in between it creeps for longer.
+    Half of that time after its roll it has the shell that it is computed with, which is foreseen.
     Above the first roll the mould holds all faces against the pressure, softly: its taper is that
     of the shell. A mould that is there holds them itself, and its end bears the shell like a roll.
 
@@ -110,6 +90,7 @@ class PitchByPitch:
         probes: Have those lines.
         front: Temperature at the inside of the shell, K.
         core: The liquid.
+        ahead: Foresees the shell.
         half_width: Of the section, m; None to leave the strip's axial strain out of the slice.
         uneven: Rolls that are not alike; None where none is lost or off.
         lines: Rolls from the line of the strand, towards the centre of curvature, m.
@@ -125,6 +106,7 @@ class PitchByPitch:
     probes: LineProbes
     front: float
     core: Core
+    ahead: ShellAhead
     half_width: float | None = None
     uneven: UnevenRolls | None = None
     lines: Array | None = None
@@ -142,7 +124,7 @@ class PitchByPitch:
         return found | {"pitch": np.zeros(1)}
 
     def beds(
-        self, memory: Memory, start: float, end: float, temperature: Array
+        self, memory: Memory, start: float, end: float, before: Array, temperature: Array
     ) -> tuple[Mapping[str, Bed], Memory]:
         """See `Foundation`."""
         place, profiles = self.machine.position(end), self.probes.sample(temperature)
@@ -156,7 +138,10 @@ class PitchByPitch:
             most = max(handed_on.values())
             return beds | {group: Bed(most, soft) for group in self.others}, memory
         if passed != int(memory["pitch"][0]):
-            memory = self._entered(passed, end, profiles, memory)
+            in_middle = profiles
+            if passed < len(self.rolls):
+                in_middle = self._half_way(passed, (start, end), before, profiles)
+            memory = self._entered(passed, end, in_middle, memory)
         offset = float(np.interp(place, self.rolls, self.offsets))
         beds = {group: Bed() for group in self.others}
         for i, (group, pressure) in enumerate(handed_on.items()):
@@ -170,10 +155,25 @@ class PitchByPitch:
             beds[group] = Bed(pressure, float(memory["stiffness"][i]), float(w), out, within)
         return beds, memory
 
+    def _half_way(
+        self, passed: int, step: tuple[float, float], before: Array, after: dict[str, Profile]
+    ) -> dict[str, Profile]:
+        """Profiles half the time of a pitch after its roll, from those of its first step."""
+        first, last = (float(roll) for roll in self.rolls[passed - 1 : passed + 1])
+        middle = 0.5 * (self.machine.time_at(first) + self.machine.time_near(last))
+        begun = self.probes.sample(before)
+        return {
+            face.probe: self.ahead.at(middle, step, begun[face.probe], after[face.probe])
+            for face in self.faces.values()
+        }
+
     def _entered(
         self, passed: int, time: float, profiles: dict[str, Profile], old: Memory
     ) -> Memory:
-        """What is remembered of a pitch that begins at `time` (s), after so many rolls."""
+        """What is remembered of a pitch that begins at `time` (s), after so many rolls.
+
+        The profiles are those of its middle.
+        """
         new = {name: np.array(values) for name, values in self.initial().items()}
         new["pitch"][0], new["error"][:] = passed, old["error"]  # the largest so far
         if passed == len(self.rolls):  # beyond the last nothing bulges
@@ -310,7 +310,7 @@ def build_roll_support(
         lines = None if lines is None else np.append(0.0, lines)
     foundation = PitchByPitch(
         model, nodes, machine, places, 0.5 * (apertures - apertures[0]), faces, others, probes,
-        _front(steel, table.solid_fraction), _core(liquid),
+        front_of(steel, table.solid_fraction), core_of(liquid), ShellAhead(steel),
         0.5 * width if table.axial_strain else None, uneven, lines, above,
     )  # fmt: skip
     return RollSupport(
@@ -378,23 +378,3 @@ def _model(table: Bulging, law: Law, width: float) -> tuple[Callable[[float], Bu
         return lambda middle: plate, NODES
     largest = as_function(table.largest)
     return lambda middle: ThesisPlate(law.elasticity, width, largest(middle)), NODES
-
-
-def _front(steel: Steel, solid_fraction: float) -> float:
-    """Temperature at which the steel has a solid fraction, K."""
-    if solid_fraction >= 1.0:
-        return steel.solidus
-    if solid_fraction <= 0.0:
-        return steel.liquidus
-
-    def excess(temperature: float) -> float:
-        return float(np.asarray(steel.solid_fraction(np.array([temperature])))[0]) - solid_fraction
-
-    return float(brentq(excess, steel.solidus, steel.liquidus, xtol=1e-6))
-
-
-def _core(liquid: Ferrostatic | None) -> Core:
-    """The pressure within; none where the case leaves it out."""
-    if liquid is None:
-        return Core(lambda time: 0.0, np.zeros_like)
-    return Core(liquid.head, lambda heat: np.asarray(liquid.share(heat)))

@@ -34,6 +34,8 @@ SLOW = {
     "hot_mould": "billets and tubes; tests/mould_fit and tests/hot_mould run coarse ones",
     "faster": "ten billets, each in another way",
     "bulging": "slabs down their caster; tests/time_loop/test_bulging_slab.py has short ones",
+    "strip_shell": "half a minute; tests/bulging/test_shell_ahead.py has its foresight",
+    "strip_start": "some seconds; tests/bulging/test_creeping_strip.py has one of its starts",
     "strip_order": "half a minute; tests/bulging has its orders",
     "lost_roll": "a minute; tests/bulging/test_ode_strip.py and test_uneven.py have its parts",
     "creeping_plate": "14 s; test_creeping_plate.py has smaller plates",

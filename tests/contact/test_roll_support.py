@@ -275,7 +275,12 @@ class Counting:
         return {"steps": np.zeros(1)}
 
     def beds(
-        self, memory: Mapping[str, Array], start: float, end: float, temperature: Array
+        self,
+        memory: Mapping[str, Array],
+        start: float,
+        end: float,
+        before: Array,
+        temperature: Array,
     ) -> tuple[Mapping[str, Bed], Mapping[str, Array]]:
         steps = memory["steps"] + 1.0
         return {"bottom": Bed(1e6, 2e10, 1e-5 * float(steps[0]))}, {"steps": steps}

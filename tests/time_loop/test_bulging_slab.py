@@ -22,6 +22,7 @@ from castfem.constitutive.flow_laws import RadialReturn
 from castfem.contact.roll_support import RollSupportState
 from castfem.errors import InputError, RunFailure
 from castfem.results.sample import Sample
+from castfem.simulation.shell_ahead import ShellAhead
 from castfem.simulation.simulation import build
 from castfem.time_loop import loop
 
@@ -108,13 +109,19 @@ def entered(kept: Kept, roll: int) -> Sample:
     return next(s for s in kept.samples if s.position > ROLLS[roll] + 1e-6)
 
 
-def shell_of(sample: Sample) -> tuple[Shell, RadialReturn]:
-    """The shell at mid-face, of the undeformed section, and the law of the case."""
+def half_way(roll: int) -> float:
+    """When the slice is in the middle of a pitch, s."""
+    return 0.5 * (ROLLS[roll] + ROLLS[roll + 1]) / 0.02
+
+
+def shell_of(sample: Sample, time: float) -> tuple[Shell, RadialReturn]:
+    """The shell at mid-face, as it is foreseen for a later time (s), and the law of the case."""
     simulation = build(slab(), MPI.COMM_SELF)
     try:
         assert simulation.mechanics is not None
         law, solidus = simulation.mechanics.problem.slice.law, simulation.steel.solidus
         profile = simulation.probes.sample(sample.state.thermal.point.temperature)["mid_face"]
+        profile = ShellAhead(simulation.steel).later(profile, time - sample.time)
     finally:
         simulation.destroy()
     depth, heat = profile.depth, profile.temperature
@@ -124,7 +131,7 @@ def shell_of(sample: Sample) -> tuple[Shell, RadialReturn]:
 
 def test_the_bulge_is_that_of_the_strip_with_the_shell_of_the_slice(creeping: Kept) -> None:
     above, sample = entered(creeping, 0), entered(creeping, 1)
-    state, (shell, law) = rolls_of(sample), shell_of(sample)
+    state, (shell, law) = rolls_of(sample), shell_of(sample, half_way(1))
     assert state.memory["thickness"][0] == pytest.approx(shell.thickness, rel=1e-9)
     pressure = float(state.memory["load"][0]) / (ROLLS[2] - ROLLS[1])
     assert pressure == pytest.approx(1.2 * 9.81 * 7400.0, rel=0.01)
@@ -143,7 +150,7 @@ def test_elastic_and_thesis_are_the_closed_forms() -> None:
         for model in ("elastic", "thesis", {"model": "elastic", "shear": True})
     )
     length, memory = ROLLS[1] - ROLLS[0], rolls_of(elastic).memory
-    shell, law = shell_of(elastic)
+    shell, law = shell_of(elastic, half_way(0))
     span = Span(length, float(memory["load"][0]) / length, 0.02)
     exact = ElasticStrip(law.elasticity).bulge(span, shell).largest
     assert memory["largest"][0] == pytest.approx(exact, rel=1e-6)
@@ -161,11 +168,11 @@ def test_a_strand_that_stops_just_below_a_roll_bulges_by_its_mean_speed() -> Non
     kept = run_in_memory(slab(casting__speed=stop, casting__length="0.92 m"))
     stopped = next(s for s in kept.samples if s.position > ROLLS[0] + 1e-6)
     assert stopped.position == pytest.approx(0.905) and stopped.time == pytest.approx(45.75)
-    shell, law = shell_of(stopped)
+    begun, ended = 45.75 - np.sqrt(0.5), 66.0
+    shell, law = shell_of(stopped, 0.5 * (begun + ended))
     memory, length = rolls_of(stopped).memory, ROLLS[1] - ROLLS[0]
     # It comes to 0.9 m while it brakes, and to 1.1 m at 56.75 s + (1.1 - 0.915) m / 0.02 m/s.
-    passage = 66.0 - (45.75 - np.sqrt(0.5))
-    span = Span(length, float(memory["load"][0]) / length, length / passage)
+    span = Span(length, float(memory["load"][0]) / length, length / (ended - begun))
     bulge = CreepingStrip(law).bulge(span, shell)
     assert memory["largest"][0] == pytest.approx(bulge.largest, rel=1e-3)
 

@@ -41,7 +41,7 @@ class Softening:
         return {"bulge": np.zeros(1)}
 
     def beds(
-        self, memory: Memory, start: float, end: float, temperature: Array
+        self, memory: Memory, start: float, end: float, before: Array, temperature: Array
     ) -> tuple[dict[str, Bed], Memory]:
         hot = reductions.largest(MPI.COMM_SELF, temperature[self.centre])
         pressure = float(self.ferrostatic.pressure(np.array([hot]), end)[0])
