@@ -87,17 +87,16 @@ def _without_order(known: Sequence[tuple[float, float]], here: float) -> float:
 def convergence_index(values: Mapping[float, float]) -> float:
     """Return the grid convergence index of a number at the size 1; NaN where nothing is known.
 
-    [Roache1994], with the factor of safety: of each other size x
+    [Roache1994], with the factor of safety, of the finest size x, or the next coarser one:
 
         SAFETY |v_x - v_1| / |1 - x^p|
 
-    and the largest of these. The order p is the one that three sizes show, at least 1, which the
-    schemes have, and at most 2; where none shows it is 1. Unlike `estimate` it needs no third size,
-    and regards how far the sizes are apart.
+    It is at least what any finer size changes. The order p is the one that three sizes show, at
+    least 1, which the schemes have, and at most 2; where none shows it is 1. Unlike `estimate` it
+    needs no third size, and regards how far the sizes are apart.
 
     Args:
-        values: The number by size, relative; that of 1 among them. Finer sizes count, if there are
-            any.
+        values: The number by size, relative; that of 1 among them.
     """
     here = values.get(1.0, math.nan)
     others = {size: v for size, v in values.items() if size != 1.0 and math.isfinite(v)}
@@ -105,8 +104,9 @@ def convergence_index(values: Mapping[float, float]) -> float:
         return math.nan
     order = observed_order(sorted({**others, 1.0: here}.items())[:3]) if len(others) > 1 else None
     believed = min(max(order or 1.0, 1.0), MOST_ORDER)
-    finer = {size: v for size, v in others.items() if size < 1.0} or others
-    return max(SAFETY * abs((v - here) / (1.0 - size**believed)) for size, v in finer.items())
+    size = min(others)
+    index = SAFETY * abs((others[size] - here) / (1.0 - size**believed))
+    return max(index, *(abs(v - here) for other, v in others.items() if other < 1.0), 0.0)
 
 
 def observed_order(known: Sequence[tuple[float, float]]) -> float | None:

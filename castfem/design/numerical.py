@@ -14,8 +14,31 @@ import numpy as np
 
 from castfem.accuracy.estimate import convergence_index
 from castfem.accuracy.levels import LEVELS
-from castfem.design.vicinity import Tilt
 from castfem.values.types import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Tilt:
+    """A change of the cost near an optimum that is linear in the variables.
+
+    Attributes:
+        centre: The optimum (n,), shares of the ranges.
+        slope: Of the cost along each variable (n,), SI over the range.
+    """
+
+    centre: Array
+    slope: Array
+
+    @classmethod
+    def fit(cls, centre: Array, shares: Array, change: Array) -> Tilt:
+        """Fit changes (r,) at some places (r, n); those that are NaN do not count."""
+        there = np.isfinite(change)
+        columns = np.column_stack([np.ones(np.count_nonzero(there)), shares[there] - centre])
+        return cls(centre, np.linalg.lstsq(columns, change[there], rcond=1e-8)[0][1:])
+
+    def __call__(self, shares: Array) -> Array:
+        """The change (r,) at some places (r, n), less that at the optimum."""
+        return np.asarray((shares - self.centre) @ self.slope)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +51,7 @@ class Numerical:
         moved: Cost and margins by it less those of the search (1 + m,); NaN where there is none.
         below: How far below those of the search they may be without numerical error (1 + m,).
         above: How far above.
+        better: Whether that is a finer level than that of the search.
         tilt: How the cost by the next better level, less that of the search, changes near the
             optimum; None where bounds hold all variables, or runs have failed.
         most: By what it may have to be multiplied to be the numerical error.
@@ -38,18 +62,18 @@ class Numerical:
     moved: Array
     below: Array
     above: Array
+    better: bool
     tilt: Tilt | None = None
     most: float = 0.0
 
-    @property
-    def tells(self) -> bool:
-        """Whether better levels tell where the optimum is: they have come through, and differ."""
-        return bool(self.checked) and (len(self.moved) > 1 or self.tilt is not None)
+    def tilted(self, places: Array, share: float) -> Array:
+        """Return a share of what the cost changes by at some places (r, n) near the optimum (r,).
 
-    @property
-    def tilted(self) -> Tilt | None:
-        """How the numerical error of the cost changes near the optimum, at the most."""
-        return None if self.tilt is None else self.tilt.times(self.most)
+        Args:
+            places: Shares of the ranges.
+            share: Of the change from the level of the search to the next better one.
+        """
+        return np.zeros(len(places)) if self.tilt is None else share * self.tilt(places)
 
     def with_tilt(self, fidelity: str, tilt: Tilt) -> Numerical:
         """Return it with how the cost by the next level differs near the optimum."""
@@ -75,7 +99,8 @@ class Numerical:
             for i in range(len(here))
         ])  # fmt: skip
         moved = vectors[checked] - here if checked else np.full_like(here, np.nan)
-        return cls(through, checked, moved, ends[:, 0], ends[:, 1])
+        better = bool(checked) and LEVELS[checked].cells < LEVELS[fidelity].cells
+        return cls(through, checked, moved, ends[:, 0], ends[:, 1], better)
 
 
 def checks_of(fidelity: str) -> tuple[str, ...]:

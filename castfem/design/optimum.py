@@ -23,8 +23,7 @@ class Value:
         high: Likewise.
         open_low: Whether it may lie lower still.
         open_high: Likewise.
-        checked: Where the optimum is with the constraints as the level of the check has them, and
-            with the slope of the objective by the next level where constraints leave it free; None
+        checked: Where the optimum is with the constraints as the level of the check has them; None
             where that failed.
         range: In which it was looked for.
         at_end: What it lies at: the "lowest" or "highest" of its range, or where "runs fail"; ""

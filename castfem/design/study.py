@@ -22,7 +22,7 @@ from castfem.case.result_names import unit_of
 from castfem.design import vicinity
 from castfem.design.evaluator import Evaluator, Watcher, lean, variant
 from castfem.design.front import Tracer
-from castfem.design.numerical import Numerical, next_of
+from castfem.design.numerical import Numerical, Tilt, next_of
 from castfem.design.optimum import Optimum
 from castfem.design.outputs import Needs, Obtain, Outputs
 from castfem.design.question import Question, Wanted
@@ -217,9 +217,10 @@ class Study:
             return verdict(Findings(question, outputs, search, best, None, None, self._told))
         best, model, step = self._surroundings(search, best)
         error = self._numerical(search, best, model)
+        untilted = replace(error, tilt=None, checked="")
         for _ in range(2):
             assert search.noise is not None
-            places = vicinity.intervals(model, search.noise.sigma, error.below, error.above)
+            places = vicinity.intervals(model, search.noise.sigma, untilted)
             ends = np.array([i.open_low or i.open_high for i in places])
             if not np.any(ends & (step < _WIDEST)):
                 break
@@ -280,7 +281,7 @@ class Study:
             return found
         return found.with_tilt(best.fidelity, self._tilt(search.outputs, best, model.step))
 
-    def _tilt(self, outputs: Outputs, best: Wanted, step: Array) -> vicinity.Tilt:
+    def _tilt(self, outputs: Outputs, best: Wanted, step: Array) -> Tilt:
         """How the cost by the next level, less its own, changes about a best run."""
         shares = self.question.shares(best)
         own = [self.question.at(at) for at in [shares, *vicinity.around(shares, step, (1,))]]
@@ -289,7 +290,7 @@ class Study:
         pairs = zip(own, there, strict=True)
         change = [self._vector(outputs, b)[0] - self._vector(outputs, a)[0] for a, b in pairs]
         places = np.array([self.question.shares(one) for one in own])
-        return vicinity.Tilt.fit(shares, places, np.array(change))
+        return Tilt.fit(shares, places, np.array(change))
 
     def _vector(self, outputs: Outputs, wanted: Wanted) -> Array:
         """Cost and margins (1 + m,), NaN also where the run in the idealised mould has failed."""

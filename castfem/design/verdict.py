@@ -99,7 +99,7 @@ def _intervals(found: Findings) -> list[vicinity.Interval]:
     if found.model is None or found.numerical is None:
         return [vicinity.Interval(0.0, 1.0, False, False) for _ in found.question.axes]
     known = found.numerical
-    return vicinity.intervals(found.model, found.noise, known.below, known.above, known.tilted)
+    return vicinity.intervals(found.model, found.noise, known)
 
 
 def _values(
@@ -108,8 +108,8 @@ def _values(
     shares, last = found.question.shares(found.best), AT_END * found.search.radius
     moved = None
     known = found.numerical
-    if found.model is not None and known is not None and known.tells:
-        moved = vicinity.moved_best(found.model, known.moved[1:], known.tilt)
+    if found.model is not None and known is not None and known.checked:
+        moved = vicinity.moved_best(found.model, known)
     values = []
     for number, (axis, value, place, share) in enumerate(
         zip(found.question.axes, found.best.values, places, shares, strict=True)

@@ -21,12 +21,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from castfem.design.numerical import Numerical
 from castfem.values.types import Array
 
 REACH = 2.5  # steps from the optimum to which the quadratics are held
 _SAMPLES = 2**14
 _LINE = 4001
-_TILTS = 0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0  # of the largest numerical error of the cost
+_PARTS = 1.0 / 3.0, 2.0 / 3.0, 1.0  # of the largest error of margins, and of that of the cost
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,34 +68,6 @@ def _columns(d: npt.NDArray[np.floating[Any]]) -> Array:
 
 
 @dataclass(frozen=True, slots=True)
-class Tilt:
-    """A change of the cost near an optimum that is linear in the variables.
-
-    Attributes:
-        centre: The optimum (n,), shares of the ranges.
-        slope: Of the cost along each variable (n,), SI over the range.
-    """
-
-    centre: Array
-    slope: Array
-
-    @classmethod
-    def fit(cls, centre: Array, shares: Array, change: Array) -> Tilt:
-        """Fit changes (r,) at some places (r, n); those that are NaN do not count."""
-        there = np.isfinite(change)
-        columns = np.column_stack([np.ones(np.count_nonzero(there)), shares[there] - centre])
-        return cls(centre, np.linalg.lstsq(columns, change[there], rcond=1e-8)[0][1:])
-
-    def __call__(self, shares: Array) -> Array:
-        """The change (r,) at some places (r, n), less that at the optimum."""
-        return np.asarray((shares - self.centre) @ self.slope)
-
-    def times(self, factor: float) -> Tilt:
-        """Return a multiple of it."""
-        return Tilt(self.centre, factor * self.slope)
-
-
-@dataclass(frozen=True, slots=True)
 class Interval:
     """Where an optimum may lie along one variable.
 
@@ -109,37 +82,32 @@ class Interval:
     open_high: bool
 
 
-def intervals(
-    model: Quadratic, scatter: Array, below: Array, above: Array, tilt: Tilt | None = None
-) -> list[Interval]:
+def intervals(model: Quadratic, scatter: Array, error: Numerical) -> list[Interval]:
     """Return where the optimum may lie, one interval a variable.
 
     Args:
         model: Of the runs near it.
         scatter: Of cost and margins (1 + m,), SI: noise.
-        below: How far below these cost and margins may lie by their numerical error (1 + m,), SI;
-            that of the cost does not count.
-        above: How far above.
-        tilt: How the numerical error of the cost changes, at the most; None where not known.
+        error: Numerical error of cost and margins. That of the cost counts by how it changes alone.
     """
     places, low, high = _places(model)
     values = model(places)
     beside = float(scatter[0] + model.misfit[0])
     blurred = scatter[1:] + model.misfit[1:]
-    up, down = blurred + above[1:], -blurred - below[1:]
+    up, down = blurred + error.above[1:], -blurred - error.below[1:]
     count, moved = len(blurred), np.maximum(up, -down)
-    shifts = [np.zeros(count), *np.diag(up), *np.diag(down)]
-    if count > 1:
-        shifts += [up, down]
+    most = [*np.diag(up), *np.diag(down), *([up, down] if count > 1 else [])]
+    shifts = [np.zeros(count), *(part * end for end in most for part in _PARTS)]
+    tilts = [0.0, *(part * error.most for part in _PARTS)] if error.tilt is not None else [0.0]
+    pairs = list(itertools.product(shifts, tilts))
+    if error.better:
+        pairs.append((error.moved[1:], 0.0))
     kept = np.zeros(len(places), dtype=bool)
     kept[-1] = True
-    tilted = np.zeros(len(places)) if tilt is None else tilt(places)
-    shares = _TILTS if tilt is not None else (0.0,)
-    for shift in shifts:
+    for shift, tilt in pairs:
         allowed = nearest_to_allowed(values[:, 1:] + shift, moved)
-        for share in shares:
-            cost = values[:, 0] + share * tilted
-            kept |= allowed & (cost <= np.min(cost[allowed]) + beside)
+        cost = values[:, 0] + error.tilted(places, tilt)
+        kept |= allowed & (cost <= np.min(cost[allowed]) + beside)
     found = places[kept]
     ends = zip(found.min(axis=0), found.max(axis=0), low, high, strict=True)
     near = 0.02 * (high - low)
@@ -152,22 +120,22 @@ def intervals(
     ]  # fmt: skip
 
 
-def moved_best(model: Quadratic, shift: Array, tilt: Tilt | None = None) -> Array:
-    """Return the best place near an optimum if all margins were moved by something.
+def moved_best(model: Quadratic, error: Numerical) -> Array:
+    """Return the best place near an optimum with the margins as another level has them.
 
     Args:
         model: Of the runs near it.
-        shift: What the margins are moved by (m,), SI.
-        tilt: What the cost is moved by; None for nothing.
+        error: Of them. That of the cost is left out: along what bounds leave free it would lead
+            to where the quadratics end.
 
     Returns:
         Shares of the ranges (n,).
     """
     places, _, _ = _places(model)
     values = model(places)
+    shift = error.moved[1:]
     allowed = nearest_to_allowed(values[:, 1:] + shift, np.maximum(np.abs(shift), model.misfit[1:]))
-    cost = values[:, 0] if tilt is None else values[:, 0] + tilt(places)
-    return np.asarray(places[allowed][np.argmin(cost[allowed])])
+    return np.asarray(places[allowed][np.argmin(values[allowed, 0])])
 
 
 def binding(model: Quadratic, scatter: Array) -> list[bool]:

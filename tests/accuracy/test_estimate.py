@@ -72,8 +72,9 @@ def test_convergence_index_of_a_pure_power(order: float) -> None:
 
 
 def test_convergence_index_without_an_order() -> None:
-    """The largest that a finer size tells; a coarser one counts where there is nothing else."""
-    assert convergence_index({1.0: 0.0, 0.75: 1.0, 0.5: -1.0}) == pytest.approx(SAFETY * 4.0)
+    """The finest size tells, or the next coarser one; no finer one lies beyond what is stated."""
+    assert convergence_index({1.0: 0.0, 0.75: 1.0, 0.5: -1.0}) == pytest.approx(SAFETY * 2.0)
+    assert convergence_index({1.0: 0.0, 0.75: 5.0, 0.5: 1.0}) == 5.0
     assert convergence_index({1.5: 9.0, 1.0: 0.0, 0.5: 1.0}) == pytest.approx(SAFETY * 2.0)
     assert convergence_index({1.0: 0.0, 1.5: 1.0}) == pytest.approx(SAFETY * 2.0)
     assert convergence_index({1.0: 0.0, 0.5: math.nan, 2.0: 1.0}) == pytest.approx(SAFETY)
