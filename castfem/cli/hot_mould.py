@@ -101,8 +101,8 @@ def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
         ("length", f"{1e3 * wall.longer:+.2f} mm"),
         (
             "von Mises",
-            f"at most {1e-6 * distorted.largest_stress:.0f} MPa (elastic), at x = {x:.0f}, "
-            f"y = {y:.0f}, {z:.0f} mm below the meniscus",
+            f"{1e-6 * distorted.largest_stress:.0f} MPa (elastic), the largest within the cells, "
+            f"at x = {x:.0f}, y = {y:.0f}, {z:.0f} mm below the meniscus",
         ),
     ]
     for name, solved in (("conduction", heated.solved), ("elasticity", distorted.solved)):

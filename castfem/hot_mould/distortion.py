@@ -53,7 +53,8 @@ class Distorted:
     Attributes:
         displacement: Function, m.
         solved: The linear solve.
-        largest_stress: Von Mises, Pa, at the points where it is most accurate.
+        largest_stress: Von Mises, Pa, at the points where it is most accurate, a fifth of a cell
+            below the faces of the wall, which may have more.
         largest_at: Where (3,), m.
     """
 

@@ -54,6 +54,13 @@ def stresses(r: Array) -> Array:
     return np.stack([radial, hoop, NU * (radial + hoop) - ALPHA * E * rise], axis=-1)
 
 
+def von_mises(r: float) -> float:
+    """Von Mises stress of the closed form."""
+    radial, hoop, axial = stresses(np.array(r))
+    squares = (radial - hoop) ** 2 + (hoop - axial) ** 2 + (axial - radial) ** 2
+    return float(np.sqrt(0.5 * squares))
+
+
 def errors(cells: int) -> tuple[float, float, float]:
     """Largest error of temperature (K), and of displacement and stress over their largest value."""
     tube = round_tube(cells)
@@ -63,6 +70,9 @@ def errors(cells: int) -> tuple[float, float, float]:
     assert heated.supplied == pytest.approx(heated.removed, rel=1e-9)
     distortion = Distortion(tube, plain_copper(), "between")
     found = distortion.solve(heated.temperature)
+    inmost = A + 0.5 * (1.0 - 1.0 / np.sqrt(3.0)) * (B - A) / cells
+    assert found.largest_stress == pytest.approx(von_mises(inmost), rel=0.01)
+    assert found.largest_stress < von_mises(A)  # on the hot face
     moved = found.displacement.x.array.reshape(-1, 3)
     radial = (moved[:, :2] * tube.scalars.tabulate_dof_coordinates()[:, :2]).sum(axis=1) / r
     exact = displacement(r)
