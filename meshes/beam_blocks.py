@@ -235,7 +235,7 @@ def _core(
     rows, inward = nodes.rows, grading.inward
     corner, columns = flank[-1], len(tip) - 1
     fraction = (left - left[0]) / (left[-1] - left[0])
-    down, right = _fan(corner, flank[-2] - corner, web[1] - corner)
+    down, right = _fan(flank[-2] - corner, web[1] - corner)
     reach = _BEND * float(corner[1])
     foot = np.array([corner[0] + reach * down[0], 0.0])
     deeper = SizeLaw(float(left[1] - left[0]), inward.coarse, 0.0, inward.slope)
@@ -257,13 +257,12 @@ def _core(
     return [block_a, block_b, block_c]
 
 
-def _fan(corner: np.ndarray, up: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _fan(up: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Unit directions that cut the core's angle at its inner corner into three equal ones.
 
     Args:
-        corner: The node under the fillet.
-        up: Direction towards the flank.
-        along: Direction towards the web.
+        up: Direction from the node under the fillet towards the flank.
+        along: Direction from it towards the web.
 
     Returns:
         The direction down (between A and B) and the one to the right (between B and C).

@@ -30,7 +30,7 @@ def build_mould(table: Mould, section: Section) -> wall.Mould:
     """
     expansion = _expansion(table)
     hot = 1.0 if expansion is None else expansion.factor(0.0)
-    tapers = _tapers(table, section)
+    tapers = _tapers(table)
     temperature = None if table.wall_temperature is None else as_function(table.wall_temperature)
     if table.displacement is not None:
         cavity = _cavity(table, section, hot)
@@ -60,7 +60,7 @@ def _cavity(table: Mould, section: Section, hot: float) -> wall.Cavity:
     return section.cavity(size, hot)
 
 
-def _tapers(table: Mould, section: Section) -> wall.Tapers:
+def _tapers(table: Mould) -> wall.Tapers:
     """Return the profiles; a face without taper of its own has that of all faces, or none."""
     profiles = {}
     for name, given in table.taper.parts.items():
@@ -117,7 +117,7 @@ def nominal_mould(table: Mould, section: Section) -> wall.Mould:
     Raises:
         ValueError: As `build_mould`.
     """
-    return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table, section))
+    return wall.Mould(_cavity(table, section, 1.0), table.length, _tapers(table))
 
 
 def _sizes(table: Mould, section: Section, known: tuple[str, ...]) -> Iterator[Problem]:
@@ -185,7 +185,7 @@ def _fits(table: Mould, section: Section) -> Iterator[Problem]:
     try:
         _expansion(table)
         key = "taper"
-        _tapers(table, section)
+        _tapers(table)
         key = ""
         straight = wall.same(wall.Taper.single(0.0, table.length))
         wall.Mould(_cavity(table, section, 1.0), table.length, straight)

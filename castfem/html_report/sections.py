@@ -36,7 +36,6 @@ class Section:
         box: Width and height of the drawing.
         mirrors: Signs of x and y of the parts that make the whole section.
         polygons: Corners of each cell, as SVG has them.
-        outlines: Paths of the cells, for each of `polygons`.
         places: Positions below the meniscus, in words.
         fields: Name, unit, limits, palette and the values of all cells and places (base64 of
             16-bit numbers, 0 to 65535 between the limits).

@@ -130,7 +130,7 @@ def read(data: Mapping[str, Any]) -> tuple[MaterialFile, list[Problem]]:
         except ValidationError as error:
             for details in error.errors(include_url=False, include_context=True):
                 path = details["loc"]
-                problems.append(Problem(path, _text(details, path, sound)))
+                problems.append(Problem(path, _text(details, path)))
                 _drop(sound, path)
 
 
@@ -141,7 +141,7 @@ _PLAIN = {
 }
 
 
-def _text(details: Any, path: Keys, data: Mapping[str, Any]) -> str:
+def _text(details: Any, path: Keys) -> str:
     """Say what is wrong, what is allowed, and what may have been meant."""
     value = f" ({shown(details['input'])})"
     kind, name = details["type"], str(path[-1])

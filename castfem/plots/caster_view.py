@@ -149,7 +149,7 @@ def draw_caster(maps: SurfaceMaps) -> Figure | None:
 def _everything(view: View) -> Array:
     """Points that the picture must hold (n, 2)."""
     ends = [
-        projected(_circle(view, centre, 0.5 * pair.diameter, sign * (view.half + _OVER)))[0]
+        projected(_circle(centre, 0.5 * pair.diameter, sign * (view.half + _OVER)))[0]
         for pair in view.pairs
         for centre in view.side.across(pair.position, 0.5 * pair.diameter)
         for sign in (-1.0, 1.0)
@@ -157,7 +157,7 @@ def _everything(view: View) -> Array:
     return np.concatenate([view.corners.reshape(-1, 2), *ends])
 
 
-def _circle(view: View, centre: Array, radius: float, across: float) -> Array:
+def _circle(centre: Array, radius: float, across: float) -> Array:
     """A circle around a point of the side view, at a distance from the middle (n, 3), m."""
     x, z = centre[0] + radius * np.cos(_ROUND), centre[1] + radius * np.sin(_ROUND)
     return np.stack([x, np.full(len(_ROUND), across), z], axis=1)
@@ -210,13 +210,13 @@ def _draw_rolls(panel: Axes, view: View, inner: bool) -> None:
     for pair in view.pairs:
         centres, radius = view.side.across(pair.position, 0.5 * pair.diameter), 0.5 * pair.diameter
         near, far = (
-            projected(_circle(view, centres[int(inner)], radius, sign * (view.half + _OVER)))[0]
+            projected(_circle(centres[int(inner)], radius, sign * (view.half + _OVER)))[0]
             for sign in (-1.0, 1.0)
         )
         both = np.concatenate([near, far])
         bodies.append(both[ConvexHull(both).vertices])
         for centre in centres if inner else ():
-            end = _circle(view, centre, radius, -(view.half + _OVER))
+            end = _circle(centre, radius, -(view.half + _OVER))
             ends[pair.driven].append(projected(end)[0])
     veil: dict[str, Any] = {"alpha": 0.13} if inner else {}
     panel.add_collection(PolyCollection(bodies, facecolors=_ROLL, edgecolors="none", **veil))

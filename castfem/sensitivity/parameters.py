@@ -318,7 +318,7 @@ def _found(document: Mapping[str, Any], key: str) -> tuple[str, Any]:
                 rest, part = [part, *rest], "surface"
             place = place.get(part)
         elif isinstance(place, Sequence) and not isinstance(place, str):
-            index = _index(place, part, rest, key)
+            index = _index(place, part)
             if not part.isdigit() and index != _named(place, part):
                 rest = [part, *rest]
             part, place = str(index), place[index]
@@ -339,7 +339,7 @@ def _named(entries: Sequence[Any], part: str) -> int | None:
     return None
 
 
-def _index(entries: Sequence[Any], part: str, rest: Sequence[str], key: str) -> int:
+def _index(entries: Sequence[Any], part: str) -> int:
     """Which entry of an array a part of a key means.
 
     Raises:

@@ -141,7 +141,7 @@ def vary(simulation: Simulation, parameter: Parameter) -> Variation:
         below, above = (_varied(simulation, tried, sign * step) for sign in (-1.0, 1.0))
         knots = [len(end.simulation.problem.curve.knots) for end in (below, above)]
         if knots[0] == knots[1]:
-            _check_effect(simulation, tried, below, above)
+            _check_effect(tried, below, above)
             curves = [end.simulation.problem.curve for end in (above, below)]
             alike = below.same_curve and above.same_curve
             return Variation(tried, below, above, None if alike else CurveDifference(*curves))
@@ -220,9 +220,7 @@ def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -
     return np.array(kept).T
 
 
-def _check_effect(
-    simulation: Simulation, parameter: Parameter, below: Varied, above: Varied
-) -> None:
+def _check_effect(parameter: Parameter, below: Varied, above: Varied) -> None:
     """Refuse a parameter that the run does not hang on.
 
     Raises:
