@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import gc
+import importlib.metadata
 import os
 import sys
 from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,10 @@ if TYPE_CHECKING:
 
 sys.path.insert(0, str(Path(__file__).parent))
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# Each of the hundreds of forms that are compiled asks six times what all installed packages
+# register for setuptools, which reads their metadata anew.
+importlib.metadata.entry_points = lru_cache(importlib.metadata.entry_points)
 
 # The same examples every time, and no clock: a slow machine is no failure.
 settings.register_profile("castfem", deadline=None, derandomize=True, database=None)
