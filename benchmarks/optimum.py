@@ -18,6 +18,7 @@ from scipy.interpolate import PchipInterpolator
 from benchmarks.report import Output, table
 from castfem.api import load
 from castfem.design import Evaluator, Optimum, Study, Wanted
+from castfem.design.figure import draw
 from castfem.design.mould_table import mould_table
 
 CASES = ("single", "corner", "double", "parabolic", "double_corner")
@@ -33,7 +34,7 @@ _FINE = 801  # places along each variable between the runs of a grid
 SHOWN = {
     "mould": "mould",
     "best": "best [%/m]",
-    "checked": "with the heat of the next level [%/m]",
+    "checked": "with the heat of the finest level [%/m]",
     "interval": "cannot be told from [%/m]",
     "stress": "peak stress [MPa]",
     "noise": "its noise",
@@ -170,6 +171,10 @@ def main(output: Output, quick: bool) -> None:
         orders.append(ordered(name, study, found))
         print(f"  {orders[-1]}", flush=True)
         output.csv("optimum_ordered", orders)
+        if name == "single":
+            figures = output.folder / "figures"
+            figures.mkdir(parents=True, exist_ok=True)
+            draw(found, figures / "optimum_single.png")
         if name in sizes:
             grids.append(grid(name, study, found, sizes[name]))
             print(f"  {grids[-1]}", flush=True)

@@ -64,7 +64,7 @@ def inputs(output: Output) -> None:
         {"part": "inputs, 5 to 95 % of the draws", "low": value.drawn[0], "high": value.drawn[1]},
         {"part": "all together", "low": value.low, "high": value.high},
         {"part": "best, by the level of the search", "low": value.value, "high": value.value},
-        {"part": "best, by the next level", "low": value.checked, "high": value.checked},
+        {"part": "best, by the finest level", "low": value.checked, "high": value.checked},
         {"part": "keeps to the heat in 95 % of the draws", "low": value.safe, "high": value.safe},
     ]
     output.csv("optimum_interval", rows)

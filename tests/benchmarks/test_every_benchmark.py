@@ -51,6 +51,7 @@ SLOW = {
     "slab_mould": "slabs through a mould; tests/benchmarks/test_slab_tables.py has its cases",
     "slab_sprays": "slabs down their caster; test_slab_tables.py tests what is read off them",
     "optimum": "some 150 billets; tests/design drives the search by results that are known",
+    "optimum_holds": "some 80 short billets, half of them on fine cells; tests/design as above",
     "optimum_interval": "some 150 billets; tests/design has spread and front of known results",
     "optimum_gradients": "some 80 billets; tests/sensitivity has the derivatives",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
