@@ -3,7 +3,7 @@
 Runs cases/slab1200/slab.toml (cells of 5 mm at the corners, too) from the meniscus through the
 mould of `slab_mould` with its stresses, from the mould's exit after a mean coefficient, and from
 the temperatures that the own mould leaves in the middle of a wide face. Windows of the own mould
-that are 1 % shorter tell what is noise, coarser cells in two of the ways what the mesh does. Into
+that are 1 % shorter tell what is noise, finer cells in two of the ways what the mesh does. Into
 results/benchmarks/slab_downstream (what is finished there is not repeated). Writes tables of
 docs/slab_heat.md.
 """
@@ -62,9 +62,12 @@ WAYS = (
     Way("rolls that pull", "mean"),
     Way("profile", "profile", ("mechanics.bulging.pull=false",)),
 )
-COARSER = ("mesh.surface_size=7.5 mm", "mesh.corner_size=7.5 mm")
-COARSE = tuple(Way(f"{w.name}, 7.5 mm", w.start, (*w.keys, *COARSER)) for w in (OWN, WAYS[2]))
-FIRST_ORDER = 5.0 / (7.5 - 5.0)  # times the difference of two meshes: the error of the finer one
+CELL, FINER = 5.0, (4.0, 3.5)  # mm, at the surface: of all ways, and finer ones of two of them
+FINE = tuple(
+    Way(f"{way.name}, {size:g} mm", way.start,
+        (*way.keys, f"mesh.surface_size={size} mm", f"mesh.corner_size={size} mm"))
+    for way, size in zip((OWN, WAYS[2]), FINER, strict=True)
+)  # fmt: skip
 TOLD = {
     "warm_mid_face": ("surface at #8, mid-face, degC", ".0f"),
     "warm_corner": ("corner", ".0f"),
@@ -105,7 +108,7 @@ def main(output: Output, quick: bool) -> None:
     rows: list[dict[str, Any]] = []
     folder = output.folder if quick else FOLDER
     further = ("casting.length=1.1 m", "mesh.surface_size=10 mm") if quick else ()
-    for number, way in enumerate(WAYS[2:3] if quick else (*WAYS, *COARSE)):
+    for number, way in enumerate(WAYS[2:3] if quick else (*WAYS, *FINE)):
         rows.append(_row(way, case_of(way, further), folder / f"{number}"))
         print(f"  {way.name}: {rows[-1]['failure'] or 'finished'}", flush=True)
         output.csv("slab_downstream", rows)
@@ -187,11 +190,11 @@ def show(output: Output) -> None:
     rows = output.rows("slab_downstream")
     if not rows:
         return
-    coarse = {way.name for way in COARSE}
+    finer = {way.name for way in FINE}
     known = {row["name"]: row for row in rows}
-    if coarse <= set(known):
+    if finer <= set(known):
         _show_cells(output, known)
-    rows = [row for row in rows if row["name"] not in coarse]
+    rows = [row for row in rows if row["name"] not in finer]
     lines = []
     for name, (what, form) in TOLD.items():
         line: dict[str, Any] = {"what": what}
@@ -204,22 +207,22 @@ def show(output: Output) -> None:
 
 
 def _show_cells(output: Output, rows: dict[str, dict[str, Any]]) -> None:
-    """The error of the cells, of first order, of both ways and of what they differ by."""
+    """What finer cells and, as noise, shorter windows change in two of the ways."""
+    mean, shorter = WAYS[2], WAYS[1]
     lines = []
     for name, (what, form) in TOLD.items():
         if not form:
             continue
-        line, pairs = {"what": what}, []
-        for way, other in zip((OWN, WAYS[2]), COARSE, strict=True):
-            value, coarse = rows[way.name][name], rows[other.name][name]
-            pairs.append((value, FIRST_ORDER * (value - coarse)))
+        line: dict[str, Any] = {"what": what}
+        for way, fine in zip((OWN, mean), FINE, strict=True):
+            value = rows[way.name][name]
             line[way.name] = format(value, form)
-            line[f"{way.name} more"] = format(pairs[-1][1], f"+{form}")
-        line["apart"] = format(pairs[0][0] - pairs[1][0], f"+{form}")
-        line["apart more"] = format(pairs[0][1] - pairs[1][1], f"+{form}")
+            line[fine.name] = format(rows[fine.name][name] - value, f"+{form}")
+        line["noise"] = format(rows[shorter.name][name] - rows[OWN.name][name], f"+{form}")
+        line["apart"] = format(rows[OWN.name][name] - rows[mean.name][name], f"+{form}")
         lines.append(line)
     head = {"what": "slab1200/slab, from"}
-    for way in (OWN, WAYS[2]):
-        head |= {way.name: way.name, f"{way.name} more": "more without the error of its cells"}
-    head |= {"apart": "difference", "apart more": "more without that error"}
+    for way, fine, size in zip((OWN, mean), FINE, FINER, strict=True):
+        head |= {way.name: way.name, fine.name: f"more with cells of {size:g} mm"}
+    head |= {"noise": "own mould, more with windows 1 % shorter", "apart": "own less mean"}
     output.insert("slab downstream cells", table(lines, head, {}))

@@ -44,6 +44,7 @@ SLOW = {
     "slab_bending": "slabs through bender and straightener; test_slab_tables.py tests what is read",
     "slab_error": "some ten slabs down their caster; test_slab_tables.py tests how it compares",
     "slab_reversal": "slabs down their caster; test_slab_reversal.py has its fibres",
+    "slab_extremes": "some thirty coarse slabs; tests/time_loop/test_bulging_slab.py has its ends",
     "slab_cells": "processes of their own, with up to some 4000 cells",
     "slab_downstream": "slabs down their caster; test_slab_tables.py has their cases",
     "slab_ranks": "processes of their own, on one rank and on two",
