@@ -3,30 +3,39 @@
 The billet's temperatures through its mould. The cost is processor time in memory, the least of
 seven by turns, which other work on the machine disturbs least; differences are those of whole runs
 on the same steps, at the best of three distances.
+Then why the factor is not shared between stages, and what the billet in its mould costs.
 Writes tables of docs/sensitivity.md.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from time import process_time
 from typing import Any
+from unittest.mock import patch
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 
 from benchmarks.report import Output, table
 from castfem.api import load
 from castfem.case import Case
+from castfem.materials.curve import CurvePoint
 from castfem.sensitivity.linear import StageTangent
 from castfem.sensitivity.parameters import Parameter, read_parameters
+from castfem.sensitivity.readings import Readings, asked_quantities
 from castfem.sensitivity.result import Sensitivity
-from castfem.sensitivity.run import follow, sensitivity
+from castfem.sensitivity.run import Recorder, follow, sensitivity
 from castfem.sensitivity.varied import surface_heat
 from castfem.simulation.simulation import build, case_steel
 from castfem.thermal import problem as heat_balance
 from castfem.thermal.stepper import GAMMA
 from castfem.time_loop.loop import TimeLoop
+from castfem.values.types import Array
+
+_Place = tuple[CurvePoint, Array, float]  # of StageTangent.factor
 
 CASE = "billet125/thermal"
 SIX = (
@@ -39,6 +48,19 @@ SHARES = (1e-3, 1e-4, 1e-5)  # of a parameter, or of 100 K: distances of differe
 WIDE = (("casting.speed", 0.2), ("casting.superheat", 10.0))  # over several cells of the shell
 TURNS = 7
 REPEATS = 20  # of a factor
+TURNS_COUPLED = 2
+EVERY = 5  # stages, of which one is looked at
+COUPLED = "billet125/taper_1"
+# On cells and a length that a search for a taper would find coarse: what is asked is a ratio.
+COARSE: dict[str, Any] = {
+    "casting.length": "45 mm", "mesh.surface_size": "3 mm", "mesh.corner_size": "3 mm",
+    "output.fields": [], "output.figures": False, "reference": [],
+}  # fmt: skip
+OF_MOULD = ("heat_removed", "von_mises_max", "axial_strain")
+SIX_OF_MOULD = (
+    "mould.taper", "cooling.mould.gap_conductivity", "casting.speed", "casting.superheat",
+    "law.strength", "steel.conductivity",
+)  # fmt: skip
 
 
 def _case(quick: bool) -> Case:
@@ -126,6 +148,108 @@ def _least(case: Case) -> list[dict[str, Any]]:
     return [{"stage": stage, "factor": factor, "solves": solves, "share": share}]
 
 
+def _matrices(problem: heat_balance.ThermalProblem, run: Callable[[], Any]) -> list[list[_Place]]:
+    """What makes the matrix of each Newton iterate of the stages of a run, their solution last."""
+    stages: list[list[_Place]] = []
+    iterates: list[_Place] = []
+    solve, jacobian = problem.solve_stage, problem.jacobian
+
+    def noted_jacobian(x: PETSc.Vec, out: PETSc.Mat) -> None:
+        state = problem._state
+        iterates.append((state.point, state.slope, problem._tau))
+        jacobian(x, out)
+
+    def noted_stage(base: Array, guess: Array, tau: float, time: float) -> heat_balance.Stage:
+        iterates.clear()
+        stage = solve(base, guess, tau, time)
+        if iterates:  # else it was solved when the scheme looked ahead
+            slope = surface_heat(problem.cooling, stage.point.temperature, time)[1]
+            stages.append([*iterates, (stage.point, slope, tau)])
+        return stage
+
+    laid = {"jacobian": noted_jacobian, "solve_stage": noted_stage}
+    with patch.multiple(problem, **laid):
+        run()
+    return stages
+
+
+def _iterations(factored: StageTangent, other: StageTangent, right: Array) -> int:
+    """Iterations of conjugate gradients for the matrix of `other` by the factor of `factored`."""
+    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
+    ksp.setType("cg")
+    pc = factored._ksp.getPC()
+    ksp.setPC(pc)
+    ksp.setOperators(other._matrix, factored._matrix)
+    ksp.setTolerances(rtol=heat_balance.ITERATIVE["ksp_rtol"])
+    pc.setReusePreconditioner(True)
+    given = other._matrix.createVecLeft()
+    given.setArray(right)
+    found = given.duplicate()
+    ksp.solve(given, found)
+    taken = int(ksp.getIterationNumber())
+    pc.setReusePreconditioner(False)
+    for thing in (given, found, ksp):
+        thing.destroy()
+    return taken
+
+
+def _shared(case: Case) -> list[dict[str, Any]]:
+    """Iterations for one right-hand side with the exact factor of another matrix of the run."""
+    simulation = build(case, MPI.COMM_SELF)
+    problem = simulation.problem
+    stages = _matrices(problem, TimeLoop(simulation).run)
+    factored, other = StageTangent(problem), StageTangent(problem)
+    right = problem.volume * np.random.default_rng(0).normal(size=len(problem.volume))
+    taken: dict[str, list[int]] = {}
+    for i in range(4, len(stages), EVERY):
+        *iterates, solution = stages[i]
+        pairs = {
+            "Newton's last matrix": (iterates[-1], solution),
+            "Newton's first matrix": (iterates[0], solution),
+            "matrix at the end of the stage before": (stages[i - 1][-1], solution),
+            "the same, for Newton's first matrix": (stages[i - 1][-1], iterates[0]),
+            "of two stages before": (stages[i - 2][-1], solution),
+        }
+        for name, (one, two) in pairs.items():
+            factored.factor(*one)
+            other.factor(*two)
+            taken.setdefault(name, []).append(_iterations(factored, other, right))
+    rows: list[dict[str, Any]] = [
+        {"factor": name, "least": min(n), "median": float(np.median(n)), "most": max(n)}
+        for name, n in taken.items()
+    ]
+    for thing in (factored, other, simulation):
+        thing.destroy()
+    return rows
+
+
+def _cost_coupled() -> list[dict[str, Any]]:
+    """Processor time, s, of a billet in its mould: plain, with derivatives by one and by six."""
+    case = load(COUPLED).with_(COARSE)
+    rows: list[dict[str, Any]] = []
+    taken: dict[int, list[tuple[float, float]]] = {0: [], 1: [], len(SIX_OF_MOULD): []}
+    for _ in range(TURNS_COUPLED + 1):  # the first compiles
+        for count, times in taken.items():
+            start, simulation, recorder = process_time(), build(case, MPI.COMM_SELF), None
+            if count:
+                slopes = follow(simulation, SIX_OF_MOULD[:count])
+                asked = asked_quantities(simulation, OF_MOULD)
+                readings = Readings(simulation, slopes, asked)
+                recorder = Recorder(simulation, slopes, readings, None)
+            begun = process_time()
+            TimeLoop(simulation, recorder).run()
+            times.append((begun - start, process_time() - begun))
+    plain = min(loop for _, loop in taken[0])
+    for count, times in taken.items():
+        setup, loop = (min(column) for column in zip(*times, strict=True))
+        more = 100.0 * (loop / plain - 1.0)
+        rows.append(
+            {"parameters": count, "setup": setup, "seconds": loop, "more": more,
+             "differences": 100.0 * count}
+        )  # fmt: skip
+    return rows
+
+
 def _moved(case: Case, parameter: Parameter, by: float) -> dict[str, float]:
     """Results of a run with a parameter moved, on the same steps of the strand."""
     moved = parameter.case_at(case, parameter.value + by)
@@ -161,6 +285,8 @@ def main(output: Output, quick: bool) -> None:
     case = _case(quick)
     output.csv("sensitivity_cost", _cost(case))
     output.csv("sensitivity_least", _least(case))
+    output.csv("sensitivity_shared", _shared(case))
+    output.csv("sensitivity_coupled", _cost_coupled())
     steel = case_steel(case)
     given, heat_balance.BALANCE = heat_balance.BALANCE, 1e-13  # differences of runs tell more
     try:
@@ -201,6 +327,14 @@ def show(output: Output) -> None:
     }  # fmt: skip
     forms = {"stage": ".1f", "factor": ".1f", "solves": ".1f", "share": ".0f"}
     output.insert("least", table(output.rows("sensitivity_least"), head, forms))
+    head = {"factor": "factor of", "least": "least", "median": "median", "most": "most"}
+    output.insert("shared", table(output.rows("sensitivity_shared"), head, {"median": ".0f"}))
+    head = {
+        "parameters": "parameters", "setup": "set-up, s", "seconds": "time loop, s",
+        "more": "beyond a plain one, %", "differences": "one-sided differences, %",
+    }  # fmt: skip
+    forms = {"setup": ".2f", "seconds": ".2f", "more": ".0f", "differences": ".0f"}
+    output.insert("coupled", table(output.rows("sensitivity_coupled"), head, forms))
     head = {
         "parameter": "by", "heat_removed": "heat removed",
         "surface_temperature_mid_face": "surface, mid-face",
