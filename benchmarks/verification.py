@@ -13,6 +13,7 @@ from castfem.output.summary import Summary
 
 CASES = ROOT / "cases" / "verification"
 NAMES = ("alloy_similarity", "neumann", "weiner_boley_coarse", "weiner_boley")
+BEGUN = {"weiner_boley, to 84 mm": ("weiner_boley", "84 mm")}  # quick to run again: 5 of 21 s
 SHOWN = {
     "error_temperature": "temperature, rms [mK]",
     "error_temperature_max": "temperature, worst [mK]",
@@ -33,13 +34,20 @@ def row_of(name: str, summary: Summary) -> dict[str, Any]:
     }
 
 
+def case_of(name: str) -> castfem.Case:
+    """The case of a row: a shipped file as it is, or the first part of one."""
+    file, length = BEGUN.get(name, (name, None))
+    case = castfem.load(CASES / f"{file}.toml")
+    return case if length is None else case.with_({"casting.length": length})
+
+
 def main(output: Output, quick: bool) -> None:
     """Run them all."""
     rows = []
-    for name in NAMES[::2] if quick else NAMES:
-        case = castfem.load(CASES / f"{name}.toml").with_(fields=[])
+    for name in NAMES[::2] if quick else (*NAMES, *BEGUN):
+        case = case_of(name).with_(fields=[])
         if quick:
-            case = case.with_(length="20 mm")
+            case = case.with_({"casting.length": "20 mm"})
         with castfem.run(case) as result:
             rows.append(row_of(name, result.summary))
         print(f"  {rows[-1]}", flush=True)
@@ -47,9 +55,15 @@ def main(output: Output, quick: bool) -> None:
     show(output)
 
 
+def _parted(name: str) -> tuple[str, str]:
+    """The file of a row, and what is said of it."""
+    file, comma, length = name.partition(",")
+    return file, comma + length
+
+
 def show(output: Output) -> None:
     """The table, from the data."""
     rows = output.rows("verification")
     signs = dict.fromkeys(list(SHOWN)[3:], "+.2g")
-    shown = [row | {"case": f"`verification/{row['case']}`"} for row in rows]
+    shown = [row | {"case": "`verification/{}`{}".format(*_parted(row["case"]))} for row in rows]
     output.insert("verification", table(shown, {"case": "case", **SHOWN}, FORMS | signs))

@@ -100,7 +100,7 @@ def test_mould_head_and_friction_follow_through_a_stop(tmp_path: Path) -> None:
     wall = '{position=[0, 240], position_unit="mm", value=[100, 340], unit="degC"}'
     summary = run(
         case(
-            "taper_1", "reference=[]", *STOP, "casting.length=210 mm", "coupling.interval=0.5 s",
+            "taper_1", "reference=[]", *STOP, "casting.length=210 mm", "coupling.interval=1 s",
             "mould.friction.law=coulomb", "mould.friction.coefficient=0.3",
             "cooling.mould.surface.0.wall=mould", f"mould.wall_temperature={wall}",
         ),

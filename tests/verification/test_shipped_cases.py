@@ -1,4 +1,7 @@
-"""The shipped cases with a closed form, each as it is: the documented error, and no other."""
+"""The shipped cases with a closed form: the documented error, and no other.
+
+Each as it is, but for the longest, of which the first quarter has an error of its own.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from mpi4py import MPI
 
 import pytest
 
-from benchmarks.verification import CASES, NAMES, row_of
+from benchmarks.verification import BEGUN, CASES, NAMES, case_of, row_of
 from castfem.case import Case, load_case, read_case
 from castfem.errors import InputError
 from castfem.output.summary import Summary
@@ -27,12 +30,12 @@ BOUNDS = {
     "alloy_similarity": (50.0, None),
     "neumann": (150.0, None),
     "weiner_boley_coarse": (600.0, 2.5),
-    "weiner_boley": (300.0, 0.5),
+    "weiner_boley, to 84 mm": (400.0, 0.8),
 }
 QUIET = ("output.fields=[]", "output.figures=false")
 
 
-def case_of(name: str, changes: Sequence[str] = ()) -> Case:
+def changed(name: str, changes: Sequence[str] = ()) -> Case:
     return load_case(CASES / f"{name}.toml", changes)
 
 
@@ -46,11 +49,12 @@ def documented(name: str) -> dict[str, str]:
 
 
 def test_every_file_names_its_closed_form_and_is_tested() -> None:
-    assert {p.stem for p in CASES.glob("*.toml")} == set(NAMES) == set(BOUNDS)
-    assert {case_of(n).verification.closed_form for n in NAMES} == set(FORMS)
+    tested = {BEGUN.get(name, (name,))[0] for name in BOUNDS}
+    assert {p.stem for p in CASES.glob("*.toml")} == set(NAMES) == tested
+    assert {changed(n).verification.closed_form for n in NAMES} == set(FORMS)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", BOUNDS)
 def test_shipped_file_has_the_documented_error(name: str, tmp_path: Path) -> None:
     case = case_of(name)
     found = row_of(name, run(case, tmp_path))
@@ -69,7 +73,7 @@ def test_shipped_file_has_the_documented_error(name: str, tmp_path: Path) -> Non
 
 
 def test_error_and_closed_form_stand_in_the_summary(tmp_path: Path) -> None:
-    case = case_of("alloy_similarity", ['casting.length="50 mm"', *QUIET])
+    case = changed("alloy_similarity", ['casting.length="50 mm"', *QUIET])
     run(case, tmp_path)
     content = json.loads((tmp_path / "summary.json").read_text())
     error = content["quantities"]["error_temperature"]
@@ -116,4 +120,4 @@ def test_steel_or_temperature_of_another_kind_is_refused(
     name: str, change: str, told: str, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match=re.escape(told)):
-        run(case_of(name, [change]), tmp_path)
+        run(changed(name, [change]), tmp_path)
