@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 from mpi4py import MPI
 
@@ -16,6 +17,9 @@ import ufl
 from dolfinx import cpp, fem, la
 from dolfinx import mesh as dmesh
 
+from castfem.fem import form_cache
+
+T = TypeVar("T")
 _Rules: TypeAlias = dict[Any, tuple[Any, ...]]  # quadrature rule -> integrands
 _Domains: TypeAlias = list[tuple[int, npt.NDArray[np.int32]]]  # number -> facets
 
@@ -23,7 +27,7 @@ CELLS = 1  # identifier of the cells in the measures of a `CellForm`
 
 
 @lru_cache(maxsize=1)
-def jit_options() -> dict[str, str]:
+def jit_options() -> dict[str, Any]:
     """Where compiled forms are kept: apart for every way the elements come out.
 
     From 0.10 a compiled form remembers the bits of its elements, and those of an element with a
@@ -36,7 +40,13 @@ def jit_options() -> dict[str, str]:
     bubble = basix.ufl.element("Bubble", "triangle", 3)
     bits = basix.ufl.enriched_element([quadratic, bubble]).basix_hash()
     cache = Path(platformdirs.user_cache_dir("castfem", appauthor=False))
-    return {"cache_dir": str(cache / "forms" / f"{version()}-{bits:x}")}
+    return {"cache_dir": cache / "forms" / f"{version()}-{bits:x}", "timeout": form_cache.WAIT}
+
+
+def _compiled(comm: MPI.Comm, make: Callable[[dict[str, Any]], T]) -> T:
+    """What DOLFINx makes with these options of the compiler (collective)."""
+    options = jit_options()
+    return form_cache.compiled(comm, options["cache_dir"], lambda: make(options))
 
 
 def compile_form(form: ufl.Form) -> fem.Form:
@@ -45,7 +55,9 @@ def compile_form(form: ufl.Form) -> fem.Form:
     Raises:
         ValueError: It would be integrated by a wrong rule, see `_check_rules`.
     """
-    return fem.form(_renumbered(form)[0], jit_options=jit_options())
+    form = _renumbered(form)[0]
+    comm = form.ufl_domain().ufl_cargo().comm
+    return _compiled(comm, lambda options: fem.form(form, jit_options=options))
 
 
 def _tags_of(integral: ufl.Integral) -> tuple[Any, ...]:
@@ -152,7 +164,9 @@ class CellForm:
         form, self._facets = _renumbered(form)
         scalar = {"scalar_type": dolfinx.default_scalar_type}
         self._mesh, self._form = mesh, form
-        self._compiled = fem.compile_form(mesh.comm, form, scalar, jit_options())
+        self._compiled = _compiled(
+            mesh.comm, lambda options: fem.compile_form(mesh.comm, form, scalar, options)
+        )
         self._constants = {c: c for c in ufl.algorithms.analysis.extract_constants(form)}
         self._coefficients = self._named()
         self._spaces = [argument.ufl_function_space() for argument in form.arguments()]
@@ -301,7 +315,9 @@ class Tabulation:
         cells: npt.NDArray[np.int32] | None = None,
     ) -> None:
         self._mesh, self._points = mesh, len(points)
-        self._expression = fem.Expression(expression, points, jit_options=jit_options())
+        self._expression = _compiled(
+            mesh.comm, lambda options: fem.Expression(expression, points, jit_options=options)
+        )
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._cells = np.arange(owned, dtype=np.int32) if cells is None else cells
 
