@@ -39,6 +39,7 @@ WHOLE = {
     "von_mises_smooth": "MPa",
     "way_von_mises_smooth": "MPa",
     "axial_strain": "1",
+    **dict.fromkeys(("tilt_x", "tilt_y"), "1/m"),
     "colder_than_data": "percent",
     "hotter_than_data": "percent",
     "faster_than_data": "percent",

@@ -124,6 +124,7 @@ class MechanicalSampler:
             moved=moved,
             across=self._across(moved),
             strain=float(state.generalized_strains[0]),
+            gradients=(float(state.generalized_strains[1]), float(state.generalized_strains[2])),
             balance=None if result is None else result.balance,
             load=self._load(state),
             withdrawal_resistance=float(state.withdrawal_resistance[0]),

@@ -132,6 +132,21 @@ def axial_strain(sample: Sample) -> float:
     return sample.strained.strain
 
 
+@quantity("tilt_x", unit="1/m", label="tilt: axial strain along x", needs=("tilt_x",))
+def tilt_x(sample: Sample) -> float:
+    """Gradient a1 of the axial strain along x, the curvature that uneven cooling gives.
+
+    Of a slice that is free to tilt so, as whole sections are by default, and that no machine bends.
+    """
+    return sample.strained.gradients[0]
+
+
+@quantity("tilt_y", unit="1/m", label="tilt: axial strain along y", needs=("tilt_y",))
+def tilt_y(sample: Sample) -> float:
+    """Gradient a2 of the axial strain along y, likewise."""
+    return sample.strained.gradients[1]
+
+
 @quantity(
     "axial_force",
     unit="kN",

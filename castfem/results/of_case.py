@@ -24,6 +24,8 @@ _TABLES: Mapping[str, tuple[tuple[str, Callable[[Case], bool]], ...]] = {
     "mechanics": (_STRAINED,),
     "smooth": (_STRAINED,),
     "law_data": (_STRAINED,),
+    "tilt_x": (_STRAINED,),
+    "tilt_y": (_STRAINED,),
     "mould": (_STRAINED, _IN_MOULD),
     "oscillation": (_OSCILLATES,),
     "friction": (_STRAINED,),

@@ -45,6 +45,8 @@ NEEDS: Mapping[str, Callable[[Simulation], bool]] = {
     "law_data": lambda simulation: (
         simulation.mechanics is not None and simulation.mechanics.problem.slice.law.data is not None
     ),
+    "tilt_x": lambda simulation: _is_free(simulation, "a1"),
+    "tilt_y": lambda simulation: _is_free(simulation, "a2"),
     "mould": lambda simulation: simulation.case.mould is not None,
     "oscillation": lambda simulation: (
         simulation.case.mould is not None and simulation.case.mould.oscillation is not None
@@ -74,6 +76,14 @@ _APART = {
     "castfem.results.quality_quantities": "quality",
 }
 """Modules that a simulation without what they need does not load, and what that is."""
+
+
+def _is_free(simulation: Simulation, strain: str) -> bool:
+    """Whether a generalized strain is found by equilibrium; what a machine bends is told apart."""
+    mechanics = simulation.mechanics
+    if mechanics is None or simulation.case.bends:
+        return False
+    return strain in mechanics.problem.slice.planes.free
 
 
 def _has_effort(simulation: Simulation) -> bool:

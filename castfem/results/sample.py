@@ -38,6 +38,7 @@ class MechanicalSample:
         moved: Outward displacement of the start of each probe, m.
         across: Size of the section through each probe that ends in its centre, m.
         strain: Axial strain of the slice at the origin.
+        gradients: Of the axial strain along x and y, a1 and a2, 1/m: the slice's tilt.
         balance: Forces of the step; None at the start.
         load: External axial force, N.
         withdrawal_resistance: Friction of the strand above, accumulated, N. The sum of
@@ -63,6 +64,7 @@ class MechanicalSample:
     moved: dict[str, float]
     across: dict[str, float]
     strain: float
+    gradients: tuple[float, float]
     balance: Balance | None
     load: float
     withdrawal_resistance: float

@@ -13,6 +13,7 @@ from small_case import small
 
 from castfem.api import load
 from castfem.case.result_names import all_names
+from castfem.mechanics.planes import PlainPlanes
 from castfem.results.of_case import fault_of, faults_of
 from castfem.results.registry import columns_of, results_of
 from castfem.simulation.simulation import Simulation, build
@@ -46,7 +47,7 @@ def test_results_of_a_slice_in_its_mould(thermal: Simulation) -> None:
     law = SimpleNamespace(data=object())
     problem = SimpleNamespace(
         slice=SimpleNamespace(
-            law=law, interactions=[SimpleNamespace(has_friction=True)], planes=object()
+            law=law, interactions=[SimpleNamespace(has_friction=True)], planes=PlainPlanes()
         )
     )
     like = SimpleNamespace(

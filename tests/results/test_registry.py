@@ -43,7 +43,8 @@ from castfem.time_loop.loop import TimeLoop
 ROOT = Path(__file__).parents[2]
 OSCILLATION = ("mould.oscillation.stroke=6 mm", "mould.oscillation.frequency=150 1/min")
 SMOOTH = "output.smooth=true"
-OTHERS = {"bending", "quality", "extraction", "bulging"}  # what a billet in its mould has not
+# What a quarter of a billet in its mould has not.
+OTHERS = {"bending", "quality", "extraction", "bulging", "tilt_x", "tilt_y"}
 FRICTION = ("mould.friction.law=coulomb", "mould.friction.coefficient=0.2", "casting.length=150 mm")
 THIN = (
     "section.width=20 mm", "section.height=20 mm", "section.corner_radius=2 mm",
@@ -66,9 +67,9 @@ def declare_mean() -> Callable[[Sample], float]:
 
 @pytest.fixture(scope="module")
 def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, ...]]:
-    """The last sample of a billet with friction, and of three strands.
+    """The last sample of a billet with friction, and of four strands.
 
-    One has frozen, one is bent and drawn, one bulges between its rolls.
+    One has frozen, one is bent and drawn, one bulges between its rolls, one is free to tilt.
     """
     thin = write_small(tmp_path_factory.mktemp("thin"))
     curved = drawn(quality={"critical_strain": 0.01}, casting__length="0.7 m")
@@ -78,6 +79,7 @@ def samples(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Sample, 
         load_case(thin, THIN),
         curved,
         rolled,
+        billet("idealised", "section.symmetry=whole", "casting.length=15 mm"),
     )
     simulations = [build(case, MPI.COMM_SELF) for case in cases]
     yield tuple(TimeLoop(simulation).run() for simulation in simulations)
@@ -94,10 +96,11 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
     assert d.label and ("{}" in d.label) == bool(d.each)
     assert d.about.endswith((".", ")")) and len(d.about) > 10
     assert [e.name for e in declared() if e.label == d.label] == [d.name]
-    strained, frozen, curved, rolled = samples
+    strained, frozen, curved, rolled, free = samples
     sample = frozen if d.name in ("metallurgical_length", "liquid_end") else strained
     sample = curved if {"bending", "quality", "extraction"} & set(d.needs) else sample
     sample = rolled if "bulging" in d.needs else sample
+    sample = free if {"tilt_x", "tilt_y"} & set(d.needs) else sample
     assert d.is_of(sample.simulation)
     probes = {"": ("",), "probe": sample.profiles, "centred_probe": ("mid_face", "corner")}[d.each]
     for probe in probes:
@@ -112,7 +115,7 @@ def test_a_quantity_is_whole(definition: QuantityDefinition, samples: tuple[Samp
 
 def test_the_smooth_twin_of_the_largest_stress(samples: tuple[Sample, ...]) -> None:
     """Below the maximum and near to it; exact where all is even; no kink where two peaks swap."""
-    strained, *_, rolled = samples
+    strained, *_, rolled, _ = samples
     twin, way = strained.strained.smooth, strained.smooth_stress
     assert twin is not None and way is not None
     assert 0.85 * strained.strained.peak < twin.stress < strained.strained.peak
