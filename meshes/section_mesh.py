@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,6 +58,12 @@ class SectionMesh:
     def vertices(self) -> np.ndarray:
         """Vertices of the cells, (m, 3) or (m, 4)."""
         return self.cells[:, : _quality.vertex_count(self.cell)]
+
+    def perimeter(self, groups: Collection[str]) -> float:
+        """Length of some boundary groups on the whole section, m; of its chords, where it bends."""
+        mine = [self.groups[group] in groups for group in self.facet_group]
+        ends = self.points[self.facets[mine]]
+        return self.multiplicity * float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
 
     def quality(self) -> Quality:
         """Counts, sizes, Jacobians, angles, growth and area; see `Quality`."""

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import AfterValidator, Field, field_validator
 
-from castfem.case.base import TableModel, written
+from castfem.case.base import TableModel
 from castfem.case.probe import Probe
 from castfem.machine.travel import Changing, Steady, Travel
 from castfem.values import units
 from castfem.values.quantities import Kind, Length, Percent, Temperature, Time
+from castfem.values.same_place import ROUNDING
 from castfem.values.shown_units import ShownUnits, UnitsNotation
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
@@ -171,6 +173,24 @@ WholePercent = Annotated[
 ]
 
 
+MOST_STATES = 250
+"""States of the fields, at most, of a case that does not say how often: a film of ten seconds."""
+_SHORTEST = 0.5  # s
+
+
+def usual_interval(duration: float) -> float:
+    """Return the time between two states of the fields of a case that gives none, s.
+
+    Args:
+        duration: Of the way that is followed, s; inf for one that has no end.
+    """
+    if not _SHORTEST * MOST_STATES < duration < math.inf:
+        return _SHORTEST
+    least = duration / MOST_STATES * (1.0 - ROUNDING)
+    decade = 10.0 ** math.floor(math.log10(least))
+    return next(every for n in (1, 2, 5, 10) if (every := n * decade) >= least)
+
+
 class Output(TableModel):
     """What a run writes, and how often."""
 
@@ -181,9 +201,12 @@ class Output(TableModel):
         "gap and contact_pressure",
         examples=[["temperature", "displacement"]],
     )
-    every: Time = Field(
-        written("0.5 s"),
-        description="time between two states of the fields, which end a step: none is longer",
+    every: Time | None = Field(
+        None,
+        description="time between two states of the fields, which end a step: none is longer. "
+        f"By default 0.5 s, and where that makes more than {MOST_STATES} states the first of 1, "
+        "2, 5, 10 s ... that does not",
+        examples=["2 s"],
     )
     figures: bool = Field(True, strict=True, description="draw the figures at the end of the run")
     checkpoint_every: int = Field(

@@ -35,7 +35,7 @@ def _given(table: TableModel) -> list[str]:
 
 def _longest_step(case: Case) -> Iterator[Problem]:
     """Yield a step that was asked for and is never taken, since fields are written within it."""
-    time, every = case.thermal.time, case.output.every
+    time, every = case.thermal.time, case.output_every
     given: dict[tuple[str, ...], float | None] = {("step",): time.step}
     if time.adaptive is not None and "largest" in _given(time.adaptive):
         given = {("adaptive", "largest"): time.adaptive.largest}

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from castfem.case.base import TableModel
 from castfem.case.casting import (
@@ -21,6 +21,7 @@ from castfem.case.casting import (
     Output,
     Reference,
     Steel,
+    usual_interval,
 )
 from castfem.case.cooling import Contact, HeatLaw, Zone
 from castfem.case.document import PROPERTY_FILES, is_path
@@ -116,6 +117,19 @@ class Case(TableModel):
     )
     reference: tuple[Reference, ...] = ()
 
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_interval(cls, data: Any, handler: ModelWrapValidatorHandler[Case]) -> Case:
+        """Put in how often the fields are written, so that the case of a run names it."""
+        case = handler(data)
+        casting, output = case.casting, case.output
+        if output is None or output.every is not None or casting is None:
+            return case  # faulty tables are None where all problems are gathered
+        if None in (casting.speed, casting.length):
+            return case
+        output = output.model_copy(update={"every": usual_interval(casting.duration)})
+        return case.model_copy(update={"output": output})
+
     def zones(self) -> tuple[Span, ...]:
         """Return the cooling zones within the followed length, in casting order."""
         spans, start = [], 0.0
@@ -151,6 +165,12 @@ class Case(TableModel):
         """Whether the rolls of its machine bend the strand; false as well where none are sound."""
         rolls = None if self.machine is None else self.machine.pairs()
         return rolls is not None and any(math.isfinite(pair.radius) for pair in rolls.pairs)
+
+    @property
+    def output_every(self) -> float:
+        """Time between two states of the fields, s."""
+        assert self.output.every is not None, "the case has been checked"
+        return self.output.every
 
     @property
     def output_fields(self) -> tuple[FieldName, ...]:

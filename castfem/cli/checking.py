@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ from castfem.case.probe import outside
 from castfem.case.problems import Problem
 from castfem.errors import InputError
 from castfem.support import log
+from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
 from castfem.values.units import convert
 
@@ -18,6 +20,10 @@ if TYPE_CHECKING:
     from castfem.constitutive.base import Law
     from castfem.materials import Steel
     from castfem.meshes import SectionMesh
+
+
+_COMPONENTS = {"displacement": 3, "stress": 9, "strain": 9, "viscoplastic_strain": 9}
+_VALUE, _STATE, _FIELD = 4, 1200, 900  # bytes on disk: of a number, a state, a field of one
 
 
 def problems_of(
@@ -223,11 +229,25 @@ def describe(name: str, case: Case, steel: Steel, mesh: SectionMesh) -> str:
         laws = ", ".join(law.tag for _, law in span.laws) or "insulated"
         laws = "from roll to roll" if span.roll_to_roll else laws
         lines.append(f"  {span.start:7.3f} - {span.end:7.3f} m  {span.name}: {laws}")
+    from castfem.cli.mould_heat import heat_lines
+
+    lines += [f"  {line}" for line in heat_lines(case, steel, mesh)]
     if has_water(case):
         from castfem.cli.spray_water import water_lines
 
         lines += [f"  {line}" for line in water_lines(case, steel, mesh)]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_written(case, mesh)])
+
+
+def _written(case: Case, mesh: SectionMesh) -> Iterator[str]:
+    """Say how many states of the fields a run writes, and how large they become."""
+    if not (names := case.output_fields):
+        return
+    every = case.output_every
+    states = 1 + math.ceil(case.casting.duration / every * (1.0 - ROUNDING))
+    numbers = sum(_COMPONENTS.get(name, 1) for name in names)
+    size = states * (_VALUE * numbers * len(mesh.points) + _STATE + _FIELD * len(names))
+    yield (f"  fields: {states} states, {every:.4g} s apart, about {max(1e-6 * size, 0.1):.2g} MB")
 
 
 def has_water(case: Case) -> bool:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from castfem.case.check_cooling import law_groups
 from castfem.case.spray import Spray
 from castfem.case.water import PER_LITRE_AND_KG, Supply, largest, steel_per_length
@@ -44,11 +42,8 @@ def _flow(case: Case, supply: Supply, mesh: SectionMesh, law: Spray, length: flo
     """Water of a spray in its whole zone, m3/s."""
     if law.water is None:
         return largest(supply.flow(law))
-    groups = law_groups(case.section, law)
-    mine = [mesh.groups[group] in groups for group in mesh.facet_group]
-    ends = mesh.points[mesh.facets[mine]]
-    perimeter = mesh.multiplicity * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()
-    return law.water / WATER_DENSITY * float(perimeter) * length
+    perimeter = mesh.perimeter(law_groups(case.section, law))
+    return law.water / WATER_DENSITY * perimeter * length
 
 
 def water_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:

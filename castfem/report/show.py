@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
 _NARROW, _WIDE = "_narrow_face", "_mid_face"  # ends of names
 _BRIEF = 0.01  # of the wall time; a stage that takes less is not named
+_MUCH, _FELT = 0.25, 5.0  # of the wall time, s; files that take more are told of
 _LEAST, _INDENT = 42, 11  # characters to leave behind a start; else the next lines begin here
 UNCHANGED = "of the unchanged case"
 """What stands in place of a difference where the case is not that of the reference any more."""
@@ -376,6 +377,15 @@ def _print_effort(out: Console, record: RunRecord, summary: Summary | None) -> N
         ]
         rest = total - sum(long.values())
         _print_list(out, "wall time: ", [*stages, *([f"the rest {rest:.2f} s"] if rest else [])])
+        written = record.wall_time.get("output", 0.0)
+        if written > max(_MUCH * total, _FELT):
+            _print(
+                out,
+                f"{written / total:.0%} of the time went into files: write the fields less often "
+                "(output.every), fewer of them (output.fields), checkpoints more seldom "
+                "(output.checkpoint_every)",
+                style="yellow",
+            )
     if record.memory_mb is not None:
         _print(out, f"memory: {record.memory_mb:.0f} MB")
 

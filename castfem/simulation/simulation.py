@@ -283,7 +283,7 @@ def _milestones(case: Case, machine: Machine, zones: Zones) -> list[float]:
     bends = (*machine.bends, *_drawn(case)) if case.mechanics is not None else ()
     found += [machine.time_at(p) for p in (*stations(case), *case.mould_knots(), *bends)]
     if case.output_fields:
-        every = case.output.every
+        every = case.output_every
         found += [i * every for i in range(1, int(case.casting.duration / every) + 1)]
     return found
 

@@ -1,0 +1,105 @@
+"""The measured heat of a mould as a plant tells it: in all, and per area beside what is usual."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from castfem.case.build_machine import build_machine
+from castfem.case.check_cooling import law_groups
+from castfem.case.heat_law import Extent, Surroundings, kinks_in_time
+from castfem.case.mould_laws import Contact, Flux, ScaledLaw
+from castfem.thermal.mould_flux import MOULD_FLUXES, heat_to_mould
+from castfem.values.tables import Table
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+    from castfem.case.cooling import Zone
+    from castfem.machine import Machine
+    from castfem.materials import Steel
+    from castfem.meshes import SectionMesh
+
+_FAR = 3.0  # times a published flux, or this part of it: another unit was meant
+
+
+def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
+    """Return what the given fluxes of a sound case take without a gap, a line for each law.
+
+    Args:
+        case: The case.
+        steel: Its steel.
+        mesh: Of its section.
+
+    Raises:
+        InputError: A flux is scaled to a measured total and takes no heat.
+    """
+    machine, start, lines = build_machine(case), 0.0, list[str]()
+    for zone in case.cooling:
+        end = case.casting.length if zone.to is None else zone.to
+        if start >= case.casting.length:
+            break
+        for law in zone.surface:
+            given = _given(law) if isinstance(law, ScaledLaw) else None
+            if not isinstance(law, ScaledLaw) or given is None or end <= start:
+                continue
+            extent = Extent(start, end, mesh.perimeter(law_groups(case.section, law)))
+            around = Surroundings(steel, machine, extent=extent, clock=case.casting.clock)
+            lines += _lines(zone, law, given, around)
+            if _even(case, law):
+                lines.append(
+                    "  the same flux everywhere round the section: no gap opens at the corner "
+                    'without [mould]; give the corner less by a law of its own, on = ["corner"]'
+                )
+        start = end
+    return lines
+
+
+def _given(law: ScaledLaw) -> str | float | Table | None:
+    """The flux that a law is given over the way; None where it has none, or one by temperature."""
+    found = law.flux if isinstance(law, Contact) else law.value if isinstance(law, Flux) else None
+    return None if isinstance(found, Table) and found.over == "temperature" else found
+
+
+def _even(case: Case, law: ScaledLaw) -> bool:
+    """Whether a flux holds at corners and beside them, and no gap can lower it there."""
+    if case.mould is not None or (isinstance(law, Contact) and law.gap is not None):
+        return False
+    groups = law_groups(case.section, law)
+    corners = {name for name in groups if name.startswith("corner")}
+    return bool(corners) and corners != groups
+
+
+def _lines(
+    zone: Zone, law: ScaledLaw, given: str | float | Table, around: Surroundings
+) -> list[str]:
+    """What one law takes over its whole zone, in all and per area, beside the published fluxes."""
+    extent, machine = around.extent, around.machine
+    assert extent is not None
+    between = machine.time_at(extent.start), machine.time_at(extent.end)
+    value = law.scaled(given, around)
+    kinks = (*kinks_in_time(given, around), *machine.kinks)
+    mean = heat_to_mould(value, machine.speed, between, kinks) / (extent.end - extent.start)
+    heat = mean * extent.perimeter * (extent.end - extent.start)
+    on = "" if law.on is None else f" on {', '.join(law.on)}"
+    least = ", if no gap opens" if isinstance(law, Contact) else ""
+    line = (
+        f"{zone.name}{on}: {1e-3 * heat:.4g} kW in all{least}, {1e-6 * mean:.3g} MW/m^2 in the mean"
+    )
+    usual = _published(machine, between) if extent.start == 0.0 else {}
+    if not usual:
+        return [line]
+    lines = [line, "  published for that time in the mould, MW/m^2: "
+             + ", ".join(f"{name} {1e-6 * flux:.3g}" for name, flux in usual.items())]  # fmt: skip
+    if mean > _FAR * max(usual.values()) or mean * _FAR < min(usual.values()):
+        lines.append("  that is far from them: are numbers and units right?")
+    return lines
+
+
+def _published(machine: Machine, between: tuple[float, float]) -> dict[str, float]:
+    """Mean along the strand of the published fluxes that are valid so long, W/m2, by name."""
+    start, end = between
+    length = machine.position(end) - machine.position(start)
+    return {
+        name: heat_to_mould(flux.formula, machine.speed, between, flux.kinks) / length
+        for name, flux in MOULD_FLUXES.items()
+        if end <= flux.until
+    }

@@ -1,0 +1,113 @@
+"""What `castfem check` tells of a sound case before it is run: given heat, written fields."""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from rich.console import Console
+
+from castfem import run
+from castfem.case.casting import MOST_STATES, usual_interval
+from castfem.cli.checking import describe
+from castfem.cli.drawing import build_mesh
+from castfem.materials import load_steel
+from castfem.output.run_record import RunRecord
+from castfem.report.show import _print_effort
+from tests.small_case import small, strip
+
+if TYPE_CHECKING:
+    from castfem.case import Case
+
+FLUX = {"law": "contact", "wall": "160 degC", "flux": "2 MW/m^2"}
+CORNER = "the same flux everywhere round the section"
+
+
+def told(case: Case) -> list[str]:
+    """The lines on a case, without the spaces before them."""
+    found = describe("small", case, load_steel("carbon_042"), build_mesh(case))
+    return [line.strip() for line in found.splitlines()]
+
+
+def mould(*laws: dict[str, Any], **more: Any) -> Case:
+    """A billet of 100 mm, corners of 5 mm, in a mould of 60 mm with these laws."""
+    return small({"cooling": [{"name": "mould", "to": "60 mm", "surface": list(laws)}], **more})
+
+
+def test_a_given_flux_is_told_in_kw_and_beside_the_published_ones() -> None:
+    found = told(mould(FLUX))
+    (line,) = (one for one in found if one.startswith("mould: "))
+    perimeter = 0.4 - 0.01 * (4.0 - 3.14159)  # of the whole billet, by its chords a little less
+    power = re.fullmatch(r"mould: ([\d.]+) kW in all, if no gap opens, 2 MW/m\^2 in the mean", line)
+    assert power and float(power[1]) == pytest.approx(2e3 * 0.06 * perimeter, rel=3e-3)
+    usual = found[found.index(line) + 1]
+    # 1 s in the mould: the mean of 2.68 - 0.335 sqrt(t), and of 5 - 0.2444 t
+    assert "savage_pritchard 2.46, brimacombe 2.52, li_thomas 4.88" in usual
+    assert not any("units right" in one for one in found)
+
+
+def test_a_total_is_what_the_water_takes() -> None:
+    water = FLUX | {"water": "1000 L/min", "water_rise": "6 K"}
+    (line,) = (one for one in told(mould(water)) if one.startswith("mould: "))
+    assert line.startswith("mould: 417 kW in all")
+
+
+@pytest.mark.parametrize(("flux", "far"), [("9 MW/m^2", False), ("2 kW/m^2", True)])
+def test_a_flux_in_another_unit_is_found(flux: str, far: bool) -> None:
+    assert any("units right" in one for one in told(mould(FLUX | {"flux": flux}))) == far
+
+
+def test_each_face_and_a_flux_of_no_contact() -> None:
+    """Faces are told apart; what holds on corners alone is no even flux, nor what a gap lowers."""
+    faces = FLUX | {"on": ["wide_face", "narrow_face"]}
+    corner = FLUX | {"on": ["corner"], "flux": "1 MW/m^2"}
+    found = told(mould(faces, corner))
+    assert sum(one.startswith("mould on corner: ") for one in found) == 1
+    assert not any(CORNER in one for one in found)
+    assert any(CORNER in one for one in told(mould(FLUX)))
+    apart = FLUX | {"gap": "0.1 mm", "gap_conductivity": "0.15 W/(m K)"}
+    assert not any(CORNER in one for one in told(mould(apart)))
+    assert not any(CORNER in one or " kW in all" in one for one in told(small()))
+    # a strip is as wide as it is: 1 MW/m2 on 2 mm over 10 mm
+    assert any(one.startswith("chill: 0.02 kW in all, 1 MW/m^2") for one in told(strip()))
+
+
+@pytest.mark.parametrize(
+    ("duration", "every"),
+    [(10.0, 0.5), (125.0, 0.5), (125.1, 1.0), (385.7, 2.0), (1e3, 5.0), (2500.0, 10.0)],
+)
+def test_fields_of_a_long_way_are_written_less_often(duration: float, every: float) -> None:
+    assert usual_interval(duration) == pytest.approx(every)
+    assert duration / usual_interval(duration) <= MOST_STATES * (1 + 1e-9)
+
+
+def test_the_case_of_a_run_says_how_often() -> None:
+    """So it stays, whatever is changed in it afterwards; what is given stands."""
+    long = {"output": {"figures": False}, "casting.length": "20 m", "casting.speed": "3 m/min"}
+    case = small(long)
+    assert case.output_every == 2.0 and case.document()["output"]["every"] == "2 s"
+    assert case.with_({"casting.length": "60 mm"}).output_every == 2.0
+    assert small(long | {"output": {"every": "0.1 s"}}).output_every == pytest.approx(0.1)
+    assert small({"output": {}}).output_every == 0.5
+
+
+def test_the_states_and_their_size_are_those_on_disk(tmp_path: Path) -> None:
+    case = small({"output.every": "0.02 s", "casting.length": "30 mm"})
+    run(case, tmp_path / "out")
+    (line,) = (one for one in told(case) if one.startswith("fields: "))
+    assert line.startswith("fields: 26 states, 0.02 s apart, about ")
+    size = sum((tmp_path / "out" / name).stat().st_size for name in ("fields.h5", "fields.xdmf"))
+    assert float(line.split()[-2]) == pytest.approx(1e-6 * size, rel=0.3)
+    assert not any(one.startswith("fields") for one in told(small({"output": {"fields": []}})))
+
+
+@pytest.mark.parametrize(("output", "said"), [(40.0, True), (4.0, False), (10.0, False)])
+def test_a_run_that_mostly_writes_is_told_what_helps(output: float, said: bool) -> None:
+    text = io.StringIO()
+    record = RunRecord(wall_time={"petsc": 40.0 if output > 4.0 else 1.0, "output": output})
+    _print_effort(Console(file=text, width=200), record, None)
+    assert ("of the time went into files" in text.getvalue()) == said
+    assert not said or "50% of the time" in text.getvalue()
