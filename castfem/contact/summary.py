@@ -32,11 +32,14 @@ def summary(
             *(area @ force),
             weight @ state.friction[:, 1],
             weight @ touches,
-            weight.sum(),
+            weight @ ~touches,
             *counts,
             weight @ (state.status == STICK),
         ],
     )
+    # Of what touches and what does not: where all touches, the share is 1 to the last digit.
+    length = float(sums[3])
+    whole = length + float(sums[4])
     met = np.where(np.isfinite(state.gap), state.gap, -np.inf)
     pressure, *highest = reductions.peak(comm, state.pressure, state.place)
     mean, mean_at = contact.mean.highest(state.pressure, state.place)
@@ -49,9 +52,9 @@ def summary(
         gap=max(gap, 0.0),
         force=sums[:2],
         axial=float(sums[2]),
-        length=float(sums[3]),
-        share=float(sums[3] / sums[4]),
-        sticking=None if contact.contact.friction is None else float(sums[8] / sums[4]),
+        length=length,
+        share=length / whole,
+        sticking=None if contact.contact.friction is None else float(sums[8]) / whole,
         points=(int(sums[5]), int(sums[6]), int(sums[7])),
         highest=np.array(highest),
         highest_mean=mean_at,

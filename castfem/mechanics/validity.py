@@ -37,6 +37,7 @@ FOLDED = 0.1  # what is left of the area of a cell that counts as folded
 COMPRESSED = 0.02  # elastic strain of the mean stress: hundreds of MPa, which no hot steel carries
 FRESH = 50.0  # K below the solidus: what is warmer has just frozen
 LOOK = "look at loads, supports, mould and cooling"
+ROUNDING = 9  # decimals of an angle, rad: what is less is none
 SCANT = 0.01  # of the section: solid that is no shell yet, were it spread all round
 NO_SHELL = "there is no shell yet that could bear a load: let that begin later, or leave it out"
 
@@ -212,6 +213,7 @@ class Validity:
         most = reductions.largest(self._comm, turned[set_])
         if not 0.0 <= most < 0.5 * self._limits.rotation:
             return ""
+        most = round(most, ROUNDING)
         return (
             f", and no more than {most:.2g} rad where it is {FRESH:g} K below its solidus: cells "
             "of the front that turned as liquid; another mesh.core_size, or liquid that presses "
