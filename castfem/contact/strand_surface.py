@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import ufl
 
@@ -9,10 +11,28 @@ from castfem.contact.facets import Facets
 from castfem.contact.interfaces import Motion
 from castfem.fem import reductions
 from castfem.fem.section import Section
-from castfem.mould.wall import Wall
+from castfem.mould.wall import GapFunction, Wall
 from castfem.values.types import Array
 
 RASTER = 2.0**-32  # of the section's size
+
+
+@dataclass(frozen=True, slots=True)
+class Met:
+    """Where the points of a surface meet a wall.
+
+    Attributes:
+        wall: Which. position: Of the slice below the meniscus, m.
+        moved: Displacement of the points (n, 2), m. strand: Outward normal of the strand (n, 2).
+        near: Places on a raster (n, 2), m. found: What was met from there.
+    """
+
+    wall: Wall
+    position: float
+    moved: Array
+    strand: Array
+    near: Array
+    found: GapFunction
 
 
 class StrandSurface:
@@ -70,38 +90,40 @@ class StrandSurface:
         stretch = np.hypot(*turned.T)
         return turned / stretch[:, None], stretch
 
-    def gap_to(
-        self,
-        wall: Wall,
-        position: float,
-        moved: Array,
-        strand: Array,
-        shift: Array | None = None,
-    ) -> tuple[Array, Array, Array]:
-        """Normal of a wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
-
-        The wall is met from places on a fine raster, and the rest of the way added: the distance
-        then is as exact as the displacement, not as the position, which is a thousand times larger.
+    def meet(self, wall: Wall, position: float, moved: Array, strand: Array) -> Met:
+        """Meet a wall from places on a fine raster near those of the points.
 
         Args:
             wall: The wall.
             position: Of the slice below the meniscus, m.
             moved: Displacement of the points (n, 2), m.
             strand: Outward normal of the strand (n, 2).
-            shift: By which the points have moved beside that (n, 2), m, so little that rounding
-                `moved` would lose it; None for not at all.
         """
         start, raster = self._facets.position, self.size * RASTER
         near = np.round((start + moved) / raster) * raster
-        met_wall = wall.gap_function(near, strand, position)
-        n = np.asarray(met_wall.normal)
-        rest = (start - near) + moved
+        return Met(wall, position, moved, strand, near, wall.gap_function(near, strand, position))
+
+    def gap_to(self, met: Met, shift: Array | None = None) -> tuple[Array, Array, Array]:
+        """Normal of a wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
+
+        The rest of the way is added to what was met from the raster: the distance then is as exact
+        as the displacement, not as the position, which is a thousand times larger.
+
+        Args:
+            met: Where the wall is met.
+            shift: By which the points have moved beside that (n, 2), m, so little that rounding
+                their displacement would lose it; None for not at all.
+        """
+        start, moved, strand = self._facets.position, met.moved, met.strand
+        n = np.asarray(met.found.normal)
+        rest = (start - met.near) + moved
         facing = np.einsum("ni,ni->n", n, strand)
-        gap = np.asarray(met_wall.gap)
-        if shift is not None:
+        gap = np.asarray(met.found.gap)
+        if shift is not None and shift.any():
             gap = gap - np.einsum("ni,ni->n", n, shift) / facing
-            n = np.asarray(wall.gap_function(start + moved + shift, strand, position).normal)
+            turned = met.wall.gap_function(start + moved + shift, strand, met.position)
+            n = np.asarray(turned.normal)
             facing = np.einsum("ni,ni->n", n, strand)
         gap = gap * facing - np.einsum("ni,ni->n", n, rest)
-        met = np.isfinite(gap)
-        return n, np.where(met, gap, np.inf), np.where(met, met_wall.curvature, 0.0)
+        open_ = np.isfinite(gap)
+        return n, np.where(open_, gap, np.inf), np.where(open_, met.found.curvature, 0.0)

@@ -21,7 +21,7 @@ from castfem.contact.interaction import Interaction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
-from castfem.contact.strand_surface import StrandSurface
+from castfem.contact.strand_surface import Met, StrandSurface
 from castfem.contact.surface_liquid import SurfaceLiquid
 from castfem.contact.surface_stress import SurfaceStress
 from castfem.fem import reductions
@@ -83,12 +83,14 @@ class WallContact(Interaction):
         self.now: ContactEvaluation | None = None
         self._run: WallContact | None = None
         self._shift: tuple[Array, Array] | None = None
+        self._met: Met | None = None
 
     def of_slice(self, given: Contact, solid: Solid) -> WallContact:
         """See `Interaction`: what touches, sticks, slides and is liquid here does so there."""
         self._work_form()
         other = copy.copy(self)
         other.contact, other._solid, other._run, other.now = given, solid, self, None
+        other._met = None
         other.liquid = self.liquid.of_solid(solid)
         if self._stress is not None:
             other._stress = self._stress.of_law(solid.law)
@@ -102,7 +104,8 @@ class WallContact(Interaction):
     def shifted(self, base: Array, shift: Array) -> None:
         """Tell how far the points have moved (n, 2), m, in two parts that are not to be added.
 
-        Contact is so stiff that what rounding leaves of the smaller one shows in its pressure.
+        Contact is so stiff that what rounding leaves of the smaller one shows in its pressure.  As
+        long as `base` is the same array the wall is not met anew.
         """
         self._shift = base, shift
 
@@ -205,7 +208,9 @@ class WallContact(Interaction):
         before = surface.moved(motion.u_old.x.array, motion.generalized_strains_old.value)
         strand, stretch = surface.facing(motion.u.x.array, motion.generalized_strains.value)
         base, shift = (moved, None) if self._shift is None else self._shift
-        n, gap, curvature = surface.gap_to(self.contact.wall, self._position, base, strand, shift)
+        if self._met is None or self._met.moved is not base:
+            self._met = surface.meet(self.contact.wall, self._position, base, strand)
+        n, gap, curvature = surface.gap_to(self._met, shift)
         near = np.minimum(gap, surface.size)
         stress: Array | float = 0.0
         if self._stress is not None:
@@ -299,7 +304,8 @@ class WallContact(Interaction):
         if on:
             before = self._motion.u_old.x.array, self._motion.generalized_strains_old.value
             moved, strand = self.strand.moved(*before), self.strand.facing(*before)[0]
-            gap = self.strand.gap_to(self.contact.wall, self._position, moved, strand)[1]
+            met = self.strand.meet(self.contact.wall, self._position, moved, strand)
+            gap = self.strand.gap_to(met)[1]
             self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 

@@ -88,8 +88,8 @@ class BorderedSystem:
 
     def share(self, local: Array) -> Array:
         """The scalars of a vector's local part, on every rank."""
-        if not self.scalars:
-            return np.zeros(0)
+        if not self.scalars or self.comm.size == 1:
+            return np.array(local[self.owned :])
         return np.asarray(self.comm.bcast(np.array(local[self.owned :]), root=self._keeper))
 
     def join(self, nodal: Array, scalars: Array) -> Array:
@@ -124,45 +124,67 @@ class BorderedSystem:
         """Solve for one right-hand side, all columns of U along with it."""
         with self._options.given():
             self.failure = factorisation.set_up(self.ksp, self._matrix)
-            solution = None if self.failure else self._solve(x.getArray(readonly=True))
+            right = x.getArray(readonly=True)[None]
+            solution = None if self.failure else self._solve(right, self._right, self._solved)
         self._options.tell_unread()
         if solution is None:
             pc.setFailedReason(PETSc.PC.FailedReason.SUBPC_ERROR)
             y.set(0.0)
         else:
             pc.setFailedReason(PETSc.PC.FailedReason.NOERROR)
-            y.setArray(solution)  # type: ignore[arg-type]
+            y.setArray(solution[0])  # type: ignore[arg-type]
 
-    def solve(self, right: Array) -> Array | None:
-        """Local part of the solution for a right-hand side; None, and `failure`, without one."""
+    def solve(self, rights: Array) -> Array | None:
+        """Solve for several right-hand sides, all at once (collective).
+
+        Args:
+            rights: Their local parts (n, local).
+
+        Returns:
+            The local parts of the solutions (n, local); None, and `failure`, without them.
+        """
         with self._options.given():
             self.failure = factorisation.set_up(self.ksp, self._matrix)
-            return None if self.failure else self._solve(right)
+            if self.failure:
+                return None
+            pair = self._dense(self.scalars + len(rights)), self._dense(self.scalars + len(rights))
+            found = self._solve(rights, *pair)
+            for one in pair:
+                one.destroy()
+            return found
 
-    def _solve(self, local: Array) -> Array | None:
-        """Local part of the solution for a right-hand side; None, and `failure`, if there is none.
+    def _solve(self, rights: Array, given: PETSc.Mat, found: PETSc.Mat) -> Array | None:
+        """Local parts of the solutions for right-hand sides (n, local); A is factored.
 
-        A is factored.
+        Args:
+            rights: The right-hand sides.
+            given: Room for them behind the columns of U.
+            found: Room for what A makes of both.
+
+        Returns:
+            See `solve`.
         """
-        right = self._right.getDenseArray()
-        nodal = local[: self.owned].copy()
-        right[:, :-1] = self.columns[self._rows]
-        right[:, -1] = nodal[self._rows]
-        self._right.assemble()
-        self.ksp.matSolve(self._right, self._solved)
+        right, count = given.getDenseArray(), self.scalars
+        nodal = np.array(rights[:, : self.owned].T)
+        right[:, :count] = self.columns[self._rows]
+        right[:, count:] = nodal[self._rows]
+        given.assemble()
+        self.ksp.matSolve(given, found)
         if (reason := self.ksp.getConvergedReason()) < 0:
             self.failure = f"the linear solver fails (KSP reason {reason})"
             return None
-        solved = self._solved.getDenseArray()
+        solved = found.getDenseArray()
         through = self._total(self.rows[self._rows].T @ solved)
-        schur = self.corner - through[:, :-1]
+        schur = self.corner - through[:, :count]
+        shares = np.array([self.share(one) for one in rights]).T
         try:
-            z = np.linalg.solve(schur, self.share(local) - through[:, -1])
+            scalars = np.linalg.solve(schur, shares - through[:, count:])
         except np.linalg.LinAlgError:
             self.failure = "a free degree of freedom of the planes meets no stiffness"
             return None
-        nodal[self._rows] = solved[:, -1] - solved[:, :-1] @ z
-        return self.join(nodal, np.asarray(z))
+        nodal[self._rows] = solved[:, count:] - solved[:, :count] @ scalars
+        pairs = [(nodal[:, i], np.asarray(scalars[:, i])) for i in range(len(rights))]
+        return np.array([self.join(*pair) for pair in pairs])
 
     def updated(self) -> None:
         """Tell PETSc that the blocks have changed."""

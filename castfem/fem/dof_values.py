@@ -21,6 +21,8 @@ def owned_of(space: fem.FunctionSpace) -> int:
 
 def with_ghosts(space: fem.FunctionSpace, owned: Array) -> Array:
     """Values of all local degrees of freedom from the owned ones of every rank (collective)."""
+    if space.mesh.comm.size == 1:
+        return np.array(owned, dtype=np.float64)
     vector = fem.Function(space).x
     vector.array[: owned_of(space)] = owned
     vector.scatter_forward()
@@ -29,6 +31,8 @@ def with_ghosts(space: fem.FunctionSpace, owned: Array) -> Array:
 
 def summed(space: fem.FunctionSpace, local: Array) -> Array:
     """Contributions of all ranks, ghosts included, at the owned degrees of freedom (collective)."""
+    if space.mesh.comm.size == 1:
+        return np.array(local, dtype=np.float64)
     vector = fem.Function(space).x
     vector.array[:] = local
     vector.scatter_reverse(la.InsertMode.add)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from petsc4py import PETSc
 
 import numpy as np
@@ -17,6 +19,21 @@ from castfem.mechanics.scaling import Scales
 from castfem.values.types import Array
 
 
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What the pressure in the cells without stress does, the same throughout a step.
+
+    Attributes:
+        forces: On this rank's nodes, ghosts included, N/m.
+        work: On each generalized strain (4,), N/m.
+        sums: What it adds to the sums of `Scales.stress` (2,).
+    """
+
+    forces: Array
+    work: Array
+    sums: Array
+
+
 class ActivePart:
     """All cells, until liquid that is fed leaves those out to which no shell reaches.
 
@@ -29,9 +46,6 @@ class ActivePart:
 
     Attributes:
         matrix: Gets the derivative of the forces in the plane.
-        rest_forces: Of the pressure in all other cells, on this rank's nodes, ghosts included, N/m;
-            the same throughout a step.
-        rest_stress: What that pressure adds to the sums of `Scales.stress` (2,).
     """
 
     def __init__(self, kinematics: Kinematics, space: fem.FunctionSpace, scales: Scales) -> None:
@@ -39,8 +53,7 @@ class ActivePart:
         self._whole = self.matrix = create_matrix(kinematics.forms.stiffness)
         self._mark()
         self._layer = -1
-        self.rest_forces: Array = np.zeros_like(fem.Function(space).x.array)
-        self.rest_stress: Array = np.zeros(2)
+        self._nothing: Array = np.zeros_like(fem.Function(space).x.array)
 
     def _mark(self) -> None:
         if self._kinematics.symmetric:
@@ -70,20 +83,20 @@ class ActivePart:
         self._layer = liquid.layer
         return True
 
-    def take_rest(self, planes: PlaneEquations, pressure: Array) -> None:
-        """Take up what the pressure of the other cells does in a step (collective).
+    def rest(self, planes: PlaneEquations, pressure: Array) -> Rest:
+        """What the pressure of the other cells does in a step (collective).
 
         Args:
-            planes: Told its work on the generalized strains.
+            planes: Find its work on the generalized strains.
             pressure: At all points of the mean stress, Pa; none without ferrostatic pressure.
         """
         if self._kinematics.rest is None:
-            return
-        forces, work = self._kinematics.rest
-        self.rest_forces[:] = 0.0
-        fem.assemble_vector(self.rest_forces, forces)
-        planes.take_rest(work)
-        self.rest_stress = self._scales.beside(self._kinematics.active, pressure)
+            return Rest(self._nothing, np.zeros(4), np.zeros(2))
+        of_nodes, of_planes = self._kinematics.rest
+        forces = np.zeros_like(self._nothing)
+        fem.assemble_vector(forces, of_nodes)
+        sums = self._scales.beside(self._kinematics.active, pressure)
+        return Rest(forces, planes.work_of(of_planes, np.eye(4)), sums)
 
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""

@@ -170,20 +170,31 @@ class FedLiquid:
 
     def follow(self, u: fem.Function) -> None:
         """Let the deep nodes of the displacement `u` follow those of the shell (collective)."""
-        comm, follows = self.section.comm, self._follows
-        if not reductions.any_of(comm, bool(follows.any())):
+        if not reductions.any_of(self.section.comm, bool(self._follows.any())):
             return
         for condition in self._supports:
             condition.set(u.x.array)
+        owned = slice(0, len(self._follows))
+        u.x.array[owned] = self.followed(u.x.array[None, owned])[0]
+        u.x.scatter_forward()
+
+    def followed(self, displacements: Array) -> Array:
+        """Displacements (n, owned) whose deep nodes follow the others, which stay (collective).
+
+        Supports are where the displacements have them.
+        """
+        comm, follows = self.section.comm, self._follows
+        if not reductions.any_of(comm, bool(follows.any())):
+            return displacements
         if reductions.any_of(comm, self._new):
             self._restrict()
         assert self._equations is not None
-        owned = slice(0, len(follows))
-        self._moved.setArray(u.x.array[owned])
-        self._whole.mult(self._moved, self._right)
-        right = np.where(follows, -self._right.getArray(readonly=True), 0.0)
-        u.x.array[owned] += self._equations.solved(right)
-        u.x.scatter_forward()
+        forces = np.zeros_like(displacements)
+        for number in range(len(forces)):
+            self._moved.setArray(displacements[number])
+            self._whole.mult(self._moved, self._right)
+            forces[number, follows] = -self._right.getArray(readonly=True)[follows]
+        return np.asarray(displacements + self._equations.solved(forces))
 
     def _restrict(self) -> None:
         """Equations of the nodes that follow; the others stay where they are (collective)."""
@@ -239,12 +250,25 @@ class _Equations:
         stays = np.flatnonzero(~follows[self._rows]) + self._matrix.getOwnershipRange()[0]
         self._matrix.zeroRowsColumns(stays.astype(PETSc.IntType))
 
-    def solved(self, right: Array) -> Array:
-        """How far this rank's unknowns move by forces (owned,), 0 where they stay (collective)."""
-        self._right.setArray(right[self._rows])
-        self._ksp.solve(self._right, self._moved)
-        found = np.zeros_like(right)
-        found[self._rows] = self._moved.getArray(readonly=True)
+    def solved(self, forces: Array) -> Array:
+        """How far unknowns move by forces (n, owned), 0 where they stay (collective)."""
+        found = np.zeros_like(forces)
+        if len(forces) == 1:
+            self._right.setArray(forces[0, self._rows])
+            self._ksp.solve(self._right, self._moved)
+            found[0, self._rows] = self._moved.getArray(readonly=True)
+            return found
+        size = self._part.getSizes()[0], (None, len(forces))
+        right, moved = (PETSc.Mat().createDense(size, comm=self._part.comm) for _ in range(2))
+        for one in (right, moved):
+            one.setUp()
+            one.assemble()
+        right.getDenseArray()[:] = forces[:, self._rows].T
+        right.assemble()
+        self._ksp.matSolve(right, moved)
+        found[:, self._rows] = moved.getDenseArray().T
+        for one in (right, moved):
+            one.destroy()
         return found
 
     def destroy(self) -> None:

@@ -52,7 +52,7 @@ class PlaneEquations:
         self._planes, self._fields, self._kinematics = planes, fields, kinematics
         self._interactions, self._scales = interactions, scales
         self._comm, self._drag = scales.comm, 0.0
-        self._rest: Array = np.zeros(4)
+        self.rest: Array = np.zeros(4)
 
     def of_slice(self, planes: Planes, interactions: Interactions) -> PlaneEquations:
         """Those of another slice on the same mesh, which share the compiled forms."""
@@ -69,16 +69,13 @@ class PlaneEquations:
         """Hold the planes where they are, with a section of this Young's modulus, Pa; 0 for no."""
         self._drag = DRAG * (young * self._scales.area / self._scales.length**2)
 
-    def take_rest(self, form: fem.Form) -> None:
-        """Take up the work of the pressure in cells without stress, the same throughout a step."""
-        self._rest = self._work(form, np.eye(4))
-
     def work_on(self, directions: Array) -> Array:
         """Work of the stress along directions (4, k) of the generalized strains, N/m each."""
-        found = self._work(self._kinematics.forms.generalized_work, directions)
-        return found + self._rest @ directions
+        found = self.work_of(self._kinematics.forms.generalized_work, directions)
+        return found + self.rest @ directions
 
-    def _work(self, form: fem.Form, directions: Array) -> Array:
+    def work_of(self, form: fem.Form, directions: Array) -> Array:
+        """Work of a form's stress along directions (4, k), N/m each (collective)."""
         work = np.zeros(directions.shape[1])
         for i, direction in enumerate(directions.T):
             self._fields.one.value[:] = direction

@@ -20,7 +20,7 @@ from castfem.fem import dof_values, reductions
 from castfem.fem.bordered_system import BorderedSystem
 from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
-from castfem.mechanics.active_part import ActivePart
+from castfem.mechanics.active_part import ActivePart, Rest
 from castfem.mechanics.convergence import Criteria
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.fields import Fields
@@ -35,7 +35,7 @@ from castfem.mechanics.planes import check_strains
 from castfem.mechanics.quadrature import ActivePoints, Points
 from castfem.mechanics.quadrature_rules import Integration, displacement_element
 from castfem.mechanics.residual_state import ResidualState
-from castfem.mechanics.scaling import Scales
+from castfem.mechanics.scaling import Scales, StressScale
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.supports import SPRING, Constraints, symmetry_supports
 from castfem.mechanics.surface_loads import SurfaceLoads
@@ -206,8 +206,13 @@ class MechanicalProblem:
             young = slice_.law.elasticity.moduli(after)[2]
             springs.begin(old.displacement, reductions.largest(self.section.comm, young))
         with self.watch.section("assembly"):
-            self._part.take_rest(self.planes, self.pressure)
+            self.rest = self._pressed_rest()
+        self.planes.rest = self.rest.work
         self.residual_state, self._integrated, self._first = None, None, 0.0
+
+    def _pressed_rest(self) -> Rest:
+        """What the pressure of the cells without stress does in the step (collective)."""
+        return self._part.rest(self.planes, self.pressure)
 
     def solve(self, guesses: list[tuple[Array, Array]]) -> SolveResult:
         """Solve from the best of some guesses; what holds there is in `residual_state`.
@@ -318,14 +323,19 @@ class MechanicalProblem:
         pressure = self.pressure[self.active.mean] if self.pressure.size else self.pressure
         parts = *fields.take_stress(self.active, response), pressure
         with self.watch.section("assembly"):
-            forces = self._assemble(self.kinematics.forms.work, self._part.rest_forces).copy()
+            forces = self._assemble(self.kinematics.forms.work, self.rest.forces).copy()
             balance = self.planes.balance(scalars)
-        scale = self.scales.stress(
-            self.active, parts, response, local[: self.owned], self._first, noise,
-            self._part.rest_stress,
-        )  # fmt: skip
-        self._first = self._first or scale.typical
+        scale = self._scale(parts, local, noise)
         return ResidualState(local.copy(), generalized_strains, forces, balance, scale)
+
+    def _scale(self, parts: tuple[Array, Array, Array], local: Array, noise: float) -> StressScale:
+        """Size of the stress there is, for the criteria of convergence (collective)."""
+        found = self.scales.stress(
+            self.active, parts, self.response, local[: self.owned], self._first, noise,
+            self.rest.sums,
+        )  # fmt: skip
+        self._first = self._first or found.typical
+        return found
 
     def _integrate(self) -> None:
         """Integrate the law at the displacement and the generalized strains the fields hold."""
@@ -395,9 +405,9 @@ class MechanicalProblem:
         self._tangent.fill(self.response, self._part.matrix)
         self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
 
-    def solve_linearised(self, right: Array) -> Array | None:
-        """Local unknowns that the tangent makes a right-hand side of; None without any."""
-        return self.bordered.solve(right)
+    def solve_linearised(self, rights: Array) -> Array | None:
+        """Local unknowns that the tangent makes of right-hand sides (n, local); None without."""
+        return self.bordered.solve(rights)
 
     def norms(self, x: PETSc.Vec, f: PETSc.Vec) -> dict[str, float]:
         """What is out of balance, over what may be, for each kind of unknown: see `Criteria`."""

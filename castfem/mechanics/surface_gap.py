@@ -56,16 +56,23 @@ class SurfaceGap:
         Args:
             state: Has the displacement and the time.
         """
+        return self.of(state.time, state.displacement, state.generalized_strains)
+
+    def of(self, time: float, displacement: Array, generalized_strains: Array) -> Array:
+        """See `at`.
+
+        Args:
+            time: Which says where the slice is, s.
+            displacement: Of all nodes of this rank, m.
+            generalized_strains: Generalized strains (4,).
+        """
         contact = self._contact
-        position = contact.contact.position(state.time)
-        normal = contact.strand.facing(state.displacement, state.generalized_strains)[0]
+        position = contact.contact.position(time)
+        normal = contact.strand.facing(displacement, generalized_strains)[0]
         weights = contact.facets.weight
         mean = np.column_stack([self._gathered(weights * c) for c in normal.T])[self.dofs]
         mean /= np.maximum(np.hypot(*mean.T), 1e-300)[:, None]
-        place = (
-            self._places
-            + self._points.moved(state.displacement, state.generalized_strains)[self.dofs]
-        )
+        place = self._places + self._points.moved(displacement, generalized_strains)[self.dofs]
         met = contact.contact.wall.gap_function(place, mean, position)
         return np.asarray(met.gap) * np.einsum("ni,ni->n", met.normal, mean)
 

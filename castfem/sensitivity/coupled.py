@@ -22,7 +22,8 @@ from castfem.coupling.staggered import (
 )
 from castfem.fem import reductions
 from castfem.sensitivity.feedback import Feedback, ShapeSlopes
-from castfem.sensitivity.mechanical import MechanicalDerivatives, Slopes
+from castfem.sensitivity.mechanical import MechanicalDerivatives
+from castfem.sensitivity.moved_state import Slopes, motion
 from castfem.sensitivity.thermal import ThermalDerivatives
 from castfem.values.types import Array
 
@@ -49,6 +50,7 @@ class FollowedCoupling(StaggeredCoupling):
         count, owned = len(thermal.variations), simulation.section.owned
         nothing: Array = np.zeros((count, owned))
         self.gap_slopes = self.mean_slopes = self._begun = nothing
+        self._ended: tuple[Sequence[Slopes], Array] = (), nothing
         self._warmed = self._warms_now = np.zeros((count, owned if self.dissipation else 0))
         self._filled = self._fed = np.zeros((count, owned))
         problem = simulation.problem
@@ -91,9 +93,15 @@ class FollowedCoupling(StaggeredCoupling):
         assert old.mechanical is not None
         self._old, self._duration = old, end - old.time
         if self.gap is not None:
-            self._begun = self._gaps(old.mechanical, self._mechanical.marked)
+            self._begun = self._gaps_at_start(old.mechanical)
             self.gap_slopes = self._begun
         return super().take(old, end, allowed)
+
+    def _gaps_at_start(self, state: MechanicalState) -> Array:
+        """Those of a committed state, which the window before has ended with."""
+        slopes, gaps = self._ended
+        marked = self._mechanical.marked
+        return gaps if slopes is marked else self._gaps(state, marked)
 
     def _gaps(self, state: MechanicalState, slopes: Sequence[Slopes]) -> Array:
         assert self.gap is not None
@@ -111,8 +119,10 @@ class FollowedCoupling(StaggeredCoupling):
         taken = super()._iterate(old, end, gap)
         if taken.converged and taken.state.mechanical is not None:
             if self.gap is not None:
-                ended = self._gaps(taken.state.mechanical, self._mechanical.slopes)
+                slopes = self._mechanical.slopes
+                ended = self._gaps(taken.state.mechanical, slopes)
                 self.mean_slopes = np.asarray(0.5 * (self._begun + ended))
+                self._ended = slopes, ended
             if self.dissipation:
                 self._warms_now = np.array([self._warms(s) for s in self._mechanical.slopes])
         return taken
@@ -142,9 +152,8 @@ class FollowedCoupling(StaggeredCoupling):
         volumes, weights = [], []
         for sign in (1.0, -1.0):
             by = sign * variation.parameter.step
-            moved = self._mechanical.at(state, slopes, by)
             assert problem.shape is not None
-            problem.shape.take(moved.displacement, moved.generalized_strains)
+            problem.shape.take(*motion(state, slopes, by))
             problem.assemble_conduction(shape.conduction if sign > 0.0 else self._spare)
             weights.append(self._zones.weights_now())
             thermal = self._old.thermal

@@ -10,56 +10,41 @@ central difference of the residual, between slices on both sides of p that begin
 both sides: the law is integrated there at the same unknowns.  Integrated once more where x has
 moved with p it gives stress and memory on both sides, and so ds/dp at the end.  Points that flow go
 on flowing, elastic ones stay elastic, liquid stays liquid: where a point is nearer to its yield
-limit than the difference is wide, a narrower one is taken.
+limit than the difference is wide, a narrower one is tried.  All parameters are solved for at once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
 from castfem.case.build_machine import build_machine
 from castfem.contact.state import CONTACT
 from castfem.errors import RunFailure
-from castfem.fem import reductions
+from castfem.fem import dof_values, reductions
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.surface_gap import SurfaceGap
 from castfem.mechanics.varied_problem import VariedProblem
 from castfem.sensitivity.kinks import Kinks
+from castfem.sensitivity.moved_state import Slopes, apart, motion, moved, none_of
+from castfem.sensitivity.two_sides import Following, Side, Step
 from castfem.sensitivity.varied import Variation, Varied
 from castfem.simulation.mechanics import make_slice
 from castfem.simulation.simulation import Simulation, case_steel
 from castfem.values.types import Array
 
-CARRIED = ("displacement", "generalized_strains", "scalars", "stress", "internal")
-"""Parts of a mechanical state that depend on what was before."""
 NARROW = (5e-2, 5e-4)  # of the step of a parameter: differences of the residual to try
 UNEVEN = 1e-3  # of a difference: how far its two halves may be apart
-
 EXACT = 1e-4  # of the largest derivative of stress or of pressure: what may be out of balance
+AT_ONCE = 1e-5  # the same, before anything is corrected
 OF_ALL = 1e-7  # of the right-hand side: likewise, where nothing touches
 STALE = 0.1  # of what it was before a correction: what remains is rounding
 SOLVES = 5  # with the tangent, at most
-
-Slopes = dict[str, Array]
-
-
-@dataclass(slots=True)
-class Side:
-    """The slice on one side of a parameter.
-
-    Attributes:
-        by: By how much the parameter is moved, in its unit.
-        problem: Its equilibrium.
-    """
-
-    by: float
-    problem: VariedProblem
+TINY = 1e-300
 
 
 class MechanicalDerivatives:
@@ -77,6 +62,7 @@ class MechanicalDerivatives:
         assert simulation.mechanics is not None
         self._simulation, self.variations = simulation, tuple(variations)
         self._problem = simulation.mechanics.problem
+        self._still = VariedProblem(self._problem, self._problem.slice)
         self._sides = [self._sides_of(v) for v in self.variations]
         for variation in self.variations:
             for end, sign in ((variation.above, 1.0), (variation.below, -1.0)):
@@ -134,14 +120,13 @@ class MechanicalDerivatives:
         for variation, its, pairs in zip(self.variations, slopes, self._sides, strict=True):
             pair, ends = pairs[0], []
             for side in pair:
-                moved = _moved(state, its, side.by)
-                moved = replace(moved, time=state.time + side.by * variation.lateness(state.time))
+                time = state.time + side.by * variation.lateness(state.time)
                 contact = side.problem.contact
                 assert contact is not None
-                ends.append(gap.to_wall(contact).at(moved))
+                ends.append(gap.to_wall(contact).of(time, *motion(state, its, side.by)))
             slope = np.zeros(self._simulation.section.owned)
-            apart = _apart(ends[0], ends[1]) / (pair[0].by - pair[1].by)
-            slope[gap.dofs] = np.where(open_, apart, 0.0)
+            change = apart(ends[0], ends[1]) / (pair[0].by - pair[1].by)
+            slope[gap.dofs] = np.where(open_, change, 0.0)
             found.append(slope)
         return found
 
@@ -157,13 +142,9 @@ class MechanicalDerivatives:
                     variation.parameter, position, state.contact, contact.status[0], slopes
                 )
 
-    def at(self, state: MechanicalState, slopes: Slopes, by: float) -> MechanicalState:
-        """A state as it would be with a parameter moved, by derivatives that are given."""
-        return _moved(state, slopes, by)
-
     def moved(self, number: int, state: MechanicalState, by: float) -> MechanicalState:
         """A state as it would be with a parameter moved, in its unit."""
-        return _moved(state, self.slopes[number], by)
+        return moved(state, self.slopes[number], by)
 
     def step(
         self, old: MechanicalState, state: MechanicalState, before: Sequence[Array],
@@ -180,54 +161,83 @@ class MechanicalDerivatives:
         Raises:
             RunFailure: The tangent cannot be factored.
         """
-        problem = self._problem
+        problem, count = self._problem, len(self._sides)
         assert problem.residual_state is not None
         local = problem.residual_state.local.copy()
         problem.linearise()
-        found: list[Slopes] = []
+        self._still.begin(old, state.time, state.temperature)
+        left = self._still.residual_at(local, np.zeros_like(local))
+        begun = []
         for number, pairs in enumerate(self._sides):
             start = self.marked[number] or none_of(old)
             temperatures = before[number], after[number]
-            step = _Step(self.variations[number], old, state, start, temperatures, local)
-            found.append(self._solved(pairs, step))
-        self.slopes = found
-
-    def _solved(self, pairs: Sequence[tuple[Side, Side]], step: _Step) -> Slopes:
-        """Derivatives at the end of a step by one parameter (collective).
-
-        Newton's tangent may leave something out, as the turn of friction round an arc does: what
-        is out of balance where x has moved corrects it. Where the wall is met that is done once at
-        least: it is so stiff that an error of displacement that nothing else shows is one of its
-        pressure.
-        """
-        comm = self._simulation.section.comm
-        move = np.zeros_like(step.local)
-        for pair in pairs:
-            parts = [step.begun(side).residual_at(step.local, move) for side in pair]
-            halves = np.abs(parts[0] + parts[1]), np.abs(parts[0] - parts[1])
-            apart, whole = (reductions.largest(comm, h) for h in halves)
-            if apart <= UNEVEN * whole:
+            step = Step(self.variations[number], old, state, start, temperatures, local)
+            begun.append(self._begun(pairs, step, left))
+        moves: Array = np.zeros((count, len(local)))
+        following = [number for number, one in enumerate(begun) if one.whole > 0.0]
+        for _ in range(SOLVES):
+            if not following:
                 break
-        span = pair[0].by - pair[1].by
-        worst = np.inf
-        for taken in range(SOLVES):
-            more = self._problem.solve_linearised(np.asarray((parts[1] - parts[0]) / span))
+            more = problem.solve_linearised(np.array([begun[n].right for n in following]))
             if more is None:
                 raise RunFailure("the derivative of a mechanical step cannot be solved for")
-            move, ends = move + more, []
-            for number, side in enumerate(pair):
-                side.problem.again()
-                parts[number] = side.problem.residual_at(step.local, side.by * move)
-                ends.append(side.problem.carried(step.old))
-            left, slopes = parts[0] - parts[1], _slopes(ends, span)
-            if not self._touches:
-                if reductions.largest(comm, np.abs(left)) <= OF_ALL * whole:
-                    break
-                continue
-            before, worst = worst, self._unbalanced(np.asarray(left / span), slopes)
-            if taken and (worst <= EXACT or worst > STALE * before):
+            moves[following] += more
+            following = [n for n in following if self._out_of_balance(begun[n], moves[n])]
+        for one, move in zip(begun, moves, strict=True):
+            if not one.slopes:  # nothing is out of balance
+                one.moved(np.asarray(move))
+        found = [one.slopes for one in begun]
+        for slopes, change in zip(found, self._displacements(begun, moves), strict=True):
+            slopes["displacement"] = change
+        self.slopes = found
+
+    def _begun(self, pairs: Sequence[tuple[Side, Side]], step: Step, left: Array) -> Following:
+        """What a parameter puts out of balance at held unknowns, by the best pair (collective).
+
+        Args:
+            pairs: Of sides, from wide to narrow.
+            step: The step as it is there.
+            left: What is out of balance where the parameter is.
+        """
+        comm, still = self._simulation.section.comm, np.zeros_like(step.local)
+        found = []
+        for pair in pairs:
+            one, other = (step.begun(side).residual_at(step.local, still) for side in pair)
+            halves = np.abs(one + other - 2.0 * left), np.abs(one - other)
+            uneven, whole = (reductions.largest(comm, h) for h in halves)
+            right = np.asarray((other - one) / (pair[0].by - pair[1].by))
+            found.append((uneven / max(whole, TINY), Following(pair, step, right, whole)))
+            if uneven <= UNEVEN * whole:
                 break
-        return slopes
+        return min(found, key=lambda one: one[0])[1]
+
+    def _out_of_balance(self, following: Following, move: Array) -> bool:
+        """Take what the next step takes up; whether the unknowns are to be corrected (collective).
+
+        Newton's tangent may leave something out, as the turn of friction round an arc does: what
+        is out of balance where they have moved corrects them. Where the wall is met it is so stiff
+        that an error of displacement that nothing else shows is one of its pressure.
+        """
+        comm, one, other = self._simulation.section.comm, *following.moved(move)
+        following.right = np.asarray((other - one) / following.span)
+        if not self._touches:
+            left = reductions.largest(comm, np.abs(one - other))
+            return left > OF_ALL * following.whole
+        before, first = following.left, np.isinf(following.left)
+        following.left = now = self._unbalanced(following.right, following.slopes)
+        return now > AT_ONCE if first else EXACT < now <= STALE * before
+
+    def _displacements(self, begun: Sequence[Following], moves: Array) -> list[Array]:
+        """Derivatives of the displacements of this rank's nodes, ghosts included (collective)."""
+        problem = self._problem
+        found, held = np.array(moves[:, : problem.owned]), problem.constraints.fixed
+        if problem.constraints.moving:
+            for number, one in enumerate(begun):
+                above, below = one.supports()
+                found[number, held] = ((above - below) / one.span)[held]
+        if problem.liquid is not None:
+            found = problem.liquid.followed(found)
+        return [dof_values.with_ghosts(problem.space, change) for change in found]
 
     @property
     def _touches(self) -> bool:
@@ -249,76 +259,3 @@ class MechanicalDerivatives:
         sizes = nodal, *(np.abs(slopes[name]) for name in ("stress", f"{CONTACT}pressure"))
         worst, *derivatives = (reductions.largest(comm, size) for size in sizes)
         return worst / min((d for d in derivatives if d > 0.0), default=np.inf)
-
-
-def _slopes(ends: Sequence[Slopes], span: float) -> Slopes:
-    above, below = ends
-    return {n: np.asarray(_apart(above[n], below[n]) / span) for n in above}
-
-
-@dataclass(frozen=True, slots=True)
-class _Step:
-    """A step of the slice, as it is on the sides of one parameter.
-
-    Attributes:
-        variation: The parameter.
-        old: The state it began with.
-        state: At its end.
-        start: Derivatives of the old state.
-        temperatures: Derivatives of the temperatures at its start and end (owned,), K.
-        local: Unknowns at its end.
-    """
-
-    variation: Variation
-    old: MechanicalState
-    state: MechanicalState
-    start: Slopes
-    temperatures: tuple[Array, Array]
-    local: Array
-
-    def begun(self, side: Side) -> VariedProblem:
-        """The slice on one side, at the start of its step (collective)."""
-        by, states = side.by, (self.old, self.state)
-        times = [s.time + by * self.variation.lateness(s.time) for s in states]
-        warm = [s.temperature + by * t for s, t in zip(states, self.temperatures, strict=True)]
-        begun = replace(_moved(self.old, self.start, by), time=times[0], temperature=warm[0])
-        side.problem.begin(begun, times[1], warm[1])
-        return side.problem
-
-
-def none_of(state: MechanicalState) -> Slopes:
-    """Derivatives of a state that depends on no parameter."""
-    found = {name: np.zeros_like(getattr(state, name)) for name in CARRIED}
-    if state.contact is not None:
-        found |= {name: np.zeros_like(v) for name, v in state.contact.numbers().items()}
-    return found
-
-
-def _apart(above: Array, below: Array) -> Array:
-    """One less the other; 0 where both are without bounds, as the gap to no wall."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.nan_to_num(above - below, nan=0.0), dtype=np.float64)
-
-
-def _moved(state: MechanicalState, slopes: Slopes, by: float) -> MechanicalState:
-    if not slopes:
-        return state
-    changed: Slopes = {name: getattr(state, name) + by * slopes[name] for name in CARRIED}
-    if state.contact is not None:
-        numbers = state.contact.numbers()
-        changed |= {name: value + by * slopes[name] for name, value in numbers.items()}
-    return with_numbers(state, changed)
-
-
-def with_numbers(state: MechanicalState, numbers: Slopes) -> MechanicalState:
-    """A state with other numbers, by their names in `Slopes`."""
-    changed: dict[str, Any] = {name: numbers[name] for name in CARRIED}
-    if state.contact is not None:
-        touched: dict[str, Any] = {
-            name.removeprefix(CONTACT): numbers[name] for name in state.contact.numbers()
-        }
-        contact = replace(state.contact, **touched)
-        changed["interactions"] = tuple(
-            contact if one is state.contact else one for one in state.interactions
-        )
-    return replace(state, **changed)

@@ -14,13 +14,8 @@ from castfem.mechanics.checkpoint import MechanicalCheckpoint
 from castfem.mechanics.state import MechanicalState
 from castfem.results.run_state import RunState
 from castfem.sensitivity.coupled import FollowedCoupling
-from castfem.sensitivity.mechanical import (
-    CARRIED,
-    MechanicalDerivatives,
-    Slopes,
-    none_of,
-    with_numbers,
-)
+from castfem.sensitivity.mechanical import MechanicalDerivatives
+from castfem.sensitivity.moved_state import CARRIED, Slopes, none_of, with_numbers
 from castfem.sensitivity.result import Kink
 from castfem.values.types import Array
 

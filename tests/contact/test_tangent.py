@@ -150,10 +150,10 @@ def test_a_little_motion_told_apart_meets_the_wall_as_the_whole_does() -> None:
     askew = np.array([[np.cos(0.2), np.sin(0.2)], [-np.sin(0.2), np.cos(0.2)]])
     strand, place = facets.normal @ askew, 1e-4 * facets.normal
     shift = size * np.random.default_rng(0).standard_normal(place.shape)
-    met = [
-        contact.strand.gap_to(contact.contact.wall, 0.0, *motion)
-        for motion in ((place, strand), (place + shift, strand), (place, strand, shift))
-    ]
+    here, there = (
+        contact.strand.meet(contact.contact.wall, 0.0, at, strand) for at in (place, place + shift)
+    )
+    met = [contact.strand.gap_to(*one) for one in ((here,), (there,), (here, shift))]
     (_, before, _), (turned, gap, _), (its, found, _) = met
     assert np.abs(found - gap).max() < 1e-5 * np.abs(gap - before).max()
     assert np.abs(its - turned).max() < 1e-2 * size

@@ -1,0 +1,78 @@
+"""Mechanical states as they would be with a parameter moved, and the derivatives that say so."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from castfem.contact.state import CONTACT
+from castfem.mechanics.state import MechanicalState
+from castfem.values.types import Array
+
+CARRIED = ("displacement", "generalized_strains", "scalars", "stress", "internal")
+"""Parts of a mechanical state that depend on what was before."""
+
+Slopes = dict[str, Array]
+"""Derivatives of a state by its parts: `CARRIED`, and the numbers of contact."""
+
+
+def none_of(state: MechanicalState) -> Slopes:
+    """Derivatives of a state that depends on no parameter."""
+    found = {name: np.zeros_like(getattr(state, name)) for name in CARRIED}
+    if state.contact is not None:
+        found |= {name: np.zeros_like(v) for name, v in state.contact.numbers().items()}
+    return found
+
+
+def apart(above: Array, below: Array) -> Array:
+    """One less the other; 0 where both are without bounds, as the gap to no wall."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.nan_to_num(above - below, nan=0.0), dtype=np.float64)
+
+
+def motion(state: MechanicalState, slopes: Slopes, by: float) -> tuple[Array, Array]:
+    """Displacement and generalized strains as they would be with a parameter moved.
+
+    Args:
+        state: As it is.
+        slopes: Its derivatives; empty where it depends on no parameter.
+        by: By how much the parameter is moved, in its unit.
+    """
+    if not slopes:
+        return state.displacement, state.generalized_strains
+    displacement = state.displacement + by * slopes["displacement"]
+    return displacement, state.generalized_strains + by * slopes["generalized_strains"]
+
+
+def moved(state: MechanicalState, slopes: Slopes, by: float) -> MechanicalState:
+    """A state as it would be with a parameter moved by `by`, in its unit."""
+    if not slopes:
+        return state
+    changed: Slopes = {name: getattr(state, name) + by * slopes[name] for name in CARRIED}
+    if state.contact is not None:
+        numbers = state.contact.numbers()
+        changed |= {name: value + by * slopes[name] for name, value in numbers.items()}
+    return with_numbers(state, changed)
+
+
+def with_numbers(state: MechanicalState, numbers: Slopes) -> MechanicalState:
+    """A state with other numbers, by their names in `Slopes`."""
+    changed: dict[str, Any] = {name: numbers[name] for name in CARRIED}
+    if state.contact is not None:
+        touched: dict[str, Any] = {
+            name.removeprefix(CONTACT): numbers[name] for name in state.contact.numbers()
+        }
+        contact = replace(state.contact, **touched)
+        changed["interactions"] = tuple(
+            contact if one is state.contact else one for one in state.interactions
+        )
+    return replace(state, **changed)
+
+
+def between(ends: Sequence[Slopes], span: float) -> Slopes:
+    """Derivatives of what is carried, above and below a parameter, `span` apart."""
+    above, below = ends
+    return {n: np.asarray(apart(above[n], below[n]) / span) for n in above}
