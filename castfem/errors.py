@@ -25,6 +25,14 @@ class InputError(CastfemError):
         super().__init__("\n".join(self.problems))
 
 
+class CaseError(InputError):
+    """What a case asks for cannot be built; its problems begin with the key, and name no file."""
+
+    def of(self, path: object) -> InputError:
+        """The same, said of the file that the case was read from."""
+        return InputError(f"{path}: {problem}" for problem in self.problems)
+
+
 class FolderInUse(InputError):
     """Another run is at work in the folder."""
 

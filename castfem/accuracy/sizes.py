@@ -16,6 +16,7 @@ from typing import Any
 from castfem.accuracy.levels import LEVELS
 from castfem.case import Case
 from castfem.case.mechanics import Way
+from castfem.case.section_mesh import meshing
 from castfem.coupling.step_control import ALLOWED_STRAIN
 from castfem.errors import InputError
 from castfem.support.messages import choices
@@ -66,7 +67,8 @@ def cell_count(case: Case) -> int:
 def _cells(parameters: str) -> int:
     from castfem.meshes.build import build
 
-    return len(build(**json.loads(parameters)).cells)
+    with meshing():
+        return len(build(**json.loads(parameters)).cells)
 
 
 def window(case: Case) -> float:

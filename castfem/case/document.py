@@ -61,6 +61,7 @@ class Document:
         data: The merged tables, without `extends`.
         label: Name of the file that was asked for.
         origins: Where a key (or the table it stands in) was written: a file, or "--set".
+        joined: File (or "--set") that wrote last in a table that another had begun.
         faults: Full lines about files and overrides that could not be used.
         changes: Dotted keys that were overridden, and their new values.
         left_out: Full lines about inherited keys that a later setting has done away with.
@@ -69,6 +70,7 @@ class Document:
     data: dict[str, Any]
     label: str
     origins: dict[Keys, str] = field(default_factory=dict)
+    joined: dict[Keys, str] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
     changes: list[tuple[str, Any]] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
@@ -79,6 +81,10 @@ class Document:
             if path[:end] in self.origins:
                 return self.origins[path[:end]]
         return self.label
+
+    def place(self, path: Keys) -> str:
+        """Return the file to mend: of a table that several have written in, the last of them."""
+        return self.joined.get(path) or self.origin(path)
 
 
 def read(path: Path) -> Document:
@@ -119,6 +125,7 @@ def _extend(document: Document, path: Path, base: str, chain: tuple[Path, ...]) 
     inherited = _read(below, os.path.normpath(below), chain)
     document.faults += inherited.faults
     document.data, document.origins = inherited.data, inherited.origins
+    document.joined = inherited.joined
     document.left_out = inherited.left_out
 
 
@@ -206,6 +213,7 @@ def _merge(
             _write_out(document, under, here)
         tables = isinstance(value, dict) and isinstance(under.get(key), dict)
         if tables and here not in _UNDIVIDED:
+            document.joined[here] = label
             _merge(document, under[key], value, here, label)
         else:
             _forget(document, here)
@@ -235,8 +243,9 @@ def _any_entry(path: Keys) -> Keys:
 
 def _forget(document: Document, path: Keys) -> None:
     """Drop what is known of the origins at and below a path."""
-    for known in [k for k in document.origins if k[: len(path)] == path]:
-        del document.origins[known]
+    for places in (document.origins, document.joined):
+        for known in [k for k in places if k[: len(path)] == path]:
+            del places[known]
 
 
 def end_layer(document: Document, before: Mapping[str, Any], labels: Collection[str]) -> None:

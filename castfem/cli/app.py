@@ -257,9 +257,11 @@ def mesh(
     """Draw the mesh of a case and print its counts and quality."""
     from castfem.case import load_case
     from castfem.cli.drawing import draw_mesh
+    from castfem.cli.options import read_from
 
     path = _find(case)
-    draw_mesh(load_case(path, set_ or ()), output or Path(f"{path.stem}_mesh.png"))
+    with read_from(path):
+        draw_mesh(load_case(path, set_ or ()), output or Path(f"{path.stem}_mesh.png"))
 
 
 @app.command()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from castfem.case import AnyCase, Case, Reading, TensileCase, plausibility, read_case
 from castfem.case.probe import outside
 from castfem.case.problems import Problem
+from castfem.cli.options import read_from
 from castfem.errors import InputError
 from castfem.support import log
 from castfem.values.same_place import ROUNDING
@@ -155,7 +156,8 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
     from castfem.cli.drawing import build_mesh
 
     assert steel is not None
-    mesh = build_mesh(case)
+    with read_from(path):
+        mesh = build_mesh(case)
     for probe in case.output.probe:
         try:
             place = probe.place(mesh.probes)

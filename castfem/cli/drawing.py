@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import Case
+from castfem.case.section_mesh import meshing
 from castfem.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,21 +19,19 @@ def build_mesh(case: Case) -> SectionMesh:
     """Return the mesh of a case.
 
     Raises:
-        InputError: The mesh cannot be built, or would have bad cells.
+        CaseError: The mesh cannot be built, or would have bad cells.
     """
     from castfem.meshes import build
 
-    try:
+    with meshing():
         return build(**case.mesh_parameters())
-    except ValueError as error:
-        raise InputError(f"mesh: {error}") from error
 
 
 def draw_mesh(case: Case, picture: Path) -> None:
     """Build the mesh of a case, print its counts and quality, and draw it.
 
     Raises:
-        InputError: The mesh cannot be built, or would have bad cells.
+        CaseError: The mesh cannot be built, or would have bad cells.
     """
     from castfem.meshes.draw import draw
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from castfem.cli import completion
+from castfem.errors import CaseError
 
 CaseName = Annotated[
     str,
@@ -97,3 +99,16 @@ def above_zero(option: str, text: str, unit: str) -> float:
     if not value > 0.0:
         raise InputError(f"{option} {text}: must be above 0 {unit}")
     return value
+
+
+@contextmanager
+def read_from(path: Path) -> Iterator[None]:
+    """Return a block in which what cannot be built of a case is said of its file.
+
+    Raises:
+        InputError: What cannot be built.
+    """
+    try:
+        yield
+    except CaseError as error:
+        raise error.of(path) from error

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from castfem.case import AnyCase, TensileCase, load_case, shipped_cases
 from castfem.cli import parallel
 from castfem.cli.checking import problems_of
+from castfem.cli.options import read_from
 from castfem.errors import CastfemError, InputError
 from castfem.output.folder import CASE_NAME, ERROR_ENDING, ERROR_NAME
 from castfem.output.run_record import RUN_NAME
@@ -64,7 +65,8 @@ def run_case(options: Options) -> None:
         with parallel.together(comm):
             case, target = _validated(comm, options)
             try:
-                _run_case(case, target, comm, options)
+                with read_from(_place(options)[0]):
+                    _run_case(case, target, comm, options)
             except Exception as error:
                 _log_to_file(error)
                 raise

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from castfem.case import load_case, shipped_cases
 from castfem.case.shown_units import units_of
 from castfem.cli import parallel
-from castfem.cli.options import chosen
+from castfem.cli.options import chosen, read_from
 from castfem.errors import InputError
 from castfem.output.folder import RUN_NAME
 from castfem.report.numbers import shown, unit_shown, with_error
@@ -70,7 +70,7 @@ def sensitivity_of_case(options: Options) -> None:
         raise InputError(f"{target}: holds something else; choose another folder with -o")
     progress = Progress(-1 if options.quiet else 0) if root else None
     try:
-        with parallel.together(comm):
+        with parallel.together(comm), read_from(path):
             found = sensitivity(
                 case, options.of, options.to, folder=target, resume=options.resume, comm=comm,
                 progress=progress,

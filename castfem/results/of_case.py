@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from castfem.case.section_mesh import meshing
 from castfem.results.registry import AT_FRACTION, find
 from castfem.support.messages import choices
 from castfem.values.units import nearest
@@ -53,7 +54,8 @@ def faults_of(case: Case, names: Sequence[str]) -> list[str]:
         if not places:
             from castfem.meshes import build
 
-            places.extend(build(**case.mesh_parameters()).probes)
+            with meshing():
+                places.extend(build(**case.mesh_parameters()).probes)
         return places
 
     return [_fault(case, name, known) for name in names]

@@ -13,6 +13,7 @@ import numpy as np
 
 from castfem.case.build_machine import build_machine
 from castfem.case.mechanics import Way
+from castfem.case.section_mesh import meshing
 from castfem.coupling.staggered import ALLOWED, ORDER, StaggeredCoupling
 from castfem.coupling.step_control import ALLOWED_STRAIN, Adaptive, StepControl
 from castfem.coupling.subcycling import MechanicalSteps, ThermalSteps
@@ -311,10 +312,15 @@ def step_control(case: Case, milestones: list[float], least: float = 0.0) -> Ste
 
 
 def build_mesh(case: Case) -> SectionMesh:
-    """The section's mesh, from the user's cache if it is there."""
+    """The section's mesh, from the user's cache if it is there.
+
+    Raises:
+        CaseError: The mesh cannot be built, or would have bad cells.
+    """
     from castfem import meshes
 
-    return meshes.cached(meshes.build, cache_folder() / "meshes", **case.mesh_parameters())
+    with meshing():
+        return meshes.cached(meshes.build, cache_folder() / "meshes", **case.mesh_parameters())
 
 
 def cache_folder() -> Path:

@@ -134,6 +134,23 @@ def test_problems_name_the_file_of_the_chain(write, sound):
     ]
 
 
+def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_last(write, sound):
+    base = write(sound, "base.toml")
+    both = '[casting]\nsuperheat = "30 K"\ntemperature = "1540 degC"\n'
+    top = write(f'extends = "base.toml"\n{both}', "top.toml")
+    with pytest.raises(InputError) as caught:
+        load_case(top)
+    (line,) = caught.value.problems
+    assert line.startswith(f"{top}: casting: both are given")
+    write('extends = "top.toml"\n[mesh]\norder = 2\n', "last.toml")
+    with pytest.raises(InputError, match=f"^{top}: casting: both are given"):
+        load_case(top.parent / "last.toml")
+    write(sound.replace('"5 mm"', '"70 mm"'), "base.toml")
+    write('extends = "base.toml"\n[casting]\nspeed = "3 m/min"\n', "top.toml")
+    with pytest.raises(InputError, match=f"^{base}: section.corner_radius"):
+        load_case(top)
+
+
 def test_extends_in_a_circle(write):
     write('extends = "b.toml"\n', "a.toml")
     path = write('extends = "a.toml"\n', "b.toml")

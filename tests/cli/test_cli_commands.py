@@ -216,10 +216,12 @@ def test_mesh_prints_and_draws(castfem, case_file):
 
 
 def test_mesh_that_cannot_be_built(castfem, case_file):
-    for command in ("mesh", "check"):
+    for command in ("mesh", "check", "run"):
         wrong = castfem(command, case_file, "--set", "mesh.surface_depth=300 mm")
         assert wrong.status == 1
-        assert "mesh: surface_depth = 300 mm is larger than core_depth" in wrong.err
+        (line,) = wrong.err.splitlines()
+        named = f"castfem: {case_file}: mesh: surface_depth = 300 mm is larger than core_depth"
+        assert line.startswith(named)
 
 
 @pytest.mark.parametrize("picture", ["m.xyz", "m", "nowhere/m.png"])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from castfem.errors import InputError, RunFailure
+from castfem.errors import CaseError, InputError, RunFailure
 
 
 def test_run_hands_over_the_case(castfem, engine, case_file):
@@ -163,7 +163,8 @@ def test_case_of_another_version(castfem, engine, case_file):
 @pytest.mark.parametrize(
     ("error", "status", "said"),
     [
-        (InputError("mesh: inverted"), 1, "castfem: mesh: inverted\n"),
+        (InputError("out: in the way"), 1, "castfem: out: in the way\n"),
+        (CaseError("mesh: inverted"), 1, "mine/billet.toml: mesh: inverted\n"),
         (RunFailure("t = 1 s: step too small"), 2, "castfem: t = 1 s: step too small\n"),
         (ZeroDivisionError("oh"), 2, "unexpected ZeroDivisionError: oh"),
         (KeyboardInterrupt(), 130, "--resume"),
