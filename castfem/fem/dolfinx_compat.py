@@ -14,7 +14,7 @@ import dolfinx
 import numpy as np
 import numpy.typing as npt
 import ufl
-from dolfinx import cpp, fem, jit, la
+from dolfinx import cpp, fem, la
 from dolfinx import mesh as dmesh
 
 from castfem.fem import form_cache
@@ -28,10 +28,7 @@ CELLS = 1  # identifier of the cells in the measures of a `CellForm`
 
 @lru_cache(maxsize=1)
 def jit_options() -> dict[str, Any]:
-    """How forms are compiled, and where they are kept: apart for every way the elements come out.
-
-    By -O1: kernels without reassociation come out the same to the bit as by the -O2 of DOLFINx and
-    are as fast, but large ones are compiled in half the time. Flags of the user's own stay.
+    """Where compiled forms are kept: apart for every way the elements come out.
 
     From 0.10 a compiled form remembers the bits of its elements, and those of an element with a
     bubble depend on the BLAS it was made with. DOLFINx looks forms up by name alone and refuses
@@ -43,12 +40,7 @@ def jit_options() -> dict[str, Any]:
     bubble = basix.ufl.element("Bubble", "triangle", 3)
     bits = basix.ufl.enriched_element([quadratic, bubble]).basix_hash()
     cache = Path(platformdirs.user_cache_dir("castfem", appauthor=False))
-    flags = jit.get_options()["cffi_extra_compile_args"]
-    return {
-        "cache_dir": cache / "forms" / f"{version()}-{bits:x}",
-        "timeout": form_cache.WAIT,
-        "cffi_extra_compile_args": ["-O1", "-g0"] if flags == ["-O2", "-g0"] else flags,
-    }
+    return {"cache_dir": cache / "forms" / f"{version()}-{bits:x}", "timeout": form_cache.WAIT}
 
 
 def _compiled(comm: MPI.Comm, make: Callable[[dict[str, Any]], T]) -> T:

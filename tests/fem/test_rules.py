@@ -7,7 +7,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem, jit, mesh
+from dolfinx import fem, mesh
 
 from castfem.fem.dolfinx_compat import CELLS, CellForm, compile_form, jit_options
 
@@ -89,12 +89,6 @@ def test_a_form_is_compiled_once_for_all_sides(sides: tuple[mesh.Mesh, mesh.Mesh
         assert fem.assemble_vector(form).array.sum() == pytest.approx(volume + length, rel=1e-5)
 
 
-def test_flags_of_the_user_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    fast = ["-O3", "-march=native"]
-    monkeypatch.setattr(jit, "get_options", lambda: {"cffi_extra_compile_args": fast})
-    assert jit_options.__wrapped__()["cffi_extra_compile_args"] == fast
-
-
 @pytest.mark.parametrize(
     "loads",
     [((LEFT, RIGHT, ABOVE), (BOTTOM,)), ((LEFT, BOTTOM), (BOTTOM, RIGHT))],
@@ -105,7 +99,6 @@ def test_renumbered_tags_change_no_bit(
 ) -> None:
     form = pressed(sides, *loads)
     on_cells = CellForm(sides[0], pressed(sides, *loads, volume=CELLS))
-    options = jit_options() | {"cffi_extra_compile_args": ["-O2", "-g0"]}  # of DOLFINx
-    expected = fem.assemble_vector(fem.form(form, jit_options=options)).array
+    expected = fem.assemble_vector(fem.form(form, jit_options=jit_options())).array
     for found in (compile_form(form), on_cells.on(np.arange(6, dtype=np.int32))):
         assert fem.assemble_vector(found).array.tobytes() == expected.tobytes()
