@@ -69,6 +69,7 @@ BENCHMARKS = {
     "throughput": "benchmarks.sweep_cost",
     "plain_run": "benchmarks.plain_run",
     "sensitivity": "benchmarks.sensitivity",
+    "sensitivity_apart": "benchmarks.sensitivity_apart",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -119,6 +120,7 @@ PAGES = {
     "stated_error": "accuracy.md",
     "throughput": "scripting.md",
     "sensitivity": "sensitivity.md",
+    "sensitivity_apart": "sensitivity.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

@@ -154,12 +154,24 @@ def _told(found: Sensitivity, name: str) -> str:
     )
 
 
+def _in_steps(found: Sensitivity) -> str:
+    """Return by which parameters a strained slice answers in small steps; "" where none is."""
+    names = [p.name for p in found.parameters if p.moves_front]
+    if not (found.strained and names):
+        return ""
+    return (
+        f"by {', '.join(names)}: the shell grows cell by cell, and stress, strain and gap go with "
+        "it in small steps; these are slopes between two of them, and runs some per cent apart may "
+        "give others, even of the other sign (docs/sensitivity.md): make two before you go by one"
+    )
+
+
 def remarks(found: Sensitivity) -> list[str]:
     """Return what else is to be known of the derivatives, a line each."""
     from castfem.sensitivity.chosen_units import ShownRow
 
     lines = [_told(found, p.name) for p in found.parameters]
-    lines = [line for line in lines if line]
+    lines = [line for line in [*lines, _in_steps(found)] if line]
     for row in found.rows():
         one = ShownRow.of(row)
         if one.sides is not None:

@@ -105,6 +105,11 @@ class Parameter:
         """Whether the temperatures do not hang on it."""
         return bool(self.law) or self.steel in STRAINED
 
+    @property
+    def moves_front(self) -> bool:
+        """Whether the shell grows by it, directly; the mould acts on it through its gap alone."""
+        return not self.of_mechanics and not self.key.startswith("mould.")
+
     def law_at(self, law: Law, value: float) -> Law:
         """The constitutive law with another value."""
         if not self.law:

@@ -104,6 +104,7 @@ class Sensitivity:
         derivatives: Each result by each parameter.
         steps: Thermal steps of the run.
         kinks: Where contact is about to change: there derivatives are those to one side.
+        strained: Whether the run had mechanics, which a growing shell takes along cell by cell.
     """
 
     title: str
@@ -113,6 +114,7 @@ class Sensitivity:
     derivatives: tuple[Derivative, ...]
     steps: int
     kinks: tuple[Kink, ...] = ()
+    strained: bool = False
 
     @property
     def gradient(self) -> dict[str, dict[str, float]]:

@@ -303,7 +303,7 @@ def sensitivity(
         kept = tuple(v.parameter for v in derivatives.variations)
         result = Sensitivity(
             case.title, run.position, values, kept, tuple(found), run.counts.steps,
-            _kinks(simulation),
+            _kinks(simulation), simulation.coupling is not None,
         )  # fmt: skip
         if folder is not None:
             on_root(comm, lambda: result.write(folder))

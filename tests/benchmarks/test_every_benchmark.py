@@ -57,6 +57,7 @@ SLOW = {
     "optimum_gradients": "some 80 billets; tests/sensitivity has the derivatives",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
+    "sensitivity_apart": "some thirty billets; tests/sensitivity has the derivatives",
     "stated_error": "ladders of five cases; tests/cli/test_cli_error.py has short ones",
     "throughput": "a sweep of 32 billets; tests/benchmarks/test_sweep_cost.py has its table",
     "plain_run": "commands beside those of an earlier version, which a clone has not",

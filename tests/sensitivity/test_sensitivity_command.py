@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from small_case import write_small
 from typer.testing import CliRunner
 
 from castfem.cli.app import app
-from castfem.cli.sensitivity import head_of, table_of
+from castfem.cli.sensitivity import head_of, remarks, table_of
 from castfem.output.summary import Quantity
 from castfem.plots.chosen_units import in_chosen_units
 from castfem.plots.tornado import draw_tornado
@@ -103,6 +104,17 @@ def test_units_that_were_chosen() -> None:
     assert close(own[5], (100.0, "percent", 0.1, "inch/percent", 1.0))
     # 1500 K are 2240.3 °F
     assert "surface, mid-face: 2240.3" in out.getvalue() and "0.05556 inch/" in out.getvalue()
+
+
+def test_a_strained_slice_that_freezes_is_said_to_answer_in_steps() -> None:
+    assert not any("cell by cell" in line for line in remarks(FOUND))
+    taper = Parameter("mould.taper", "mould.taper", 1.0, "%/m", 0.1, step=1e-4)
+    strength = Parameter("law.strength", "", 100.0, "percent", 1.0, law="strength", step=1e-3)
+    mould = replace(FOUND, parameters=(taper, strength), derivatives=(), strained=True)
+    assert remarks(mould) == []
+    both = replace(mould, parameters=(taper, *FOUND.parameters, strength))
+    (line,) = remarks(both)
+    assert line.startswith("by casting.speed, cooling.mould.wall, steel.conductivity: the shell")
 
 
 def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) -> None:
