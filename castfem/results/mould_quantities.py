@@ -32,7 +32,8 @@ def _at(find: Callable[[ContactSummary], Iterable[float] | None]) -> Callable[[S
 def gap(sample: Sample, probe: str) -> float:
     """Gap between the surface and the wall; below 0 the surface lies in the wall.
 
-    Empty where there is no wall, as below the mould.
+    Empty where there is no wall, as below the mould. It is that at the end of the coupling window;
+    what `heat_flux` tells has crossed the mean of the window's beginning and end.
     """
     return sample.strained.gap[probe]
 
@@ -62,7 +63,10 @@ def contact_pressure(sample: Sample, probe: str) -> float:
     needs=("mould",),
 )
 def gap_max(sample: Sample) -> float:
-    """Largest gap of the section to a wall; 0 if none is open."""
+    """Largest gap of the section to a wall; 0 if none is open.
+
+    That of an integration point: at the very corner `gap` may be a per cent larger.
+    """
     return sample.contact.gap
 
 
