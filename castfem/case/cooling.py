@@ -12,6 +12,7 @@ from pydantic import Field
 
 from castfem.case.base import TableModel, written
 from castfem.case.heat_law import GAP, HeatLaw, Surroundings
+from castfem.case.lacking import no_emissivity
 from castfem.case.mould_laws import Contact, Flux
 from castfem.case.spray import Spray
 from castfem.errors import InputError
@@ -95,10 +96,8 @@ class Radiation(HeatLaw):
     def build(self, around: Surroundings) -> flux_laws.Radiation:
         """See `HeatLaw.build`."""
         steel = around.steel
-        if self.emissivity is None and not steel.has("emissivity"):
-            raise InputError(
-                f"radiation: steel {steel.name} has no emissivity; give one, emissivity = 0.8"
-            )
+        if lack := no_emissivity(self.emissivity, steel):
+            raise InputError(f"radiation: {lack}")
         return flux_laws.Radiation(
             emissivity=steel.emissivity if self.emissivity is None else self.emissivity,
             ambient=self.ambient,

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from castfem.materials import Steel
 
 _FASTEST = 20.0 / 60.0  # m/s; billets are cast at some 6 m/min, thin slabs at some 8
+_HOTTEST = 300.0  # K above the liquidus; steel is poured at 5 to 60 K, copper at 150
 _CLOSED = 0.07  # of the section, beyond what cases made to be extreme have (10 %/m over 0.6 m)
 _USUAL_TAPER = 0.03  # 1/m, single
 _ROUGHEST = 2.0  # friction coefficient
@@ -98,6 +99,7 @@ def warnings_with(
             f"({convert(steel.liquidus, 'K', 'degC'):.6g} degC): the slice begins with "
             f"{100.0 * float(steel.solid_fraction(start)):.3g} % of solid",
         )
+    yield from _hot(case, steel)
     if law is not None:
         yield from _hardens_for_good(case, law)
         yield from _limit_of_signed_strain(case, law)
@@ -111,6 +113,20 @@ def warnings_with(
             ("mechanics", "law"),
             f'("{name}") has the numbers of a steel of {law_carbon:g} %C, {steel.name} has '
             f'{carbon:g} %C; "kozlowski_zhu" goes by the carbon of the steel',
+        )
+
+
+def _hot(case: Case, steel: Steel) -> Iterator[Problem]:
+    """Yield steel that is poured hotter than any is."""
+    start, given = case.casting.temperature, case.casting.superheat
+    key, above = "temperature", 0.0 if start is None else start - steel.liquidus
+    if given is not None:
+        key, above = "superheat", max(given.values) if isinstance(given, Table) else given
+    if above > _HOTTEST:
+        yield Problem(
+            ("casting", key),
+            f"{above:.4g} K above the liquidus of {steel.name} are far beyond what is poured; are "
+            "number and unit right?",
         )
 
 

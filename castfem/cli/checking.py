@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import AnyCase, Case, Reading, TensileCase, plausibility, read_case
+from castfem.case.cooling import Radiation
+from castfem.case.lacking import no_emissivity, no_expansion
 from castfem.case.probe import outside
 from castfem.case.problems import Problem
 from castfem.cli.options import read_from
@@ -18,6 +20,7 @@ from castfem.values.tables import Table
 from castfem.values.units import convert
 
 if TYPE_CHECKING:
+    from castfem.case.secondary import Secondary
     from castfem.constitutive.base import Law
     from castfem.materials import Steel
     from castfem.meshes import SectionMesh
@@ -54,6 +57,7 @@ def problems_of(
         problems += error.problems
     if not problems and isinstance(reading.case, Case):
         problems += _solvers(reading, reading.case)
+        problems += [reading.line(one) for one in _lacking(reading.case, steel)]
     if not problems:
         own = tuple(f"--set: {one.partition('=')[0]}" for one in sizes)
         _print_warnings(reading, steel, law, law_carbon, own)
@@ -105,6 +109,25 @@ def _try_mechanics(
 
     law = build_law(table, steel, reading.law, reading.elasticity)
     return law, law_carbon(table.law)
+
+
+def _lacking(case: Case, steel: Steel | None) -> Iterator[Problem]:
+    """Yield what the case needs of its steel, and the steel does not have."""
+    if steel is None:
+        return
+    if case.mechanics is not None and (lack := no_expansion(steel)):
+        yield Problem(("steel", "name"), lack)
+    tables: list[tuple[tuple[str | int, ...], Radiation | Secondary]] = [
+        (("cooling", i, "surface", j), law)
+        for i, zone in enumerate(case.cooling)
+        for j, law in enumerate(zone.surface)
+        if isinstance(law, Radiation)
+    ]
+    if case.secondary is not None:
+        tables.append((("secondary",), case.secondary))
+    for path, table in tables:
+        if lack := no_emissivity(table.emissivity, steel):
+            yield Problem((*path, "emissivity"), lack)
 
 
 def _solvers(reading: Reading, case: Case) -> list[str]:

@@ -11,10 +11,11 @@ import numpy as np
 from castfem.case import mechanics as given
 from castfem.case.bending import axis_position, places_of
 from castfem.case.build_mould import build_mould
+from castfem.case.lacking import no_expansion
 from castfem.case.machine import thickness_of
 from castfem.contact.settings import Contact
 from castfem.contact.surface_interaction import SurfaceInteraction
-from castfem.errors import InputError
+from castfem.errors import CaseError, InputError
 from castfem.fem.line_probes import LineProbes
 from castfem.fem.section import Section
 from castfem.machine.along import over_time
@@ -60,6 +61,8 @@ def build_mechanics(
     table = case.mechanics
     if table is None:
         return None
+    if lack := no_expansion(steel):
+        raise CaseError(f"steel.name: {lack}")
     problem = MechanicalProblem(
         section,
         make_slice(case, table, machine, steel, section, probes),

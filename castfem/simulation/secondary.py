@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.case.lacking import no_emissivity
 from castfem.case.water import largest
 from castfem.errors import InputError
 from castfem.machine.along import over_time
@@ -95,10 +96,8 @@ class SecondaryCooling:
 
     def _radiates(self, steel: Steel) -> Radiation:
         table = self._table
-        if table.emissivity is None and not steel.has("emissivity"):
-            raise InputError(
-                f"secondary: steel {steel.name} has no emissivity; give one, emissivity = 0.8"
-            )
+        if lack := no_emissivity(table.emissivity, steel):
+            raise InputError(f"secondary: {lack}")
         emissivity = steel.emissivity if table.emissivity is None else table.emissivity
         return Radiation(emissivity, table.ambient)
 

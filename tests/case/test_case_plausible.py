@@ -48,6 +48,33 @@ def test_what_was_hardly_meant(change: str, said: str) -> None:
     assert ("did you mean" in line) == ("did you mean" in said)
 
 
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            "casting.superheat=3000 K",
+            ["--set: casting.superheat: 3000 K above the liquidus of car"],
+        ),
+        (
+            "casting.temperature=15400 degC",
+            ["--set: casting.temperature: 1.39e+04 K above the liq"],
+        ),
+        ("casting.superheat=150 K", []),
+        ("casting.temperature=1600 degC", []),
+        (
+            'casting.superheat={ time = ["0 s", "9 s"], value = ["30 K", "400 K"] }',
+            ["--set: casting.superheat: 400 K above the liquidus of carbon_042 are far beyond"],
+        ),
+    ],
+)
+def test_steel_hotter_than_any_is_poured(change: str, said: list[str]) -> None:
+    reading = read_case(TAPERED, (change,))
+    assert isinstance(reading.case, Case)
+    problems = warnings_with(reading.case, load_steel("carbon_042"))
+    found = [line for line in map(reading.line, problems) if "above the liquidus" in line]
+    assert [line[: len(one)] for line, one in zip(found, said, strict=True)] == said
+
+
 HEAT = "cooling.mould.surface=[%s]"
 CONTACT = (
     '{law="contact", coefficient="1600 W/(m^2 K)", gap_conductivity="0.15 W/(m K)", '

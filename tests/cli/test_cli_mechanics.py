@@ -33,6 +33,23 @@ def test_law_of_the_slice_is_tried(castfem, assignment: str, said: str) -> None:
     assert not Path("results").exists()
 
 
+def test_what_the_steel_must_have_is_looked_for(castfem) -> None:
+    radiation = 'cooling=[{name = "air", surface = [{law = "radiation", ambient = "25 degC"}]}]'
+    missing = {
+        "steel.name: copper has no thermal_expansion, which [mechanics] needs": (),
+        'cooling.0.surface.0.emissivity (zone "air"): steel copper has no': ("--set", radiation),
+    }
+    for command in ("check", "run"):
+        words = ("--set", "steel.name=copper", *(one for more in missing.values() for one in more))
+        outcome = castfem(command, "billet125/taper_1", *words)
+        assert outcome.status == 1
+        for line in missing:
+            assert f"--set: {line}" in outcome.err
+    assert not Path("results").exists()
+    given = ("--set", 'steel.overrides.thermal_expansion="1.7e-5 1/K"')
+    assert castfem("check", "billet125/taper_1", "--set", "steel.name=copper", *given).status == 0
+
+
 def test_both_sets_are_told_at_once(castfem) -> None:
     words = ("--set", "mechanics.law=none", "--set", "mechanics.elasticity=none")
     outcome = castfem("check", "billet125/idealised", *words)
