@@ -18,6 +18,36 @@ LEAST_MOVE = 1e-4  # of a Newton step, below which it is no longer halved
 
 
 @compiled
+def _solve(matrix, right):  # type: ignore[no-untyped-def]
+    """Solve for the columns of `right`, in place: elimination with partial pivoting.
+
+    numba compiles np.linalg.solve, and what that says of its errors, for 5 s. Of a singular matrix
+    comes what is not finite.
+    """
+    n, columns = right.shape
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(matrix[i, k]) > abs(matrix[pivot, k]):
+                pivot = i
+        for j in range(n):
+            matrix[k, j], matrix[pivot, j] = matrix[pivot, j], matrix[k, j]
+        for j in range(columns):
+            right[k, j], right[pivot, j] = right[pivot, j], right[k, j]
+        for i in range(k + 1, n):
+            factor = matrix[i, k] / matrix[k, k]
+            for j in range(k + 1, n):
+                matrix[i, j] -= factor * matrix[k, j]
+            for j in range(columns):
+                right[i, j] -= factor * right[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(columns):
+            for i in range(k + 1, n):
+                right[k, j] -= matrix[k, i] * right[i, j]
+            right[k, j] /= matrix[k, k]
+
+
+@compiled
 def _correction(stress, tangent, weight, arm, moment, size, change):  # type: ignore[no-untyped-def]
     """Newton's correction of the strain increments of all points.
 
@@ -37,9 +67,8 @@ def _correction(stress, tangent, weight, arm, moment, size, change):  # type: ig
     Returns:
         What is out of balance, as a moment, N, and d curvature / d moment.
     """
-    matrix, rest, one = np.zeros((3, 3)), np.zeros(3), np.zeros(3)
-    row, through = np.zeros(3), 0.0
-    net = np.zeros(3)
+    matrix, solved = np.zeros((3, 3)), np.zeros((3, 2))  # by what is out of balance, by the moment
+    row, net, through = np.zeros(3), np.zeros(3), 0.0
     for i in range(len(weight)):
         c, w, a = tangent[i], weight[i], arm[i]
         free = stress[i, 1] / c[1, 1]
@@ -51,17 +80,17 @@ def _correction(stress, tangent, weight, arm, moment, size, change):  # type: ig
         row[0], row[1], row[2] = zx, zz, zz * a
         matrix[1] += w * row
         matrix[2] += w * a * row
-        rest[0] += w * across
-        rest[1] += w * along
-        rest[2] += w * a * along
+        solved[0, 0] -= w * across
+        solved[1, 0] -= w * along
+        solved[2, 0] -= w * a * along
         net[0] += w * stress[i, 0]
         net[1] += w * stress[i, 2]
         net[2] += w * a * stress[i, 2]
         through += w * stress[i, 1] ** 2
-    rest[2] -= moment
     net[2] -= moment
-    one[2] = 1.0
-    solved = np.linalg.solve(matrix, np.column_stack((-rest, one)))
+    solved[2, 0] += moment
+    solved[2, 1] = 1.0
+    _solve(matrix, solved)
     for i in range(len(weight)):
         c, axial = tangent[i], solved[1, 0] + solved[2, 0] * arm[i]
         change[i, 0], change[i, 2], change[i, 3] = solved[0, 0], axial, 0.0

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span, creep, stiffness
+from castfem.bulging import CreepingStrip, ElasticStrip, Shell, Span, creep, layers, stiffness
 from castfem.bulging.creep import accumulates, nodes
 from castfem.bulging.layers import Condition, Layers
 from castfem.constitutive import Elasticity, NortonCreep, ThermoElastic, load_elasticity, load_law
@@ -343,3 +343,12 @@ def test_what_is_missing_to_repetition_is_told(monkeypatch: pytest.MonkeyPatch) 
     assert settled.periodic and not broken.periodic
     off = float(np.abs(broken.deflection - settled.deflection).max())
     assert off < broken.error - settled.error < 3.0 * off
+
+
+def test_layers_solve_their_three_equations_as_lapack_does() -> None:
+    """Whatever the order of the rows: the first one without the first unknown, too."""
+    matrix = np.array([[0.0, 2.0, 1e-3], [3.0, 1.0, 2e-3], [1e-3, 4e-3, 5e-6]])
+    right = np.array([[1.0, 0.0], [-2.0, 0.0], [3e-3, 1.0]])
+    expected = np.linalg.solve(matrix, right)
+    layers._solve(matrix.copy(), right)
+    assert right == pytest.approx(expected, rel=1e-12)
