@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from ranks import needs_mpirun, python_on
+from thermal import test_parallel as thermal
 
 from castfem.contact.settings import Contact
 from castfem.fem.cellwise import Cellwise
@@ -137,22 +138,39 @@ import json, sys
 sys.path.insert(0, sys.argv[1])
 from mpi4py import MPI
 from mechanics.test_parallel import THREE, gathered, cooled
-found = []
-for setup in THREE:
-    fields = gathered(cooled(MPI.COMM_WORLD, *setup, until=0.5))
-    if MPI.COMM_WORLD.rank == 0:
-        found.append([f.tolist() for f in fields])
+from thermal import test_parallel as thermal
+alone = thermal.cooled(MPI.COMM_WORLD, until=1.0)
+kelvin = alone.section.gather(alone.state.point.temperature)
+slices = [gathered(cooled(MPI.COMM_WORLD, *setup, until=0.5)) for setup in THREE]
 if MPI.COMM_WORLD.rank == 0:
+    found = {"removed": alone.state.removed, "temperature": kelvin.tolist()}
+    found["slices"] = [[field.tolist() for field in fields] for fields in slices]
     print("RESULT", json.dumps(found))
 """
 
 
-@needs_mpirun
-def test_three_ranks_give_what_one_gives() -> None:
+@pytest.fixture(scope="module")
+def of_three() -> dict[str, Any]:
+    """What three ranks find: temperatures alone, and slices with mechanics."""
     done = python_on(3, "-c", SCRIPT, str(HERE), timeout=600.0)
     assert done.returncode == 0, done.stderr
     line = next(x for x in done.stdout.splitlines() if x.startswith("RESULT"))
-    for setup, three in zip(THREE, json.loads(line.removeprefix("RESULT")), strict=True):
+    found: dict[str, Any] = json.loads(line.removeprefix("RESULT"))
+    return found
+
+
+@needs_mpirun
+def test_three_ranks_give_the_temperatures_of_one(of_three: dict[str, Any]) -> None:
+    alone = thermal.cooled(MPI.COMM_SELF, until=1.0)
+    field = alone.section.gather(alone.state.point.temperature)
+    assert np.ptp(field) > 100.0
+    assert np.abs(np.array(of_three["temperature"]) / field - 1).max() < 1e-8
+    assert of_three["removed"] == pytest.approx(alone.state.removed, rel=1e-8)
+
+
+@needs_mpirun
+def test_three_ranks_give_what_one_gives(of_three: dict[str, Any]) -> None:
+    for setup, three in zip(THREE, of_three["slices"], strict=True):
         one = gathered(cooled(MPI.COMM_SELF, *setup, until=0.5))
         assert one is not None
         assert differ(one, [np.array(f) for f in three]) < 1e-8

@@ -2,29 +2,25 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from ranks import needs_mpirun, python_on
 
 from castfem.fem.line_probes import LineProbes
 from castfem.thermal import flux_laws
 from thermal.setups import ThermalSetup, constant_steel
 from thermal.test_extremes import CAST, WALL, billet
 
-HERE = Path(__file__).parents[1]
 
-
-def cooled(comm: MPI.Comm, cell: str = "quadrilateral", radius: float = 5e-3) -> ThermalSetup:
+def cooled(
+    comm: MPI.Comm, cell: str = "quadrilateral", radius: float = 5e-3, until: float = 4.0
+) -> ThermalSetup:
     curve = constant_steel(1725.15, 1775.65, datum=CAST)
     setup = ThermalSetup(billet(radius, cell), curve, CAST, comm=comm)
     law = flux_laws.Contact(1600.0, WALL, 0.15)
     setup.cool(("wide", law), ("narrow", law), *([("corner", law)] if radius else []))
-    return setup.advance(4.0, 0.1)
+    return setup.advance(until, 0.1)
 
 
 @pytest.mark.mpi
@@ -54,27 +50,3 @@ def test_gather_and_scatter_are_inverse() -> None:
     section = setup.section
     values = np.arange(section.owned) + 1000.0 * section.comm.rank
     assert np.array_equal(section.scatter(section.gather(values)), values)
-
-
-SCRIPT = """
-import json, sys
-sys.path.insert(0, sys.argv[1])
-from mpi4py import MPI
-from thermal.test_parallel import cooled
-setup = cooled(MPI.COMM_WORLD)
-field = setup.section.gather(setup.state.point.temperature)
-if MPI.COMM_WORLD.rank == 0:
-    print("RESULT", json.dumps({"removed": setup.state.removed, "field": field.tolist()}))
-"""
-
-
-@needs_mpirun
-def test_three_ranks_give_what_one_gives() -> None:
-    done = python_on(3, "-c", SCRIPT, str(HERE))
-    assert done.returncode == 0, done.stderr
-    line = next(x for x in done.stdout.splitlines() if x.startswith("RESULT"))
-    three = json.loads(line.removeprefix("RESULT"))
-    alone = cooled(MPI.COMM_SELF)
-    field = alone.section.gather(alone.state.point.temperature)
-    assert np.abs(np.array(three["field"]) / field - 1).max() < 1e-8
-    assert three["removed"] == pytest.approx(alone.state.removed, rel=1e-8)

@@ -171,8 +171,11 @@ def test_it_resumes_byte_for_byte(tmp_path: Path, count: int) -> None:
 
 @pytest.mark.mpi
 def test_ranks_find_the_same() -> None:
-    case = slab(OFF, casting__length="1.55 m")
+    """From above a roll that is off until its pitches are behind: of the strip and of statics."""
+    case = slab(OFF | {"roll": 2}, casting__length="1.11 m")
     one, several = (run_in_memory(case, comm) for comm in (MPI.COMM_SELF, MPI.COMM_WORLD))
+    added = [rolls_of(s).memory["added"] for s in one.samples]
+    assert len(added) == 5 and all(np.abs(a).max() > 1e3 for a in added[2:])
     for ours, theirs in zip(one.samples, several.samples, strict=True):
         both = [rolls_of(s).memory["added"] for s in (ours, theirs)]
         assert both[0] == pytest.approx(both[1], rel=1e-6, abs=1e-6)
