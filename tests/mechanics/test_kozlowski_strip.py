@@ -22,7 +22,7 @@ from mechanics.weiner_boley import POURED, YIELD, HalfSpace, Strip
 
 EXACT = HalfSpace()
 # Short steps first: the shell thickens by 3.4 mm in the first second, half of it in a quarter.
-START = ((0.02, 1e-3), (0.1, 4e-3), (0.5, 1e-2))
+START = ((0.02, 4e-3), (0.1, 1.6e-2), (0.5, 4e-2))
 INNER = 0.5e-3  # from either end of the shell, m
 
 

@@ -166,7 +166,7 @@ def test_strong_cooling_settles() -> None:
 
     A gap that opens in one window keeps the face hot in the next, which closes it.
     """
-    strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="120 mm"')
+    strong = ("cooling.mould.surface.0.coefficient=20000 W/(m^2 K)", 'casting.length="75 mm"')
     face, not_converged = {}, {}
     for name, changes in (("plain", ("coupling.passes=1",)), ("repeated", ())):
         kept = sound(run_in_memory(billet("taper_1", *strong, *changes)))
@@ -175,7 +175,7 @@ def test_strong_cooling_settles() -> None:
         assert kept.summary is not None
         not_converged[name] = kept.summary.steps["coupling windows not converged"]
     assert face["repeated"] < 60.0 < 200.0 < face["plain"]
-    assert not_converged["repeated"] == 0.0 < 5.0 < not_converged["plain"]
+    assert not_converged["repeated"] == 0.0 < not_converged["plain"] == 5.0  # all windows
 
 
 def test_windows_that_do_not_converge_are_cut_back() -> None:
