@@ -80,6 +80,25 @@ def test_a_block_has_the_derivatives_of_its_closed_form(method: str) -> None:
     assert not found.kinks
 
 
+def test_a_face_that_is_moved_in_time_moves_by_the_speed() -> None:
+    """By 0.1 um/s: after z / v the block is drawn by that, and narrower by nu of it."""
+    document = block("penalty").document()
+    del document["mould"]
+    document["mechanics"]["held"] = [
+        {
+            "on": ["narrow_face"], "component": "x",
+            "value": {"time": [0, 10], "time_unit": "s", "value": [0, 1], "unit": "um"},
+        }
+    ]  # fmt: skip
+    found = castfem.sensitivities(
+        from_document(document), "casting.speed", "displacement_mid_face,axial_strain"
+    )
+    slope = {name: 60.0 * slopes["casting.speed"] for name, slopes in found.gradient.items()}
+    drawn = -0.1e-6 * DEPTH / 0.05**2  # of a half by the speed of 0.05 m/s, m/(m/s)
+    assert slope["displacement_mid_face"] == pytest.approx(-POISSON * drawn, rel=1e-6)
+    assert slope["axial_strain"] == pytest.approx(-POISSON * drawn / HALF, rel=1e-6)
+
+
 def test_contact_that_is_about_to_change_is_told() -> None:
     """A mould without taper, whose wall the block just touches: with some it is squeezed."""
     case, name = block("penalty", "0 %/m"), "mould.taper=0.1 %/m"
