@@ -14,12 +14,14 @@ from castfem.case.base import TableModel, written
 from castfem.case.casting import Reference
 from castfem.case.document import is_path
 from castfem.case.problems import Problem
+from castfem.support.messages import grouped
 from castfem.values.quantities import Kind, Percent, Time
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
 
 TABLE = "tensile"
 SAME = 1e-6  # K
+_MOST_STEPS = 1_000_000  # some ten minutes
 _NOT_PHYSICS: Any = {"title": True, "output": True, "reference": True}
 
 
@@ -147,6 +149,7 @@ class TensileCase(TableModel):
 
 def check(case: TensileCase) -> Iterator[Problem]:
     """Yield everything that does not fit together."""
+    yield from _too_many(case.tensile)
     yield from _check_cycles(case.tensile)
     for index, reference in enumerate(case.reference or ()):
         if reference is not None and reference.at is not None:
@@ -155,6 +158,20 @@ def check(case: TensileCase) -> Iterator[Problem]:
                 "a tensile test has no position; the quantities stress_1, stress_2 ... hold at the "
                 "ends of its segments",
             )
+
+
+def _too_many(given: Tensile) -> Iterator[Problem]:
+    """Yield the steps that would be too many to come to an end; None stands for what is faulty."""
+    if None in (given.steps, given.cycles, given.segment):
+        return
+    count = given.steps * given.cycles * len(given.segment)
+    if count > _MOST_STEPS:
+        key = "cycles" if given.cycles > given.steps else "steps"
+        yield Problem(
+            (TABLE, key),
+            f"({getattr(given, key)}) makes {grouped(count)} steps of the test; at most "
+            f"{grouped(_MOST_STEPS)}: give fewer",
+        )
 
 
 def _check_cycles(given: Tensile) -> Iterator[Problem]:

@@ -93,6 +93,15 @@ def test_hash_follows_the_physics_alone(write):
         ("tensile.segment=[]", "tensile.segment: must not be empty"),
         ("tensile.steps=0", "tensile.steps: must be at least 1 (0)"),
         ("tensile.cycles=0", "tensile.cycles: must be at least 1 (0)"),
+        (
+            "tensile.cycles=1000000000",
+            "tensile.cycles: (1000000000) makes 200 000 000 000 steps of the test; at "
+            "most 1 000 000: give fewer",
+        ),
+        (
+            "tensile.steps=3000000",
+            "tensile.steps: (3000000) makes 3 000 000 steps of the test; at most",
+        ),
         ("tensile.steps=2.5", "must be a whole number"),
         ("tensile.material=3", "tensile.material: must be the name of a set, a file, or a table"),
         ("tensile.poisson=0.5", "must not be above 0.499"),
