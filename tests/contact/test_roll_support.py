@@ -111,8 +111,13 @@ def test_an_edge_that_holds_itself_gives_way_over_the_length_of_the_foundation()
     assert 3.5 < errors[0] / errors[1] < 5.5
 
 
-@pytest.mark.parametrize(("within", "pull"), [(1.0, True), (0.3, True), (0.3, False)])
-@pytest.mark.parametrize("large", [False, True])
+# Whether rolls pull changes the pressure and its slope alone, from which large strain makes a load
+# as from any other: forms of their own for both at once would show nothing.
+@pytest.mark.parametrize(
+    ("large", "within", "pull"),
+    [(False, 1.0, True), (False, 0.3, True), (False, 0.3, False), (True, 1.0, True),
+     (True, 0.3, True)],
+)  # fmt: skip
 def test_jacobian(large: bool, within: float, pull: bool) -> None:
     size = 1e-3 if large else 2e-5
     pressure = (1e14 if pull else 1e11) * size  # the latter is too little to touch everywhere
