@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.finished_run import finished_run
 from benchmarks.report import ROOT, Output, table
 from benchmarks.slab_bending import found
-from benchmarks.slab_mould import TAPER
+from benchmarks.slab_mould import ACROSS, TAPER
 from castfem.case import Case, load_case
 from castfem.case.load import from_document
 from castfem.output.history import read_history
@@ -130,6 +130,7 @@ def case_of(way: Way, further: tuple[str, ...] = ()) -> Case:
     del document["casting"]["start"]
     document["mould"] = {"length": f"{EXIT} m", "taper": TAPER}
     document["cooling"][0]["surface"][0]["gap_conductivity"] = GAP
+    document["cooling"][0]["surface"].append(ACROSS)
     document["mechanics"]["liquid"] = "fed"
     return from_document(document)
 

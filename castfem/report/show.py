@@ -26,6 +26,7 @@ from castfem.report.numbers import (
 )
 from castfem.report.place_tables import print_along, print_places
 from castfem.report.remarks import remarks_of
+from castfem.report.wide_gap import wide_gap
 from castfem.results.labels import last_quantities
 from castfem.values.same_place import ROUNDING
 from castfem.values.shown_units import (
@@ -94,6 +95,8 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> No
     if summary is not None:
         _print_summary(out, summary)
         _print_liquid_left(out, summary)
+        if told := wide_gap(path, summary):
+            _print(out, told, style="yellow")
     if summary is not None and not (path / HISTORY_NAME).is_file():
         text = f"{path / HISTORY_NAME} is missing: no figures over time, and nothing to look at"
         _print(out, text, style="yellow")

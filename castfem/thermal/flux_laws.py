@@ -16,9 +16,9 @@ import numpy as np
 
 from castfem.thermal.mould_flux import Curve
 from castfem.thermal.sprays import Correlation
+from castfem.values.constants import STEFAN_BOLTZMANN
 from castfem.values.types import Array
 
-STEFAN_BOLTZMANN = 5.670374419e-8  # W/m2K4, CODATA 2018
 _FLAT = 1e-9  # of the steepest slope: less is what rounding makes of a flux that does not fall
 _DT = 1e-3  # K, half width of the difference quotient of tabulated coefficients
 

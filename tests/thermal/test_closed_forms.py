@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from castfem.fem.line_probes import Profile
 from castfem.thermal import flux_laws
+from castfem.values.constants import STEFAN_BOLTZMANN
 from castfem.verification import Neumann, ThreeZones
 from thermal.setups import ThermalSetup, constant_steel, strip
 
@@ -155,7 +156,7 @@ def test_radiation_balances_conduction() -> None:
     setup.cool(("surface", law), ("core_end", flux_laws.PrescribedTemperature(1700.0))).advance(
         1e8, 1e6
     )
-    sigma = flux_laws.STEFAN_BOLTZMANN
+    sigma = STEFAN_BOLTZMANN
     exact = brentq(
         lambda t: 0.8 * sigma * (t**4 - 293.15**4) - 25.0 / 0.05 * (1700.0 - t), 293.15, 1700.0
     )
@@ -167,7 +168,7 @@ def test_radiation_cools_a_lump() -> None:
     curve = constant_steel(1800.0, 1850.0, k=1e7, datum=1500.0)
     setup = ThermalSetup(strip(0.01, 4), curve, 1500.0)
     setup.cool(("surface", flux_laws.Radiation(0.8, 1e-3))).advance(100.0, 0.5)
-    rate = 0.8 * flux_laws.STEFAN_BOLTZMANN / (7200.0 * 700.0 * 0.01)
+    rate = 0.8 * STEFAN_BOLTZMANN / (7200.0 * 700.0 * 0.01)
     exact = (1500.0**-3 + 3 * rate * 100.0) ** (-1 / 3)
     assert setup.along_x()[1].mean() == pytest.approx(exact, abs=0.01)
 

@@ -1,0 +1,54 @@
+"""Whether a gap was so wide that radiation, which a case leaves out, would cross it.
+
+Equation numbers are those of [Pascon2003] (docs/references.md).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from castfem.errors import CastfemError
+from castfem.output.folder import CASE_NAME
+from castfem.output.summary import Summary
+from castfem.values.constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
+from castfem.values.shown_units import said
+
+SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
+EMISSIVITY = 0.8
+
+
+def radiated() -> float:
+    """What radiates across a gap from a surface of 1200 degC to a mould (34), W/(m2 K)."""
+    return EMISSIVITY * STEFAN_BOLTZMANN * (SURFACE**2 + WALL**2) * (SURFACE + WALL)
+
+
+def wide_gap(folder: Path, summary: Summary) -> str:
+    """What to say of a run whose largest gap conducts less than would radiate; "" of any other.
+
+    Args:
+        folder: Of the run, with its case.
+        summary: Has the largest gap.
+    """
+    widest = summary.quantities.get("mould_gap_max")
+    if widest is None or not widest.value > 0.0:
+        return ""
+    from castfem.case import cooling, load_case
+
+    try:
+        zones = load_case(folder / CASE_NAME).cooling
+    except (OSError, CastfemError):
+        return ""
+    for zone in zones:
+        contacts = [one for one in zone.surface if isinstance(one, cooling.Contact)]
+        if not contacts or any(isinstance(one, cooling.Radiation) for one in zone.surface):
+            continue
+        best = max(one.gap_conductivity or 0.0 for one in contacts)
+        conducted = best / widest.value
+        if 0.0 < conducted < radiated():
+            gap = said(1e3 * widest.value, "mm", ".3g", "mould_gap_max")
+            return (
+                f"the largest gap, {gap}, conducts {conducted:.0f} W/(m^2 K); radiation, which "
+                f'zone "{zone.name}" leaves out, would carry some {radiated():.0f}: lay law = '
+                '"radiation" beside contact'
+            )
+    return ""

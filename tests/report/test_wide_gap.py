@@ -1,0 +1,51 @@
+"""A gap that conducts less than would radiate is told of, unless radiation is laid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from castfem.api import load
+from castfem.output.folder import CASE_NAME
+from castfem.output.summary import Quantity, Summary
+from castfem.report.wide_gap import radiated, wide_gap
+
+
+def folder(path: Path, *laws: dict[str, Any]) -> Path:
+    """A run's, with its case alone: a billet through its mould, whose gap conducts 0.15 W/(m K)."""
+    case = load("billet125/taper_1")
+    document = case.document()
+    document["cooling"][0]["surface"] += laws
+    (path / CASE_NAME).write_text(case.with_({"cooling": document["cooling"]}).resolved_toml())
+    return path
+
+
+def summary(gap: float) -> Summary:
+    """Of a run with this largest gap, m."""
+    return Summary("x", "finished", {"mould_gap_max": Quantity(gap, "mm", "largest gap")})
+
+
+def test_what_radiates() -> None:
+    """0.8 sigma (T^2 + Ta^2) (T + Ta) of 1200 and 150 degC."""
+    hot, cold = 1473.15, 423.15
+    known = 0.8 * 5.670374419e-8 * (hot**2 + cold**2) * (hot + cold)
+    assert radiated() == pytest.approx(known)
+
+
+def test_a_wide_gap_is_told_with_the_mend(tmp_path: Path) -> None:
+    told = wide_gap(folder(tmp_path), summary(2e-3))
+    assert 'the largest gap, 2 mm, conducts 75 W/(m^2 K); radiation, which zone "mould"' in told
+    assert f"would carry some {radiated():.0f}" in told and '"radiation" beside contact' in told
+    assert wide_gap(tmp_path, summary(0.5e-3)) == ""
+    assert wide_gap(tmp_path, summary(0.0)) == ""
+
+
+def test_not_where_radiation_is_laid(tmp_path: Path) -> None:
+    law = {"law": "radiation", "ambient": "160 degC", "emissivity": 0.8}
+    assert wide_gap(folder(tmp_path, law), summary(2e-3)) == ""
+
+
+def test_not_of_a_run_without_a_mould(tmp_path: Path) -> None:
+    assert wide_gap(tmp_path, Summary("x", "finished", {})) == ""
