@@ -24,7 +24,10 @@ T = TypeVar("T")
 WAIT = 10  # s: of FFCx for a form that another process compiles
 LOCK = "compiling.lock"
 TIMED_OUT = "compilation timed out"  # what FFCx says then
-FAILED = "Failed just-in-time compilation"  # what DOLFINx says on all of several ranks
+# What DOLFINx says on several ranks: 0.9 and 0.10 on all of them, 0.11 on the first, on the others.
+FAILED = (
+    "Failed just-in-time compilation", "Failed JIT compilation", "JIT compilation failed on rank 0",
+)  # fmt: skip
 
 
 def compiled(comm: MPI.Comm, cache: Path, make: Callable[[], T]) -> T:
