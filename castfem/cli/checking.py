@@ -189,9 +189,23 @@ def check_case(name: str, path: Path, overrides: Iterable[str]) -> str:
         except InputError as error:
             problems += [f"{path}: {problem}" for problem in error.problems]
     problems += [f"{path}: {problem}" for problem in drive_faults(case)]
+    problems += _search_faults(case, path)
     if problems:
         raise InputError(problems)
     return describe(name, case, steel, mesh)
+
+
+def _search_faults(case: Case, path: Path) -> list[str]:
+    """What of the table [optimise] no search could begin with: keys, ranges, results."""
+    if case.optimise is None:
+        return []
+    from castfem.design.question import Question
+
+    try:
+        Question(case, str(path)).check_results()
+    except InputError as error:
+        return list(error.problems)
+    return []
 
 
 def drive_faults(case: Case) -> Iterator[str]:

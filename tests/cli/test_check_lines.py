@@ -12,8 +12,9 @@ from rich.console import Console
 
 from castfem import run
 from castfem.case.casting import MOST_STATES, usual_interval
-from castfem.cli.checking import describe
+from castfem.cli.checking import check_case, describe
 from castfem.cli.drawing import build_mesh
+from castfem.errors import InputError
 from castfem.materials import load_steel
 from castfem.output.run_record import RunRecord
 from castfem.report.show import _print_effort
@@ -111,3 +112,26 @@ def test_a_run_that_mostly_writes_is_told_what_helps(output: float, said: bool) 
     _print_effort(Console(file=text, width=200), record, None)
     assert ("of the time went into files" in text.getvalue()) == said
     assert not said or "50% of the time" in text.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("optimise.minimise=bloom_max", "optimise.minimise: ("),
+        ("optimise.fidelity=coarse", ""),
+    ],
+)
+def test_a_search_is_checked_with_its_case(tmp_path: Path, change: str, told: str) -> None:
+    """Keys that the case has not, and results that no run of it has, cost no run."""
+    file = tmp_path / "case.toml"
+    file.write_text('extends = "billet125/optimum_single"\n')
+    if told:
+        with pytest.raises(InputError) as caught:
+            check_case("case", file, [change])
+        assert any(told in line for line in caught.value.problems)
+    else:
+        assert "case: sound" in check_case("case", file, [change])
+    mistyped = '[[optimise.variable]]\nkey = "mould.tapr"\nrange = ["0 %/m", "3 %/m"]\n'
+    file.write_text(file.read_text() + mistyped)
+    with pytest.raises(InputError, match=r"mould\.tapr: unknown key"):
+        check_case("case", file, ["optimise.fidelity=coarse"])
