@@ -35,11 +35,11 @@ from castfem.constitutive import (
     load_elasticity,
     load_law,
 )
-from castfem.constitutive import kernel as k
 from castfem.constitutive.curves import Austenite
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.constitutive.identification.fit import identify
 from castfem.constitutive.identification.measured import TensileData
+from castfem.constitutive.kernel import constants as k
 from castfem.tensile.thesis_tests import plot_tensile_tests
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Constant

@@ -8,8 +8,8 @@ import numpy as np
 
 from castfem.bulging.shell import Points, stiffness
 from castfem.constitutive.base import Law, MaterialStep, Response
-from castfem.constitutive.kernel import compiled
 from castfem.errors import RunFailure
+from castfem.support.compiled import compiled, outermost
 from castfem.values.types import Array
 
 ITERATIONS = 120
@@ -47,8 +47,10 @@ def _solve(matrix, right):  # type: ignore[no-untyped-def]
             right[k, j] /= matrix[k, k]
 
 
-@compiled
-def _correction(stress, tangent, weight, arm, moment, size, change):  # type: ignore[no-untyped-def]
+@outermost
+def _correction(  # type: ignore[no-untyped-def]
+    stress, tangent, weight, arm, moment, size, change, sources=None
+):
     """Newton's correction of the strain increments of all points.
 
     Unknown are the strain across the width, the axial strain and the curvature, all of the whole
@@ -63,6 +65,7 @@ def _correction(stress, tangent, weight, arm, moment, size, change):  # type: ig
         moment: Given, N.
         size: Thickness, m.
         change: Out, of the strain increments (n, 4).
+        sources: Not to be given, see `castfem.support.compiled`.
 
     Returns:
         What is out of balance, as a moment, N, and d curvature / d moment.

@@ -170,7 +170,7 @@ class Elasticity:
         return 0.5 * young / (1.0 + poisson), young / (3.0 * (1.0 - 2.0 * poisson)), young
 
     def coefficients(self, temperature_old: Array, temperature: Array) -> list[Array]:
-        """Columns SHEAR ... FRESH of `castfem.constitutive.kernel` for a step, each (n,)."""
+        """Columns SHEAR ... FRESH of `kernel.constants` for a step, each (n,)."""
         shear_old, bulk_old, _ = self.moduli(temperature_old)
         shear, bulk, young = self.moduli(temperature)
         fresh = temperature_old > self.solidity.solidus

@@ -15,10 +15,11 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from castfem.constitutive import kernel
 from castfem.constitutive.base import Given, MaterialStep, Parameter, Response, turned
 from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity
+from castfem.constitutive.kernel import constants
+from castfem.constitutive.kernel.loop import integrate_points
 from castfem.values.quantities import Kind
 from castfem.values.tables import Constant
 from castfem.values.types import Array
@@ -51,7 +52,7 @@ class RadialReturn:
     parameters: ClassVar[Mapping[str, Parameter]] = {}
     numbers: ClassVar[Mapping[str, Kind]] = {}
     words: ClassVar[Mapping[str, tuple[str, ...]]] = {}
-    kind: ClassVar[int] = kernel.ELASTIC
+    kind: ClassVar[int] = constants.ELASTIC
 
     def __init_subclass__(cls) -> None:
         """Enter a law under its name."""
@@ -145,7 +146,7 @@ class RadialReturn:
             coefficients = self.coefficients(step.temperature_old, step.temperature)
         if out is None:
             out = Response.empty(len(stress_old), len(self.state_names))
-        kernel.integrate_points(
+        integrate_points(
             self.kind, self.signed, coefficients,
             step.strain_increment, step.thermal_increment, stress_old, state_old, float(step.dt),
             out.stress, out.tangent, out.state, out.dissipation, out.flows,
@@ -181,7 +182,7 @@ class PerfectlyPlastic(RadialReturn):
 
     name: ClassVar[str] = "perfectly_plastic"
     parameters: ClassVar[Mapping[str, Parameter]] = {"yield_stress": Parameter(_STRESS)}
-    kind: ClassVar[int] = kernel.PLASTIC
+    kind: ClassVar[int] = constants.PLASTIC
 
     def flow_curve(self, temperature: float) -> FlowCurve | None:
         """See `RadialReturn.flow_curve`."""
@@ -225,7 +226,7 @@ class NortonCreep(RadialReturn):
         "rate": Parameter(Kind("1/s", "1/s", above=0.0), logarithmic=True),
         "exponent": Parameter(Kind("1", above=0.0, label="creep exponent", sample="5")),
     }
-    kind: ClassVar[int] = kernel.CREEP
+    kind: ClassVar[int] = constants.CREEP
 
     @classmethod
     def from_parameters(cls, elasticity: Elasticity, given: Given) -> Self:

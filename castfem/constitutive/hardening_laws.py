@@ -11,11 +11,11 @@ from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from castfem.constitutive import kernel
 from castfem.constitutive.base import Given, Parameter
 from castfem.constitutive.curves import Austenite, DeltaFerrite, modified_norton_hoff
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.constitutive.flow_laws import STRAIN, FlowCurve, RadialReturn, require
+from castfem.constitutive.kernel import constants
 from castfem.values.quantities import Kind
 from castfem.values.types import Array
 
@@ -144,7 +144,7 @@ class NortonHoff(Hardening):
     @property
     def kind(self) -> int:  # type: ignore[override]
         """Which branch of the kernel."""
-        return kernel.CURVE_AUTOMATIC if self.yield_limit is None else kernel.CURVE_GIVEN
+        return constants.CURVE_AUTOMATIC if self.yield_limit is None else constants.CURVE_GIVEN
 
     @property
     def state_names(self) -> tuple[str, ...]:
@@ -162,7 +162,7 @@ class NortonHoff(Hardening):
             limit = self.yield_limit(temperature)
             require(np.all(limit >= 0.0), "the yield limit must not be negative", limit)
         return [
-            np.log(strength) + kernel.LN_SQRT3,
+            np.log(strength) + constants.LN_SQRT3,
             self.p1(temperature),
             exponent,
             self.p4(temperature),
@@ -204,7 +204,7 @@ class UnifiedSteel(Hardening):
         "blend": _SHARE,
         "coldest": Kind("K", "degC"),
     }
-    kind: ClassVar[int] = kernel.STEEL
+    kind: ClassVar[int] = constants.STEEL
 
     @classmethod
     def from_parameters(cls, elasticity: Elasticity, given: Given) -> Self:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from castfem.constitutive import kernel
 from castfem.constitutive.base import Law, MaterialStep, Response, turned
 from castfem.constitutive.flow_laws import ThermoElastic
+from castfem.constitutive.kernel import constants
 from castfem.mechanics.quadrature import ActivePoints
 from castfem.values.types import Array, Flags
 
@@ -46,13 +46,13 @@ class FedPoints:
         """Put the moduli into the table of coefficients of some of the points."""
         young = np.where(self.carries[rows], self.young, 0.0)[self.liquid[rows]]
         at = np.flatnonzero(self.liquid[rows])
-        table[at, kernel.SHEAR], table[at, kernel.BULK] = young / 2.0, young / 3.0
-        table[at, kernel.YOUNG] = self.young
-        table[at, kernel.CARRY_DEVIATOR] = table[at, kernel.CARRY_MEAN] = 0.0
-        table[at, kernel.FRESH] = 1.0
+        table[at, constants.SHEAR], table[at, constants.BULK] = young / 2.0, young / 3.0
+        table[at, constants.YOUNG] = self.young
+        table[at, constants.CARRY_DEVIATOR] = table[at, constants.CARRY_MEAN] = 0.0
+        table[at, constants.FRESH] = 1.0
         # What freezes at the very end of a step is no softer than the liquid it was.
-        least = self.young / table[:, kernel.YOUNG]
-        np.maximum(table[:, kernel.SHARE], np.minimum(least, 1.0), out=table[:, kernel.SHARE])
+        least = self.young / table[:, constants.YOUNG]
+        np.maximum(table[:, constants.SHARE], np.minimum(least, 1.0), out=table[:, constants.SHARE])
 
 
 class Material:

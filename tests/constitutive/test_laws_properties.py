@@ -14,10 +14,10 @@ from castfem.constitutive import (
     ThermoElastic,
     equivalent_strain,
     equivalent_stress,
-    kernel,
 )
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.constitutive.hardening_laws import Hardening
+from castfem.constitutive.kernel import constants
 from castfem.values.types import Array
 
 from .samples import FADING, every_law, random_states
@@ -69,11 +69,11 @@ def deviator(stress: Array) -> Array:
 
 def back_stress(law: RadialReturn, c: Array, state: Array) -> Array:
     """X = 2/3 f1 r^(f2 - 1) E of signed austenite, of all else none, (n, 4)."""
-    if not (law.signed and law.kind == kernel.STEEL):
+    if not (law.signed and law.kind == constants.STEEL):
         return np.zeros((len(state), 4))
     strain = law.strain(state)
-    factor, exponent = c[:, kernel.HARDENING], c[:, kernel.HARDENING_EXPONENT] - 1.0
-    level = (1.0 - c[:, kernel.DELTA_WEIGHT]) * factor
+    factor, exponent = c[:, constants.HARDENING], c[:, constants.HARDENING_EXPONENT] - 1.0
+    level = (1.0 - c[:, constants.DELTA_WEIGHT]) * factor
     level[strain > 0.0] *= strain[strain > 0.0] ** exponent[strain > 0.0]
     return np.asarray(2.0 / 3.0 * level[:, None] * tensor(state))
 
@@ -128,8 +128,8 @@ def test_work_is_stress_times_flow(law: RadialReturn) -> None:
             assert not found.dissipation.any()
             continue
         c = law.coefficients(step.temperature_old, step.temperature)
-        virgin = c[:, kernel.FRESH] > 0.0
-        grown = 1.0 + c[:, kernel.SHARE] * step.dt * c[:, kernel.RECOVERY]
+        virgin = c[:, constants.FRESH] > 0.0
+        grown = 1.0 + c[:, constants.SHARE] * step.dt * c[:, constants.RECOVERY]
         back = back_stress(law, c, found.state)
         active = deviator(found.stress) - back
         level, strain = equivalent_stress(active), grown * law.strain(found.state)
@@ -161,7 +161,7 @@ def strained(law: RadialReturn, heat: Array, strain: Array, dt: float) -> Respon
 
 def curve_strain(law: RadialReturn, heat: Array, found: Response) -> Array:
     """Strain e = p + q/E that a flow curve is read at."""
-    young = law.coefficients(heat, heat)[:, kernel.YOUNG]
+    young = law.coefficients(heat, heat)[:, constants.YOUNG]
     return np.asarray(law.strain(found.state) + equivalent_stress(found.stress) / young)
 
 

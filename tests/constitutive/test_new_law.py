@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from castfem.case import TensileCase, load_any
-from castfem.constitutive import kernel
 from castfem.constitutive.base import Parameter
 from castfem.constitutive.elasticity import Curve
 from castfem.constitutive.flow_laws import FlowCurve, RadialReturn
+from castfem.constitutive.kernel import constants
 from castfem.errors import InputError
 from castfem.output.history import read_history
 from castfem.tensile.tensile_test import run
@@ -56,7 +56,7 @@ def softened(monkeypatch: pytest.MonkeyPatch) -> None:
             "level": Parameter(Kind("Pa", "MPa", above=0.0, label="stress", sample="20 MPa"))
         }
         numbers: ClassVar[Mapping[str, Kind]] = {"rate": Kind("1/K", "1/K", least=0.0)}
-        kind: ClassVar[int] = kernel.PLASTIC
+        kind: ClassVar[int] = constants.PLASTIC
 
         def _own(self, temperature: Array) -> list[Array]:
             return [self.level(temperature) * np.exp(-self.rate * (temperature - 1173.15))]

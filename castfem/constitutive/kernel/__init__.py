@@ -1,0 +1,14 @@
+"""The compiled loop over quadrature points: fully implicit radial return for all flow laws.
+
+`loop` goes over the points and is what Python calls; `tensors` makes of a point's strains and
+stresses, Mandel vectors [xx, yy, zz, sqrt(2) xy], the equivalent ones; `radial_return` solves the
+scalar problem that is left, or `remembered_rate` where a law remembers its rate; `flow_stress` has
+the laws. A deviator s has the equivalent stress q = sqrt(3/2) |s|.
+
+Hardening goes by a strain h. Accumulated: h = R (p + dp), with R = 1 / (1 + dt/tau) what recovery
+leaves. Signed: the viscoplastic strain tensor E is the state, e = R sqrt(2/3) E:n its part along
+the flow n; h = max(e + R dp, 0) where hardening multiplies, and where it adds (austenite) it is the
+back stress X along E, from which the trial deviator is then counted: the same scalar problem with
+the trial |s - X|. n is that of the trial, so that e is known, but it turns with the strain
+increment: the tangent gains a term along n (x) E, `by_old` being the derivative of q by e.
+"""

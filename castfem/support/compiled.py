@@ -1,0 +1,72 @@
+"""Functions that numba compiles, kept on disk so that the next run need not compile them again.
+
+numba keeps what it has compiled under the signature, the time of change and the length of the file
+of the function that Python calls. It does not notice a change of what this function calls from
+other files, nor one that keeps time and length, as a digit may in a version installed over another.
+So a function that Python calls has a last argument `sources` that nobody gives and whose default
+becomes a digest of all that is compiled with it: numba compiles for a default as for a type, and
+the default is part of the signature. Whether that is still so, tests/support/test_compiled.py sees.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.extending import is_jitted
+
+# Divisions follow IEEE instead of raising; fastmath stays off, since it would let the compiler
+# assume that no NaN and no infinity exists, which the tests must be able to see.
+OPTIONS = {"nogil": True, "error_model": "numpy"}
+
+
+def compiled(function: Callable[..., Any]) -> Any:
+    """Compile what other compiled functions alone call: on disk it is a part of these."""
+    return numba.njit(**OPTIONS)(function)
+
+
+def outermost(function: Callable[..., Any]) -> Any:
+    """Compile what Python calls, keeping the result on disk where a folder for it can be written.
+
+    Args:
+        function: Its last argument has to be `sources=None`.
+
+    Raises:
+        TypeError: It is not.
+    """
+    code = function.__code__
+    if code.co_varnames[code.co_argcount - 1] != "sources" or function.__defaults__ != (None,):
+        raise TypeError(f"{function.__qualname__} needs sources=None as its last argument")
+    try:
+        function.__defaults__ = (_digest(function),)
+        return numba.njit(cache=True, **OPTIONS)(function)
+    except (OSError, RuntimeError):  # no text of the sources, or no place for numba's cache
+        return numba.njit(**OPTIONS)(function)
+
+
+def _digest(function: Any) -> int:
+    """A number that is another one for other text of its file or of the files of what it calls.
+
+    And for other constants, which may come from any file, or other options.
+    """
+    files, constants = set[str](), set[str]()
+    seen, waiting = set[Any](), [function]
+    while waiting:
+        now = waiting.pop()
+        if now in seen:
+            continue
+        seen.add(now)
+        files.add(now.__code__.co_filename)
+        for name in now.__code__.co_names:
+            value = now.__globals__.get(name)
+            if is_jitted(value):
+                waiting.append(value.py_func)
+            elif isinstance(value, int | float | str | tuple):
+                constants.add(f"{now.__code__.co_filename}: {name} = {value!r}")
+    text = hashlib.sha256(repr((OPTIONS, sorted(constants))).encode())
+    for file in sorted(files):
+        text.update(Path(file).read_bytes() + b"\0")
+    return int.from_bytes(text.digest()[:7], "big")  # numba's integers have 64 bits, with a sign

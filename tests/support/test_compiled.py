@@ -1,0 +1,99 @@
+"""What is compiled is kept on disk, and compiled again when anything it was made of has changed."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from castfem.support.compiled import outermost
+
+FILES = {
+    "constants.py": "FACTOR = 2.0\n",
+    "inner.py": (
+        "from castfem.support.compiled import compiled\n\n"
+        "@compiled\ndef deepest(x):\n    return x + 1.0\n\n"
+        "@compiled\ndef inner(x):\n    return deepest(x)\n"
+    ),
+    "outer.py": (
+        "from castfem.support.compiled import outermost\n"
+        "from toy.constants import FACTOR\nfrom toy.inner import inner\n\n"
+        "@outermost\ndef outer(x, sources=None):\n    return FACTOR * inner(x) + 5.0\n"
+    ),
+}
+
+
+@pytest.fixture
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A package with an outermost function that is compiled with two others and a constant."""
+    folder = tmp_path / "toy"
+    folder.mkdir()
+    for name, text in {"__init__.py": "", **FILES}.items():
+        (folder / name).write_text(text)
+        os.utime(folder / name, (1e9, 1e9))
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # which would be found stale by the time
+    return folder
+
+
+def anew() -> Any:
+    """The outermost function as a new process would import it."""
+    for name in [name for name in sys.modules if name.partition(".")[0] == "toy"]:
+        del sys.modules[name]
+    importlib.invalidate_caches()
+    return importlib.import_module("toy.outer").outer
+
+
+def answer(found: bool) -> float:
+    """Its value at 3, having seen whether it was found on disk."""
+    outer = anew()
+    value = float(outer(3.0))
+    assert sum(outer.stats.cache_hits.values()) == found
+    assert sum(outer.stats.cache_misses.values()) == (not found)
+    return value
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after", "expected"),
+    [
+        ("inner.py", "+ 1.0", "+ 2.0", 15.0),
+        ("constants.py", "2.0", "3.0", 17.0),
+        ("outer.py", "+ 5.0", "+ 6.0", 14.0),
+    ],
+)
+def test_a_change_of_any_file_is_seen(
+    toy: Path, file: str, before: str, after: str, expected: float
+) -> None:
+    """Even where it leaves the file's length and time, as of two versions installed."""
+    assert answer(found=False) == 13.0
+    assert answer(found=True) == 13.0
+    text = (toy / file).read_text()
+    assert text.count(before) == 1
+    (toy / file).write_text(text.replace(before, after))
+    os.utime(toy / file, (1e9, 1e9))
+    assert answer(found=False) == expected
+    assert answer(found=True) == expected
+
+
+def test_no_place_to_keep_it(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Then it is compiled in every process."""
+
+    def refused(path: str, exist_ok: bool = False) -> None:
+        raise PermissionError(path)
+
+    monkeypatch.setattr(os, "makedirs", refused)
+    for _ in range(2):
+        assert answer(found=False) == 13.0
+    assert not list(toy.rglob("*.nbi"))
+
+
+def test_without_the_argument() -> None:
+    def plain(x: float) -> float:
+        return x
+
+    with pytest.raises(TypeError, match="plain needs sources=None as its last argument"):
+        outermost(plain)
