@@ -154,22 +154,6 @@ class Interaction(ABC):
             self._generalized_work = self.section.compile(f"{self.name}.generalized_work", form)
         return self._generalized_work
 
-    def of_slice(self, given: Any, solid: Solid) -> Interaction:
-        """The same for another slice on the same mesh, to be asked for its residual alone.
-
-        It shares forms and what they see: use the two in turn. What acts here does so there.
-
-        Args:
-            given: Its settings.
-            solid: What the other slice is made of.
-
-        Raises:
-            NotImplementedError: It has no such twin. Only a wall has: rolls are the others, and
-                `castfem.sensitivity.run.refuse` names [mechanics.bulging] before it comes to that.
-        """
-        # By intent, and not reached from a case: rolls are refused by their key before a run.
-        raise NotImplementedError(f"{self.name} has no derivatives")
-
     def hold(self, on: bool) -> bool:
         """Keep closed what was so at the start of the step, or let it open again (collective).
 
@@ -211,3 +195,21 @@ class Interaction(ABC):
     def restored(self, arrays: dict[str, Array]) -> Any:
         """The inverse of `arrays`, which every rank has (collective)."""
         return self.initial()
+
+
+class DifferentiableInteraction(Interaction):
+    """One whose residual can be asked for with other numbers: derivatives are carried through it.
+
+    A kind of support that is none of these runs, but has no derivatives.
+    """
+
+    @abstractmethod
+    def of_slice(self, given: Any, solid: Solid) -> DifferentiableInteraction:
+        """The same for another slice on the same mesh, to be asked for its residual alone.
+
+        It shares forms and what they see: use the two in turn. What acts here does so there.
+
+        Args:
+            given: Its settings.
+            solid: What the other slice is made of.
+        """

@@ -17,7 +17,7 @@ from castfem.contact.average import SurfaceMean
 from castfem.contact.checkpoint import ContactCheckpoint
 from castfem.contact.facets import FacetFields, Facets
 from castfem.contact.friction import return_friction
-from castfem.contact.interaction import Interaction
+from castfem.contact.interaction import DifferentiableInteraction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
@@ -37,7 +37,7 @@ STIFFNESS, BY_STRAIN, BY_TURN, POOL, WIDTH = 11, slice(12, 16), 16, 17, 18
 HOLDING_GAP = 1e-2  # of the height of surface cells: a wall farther away holds nothing
 
 
-class WallContact(Interaction):
+class WallContact(DifferentiableInteraction):
     """Contact of a slice, one step at a time.
 
     Args:
@@ -86,7 +86,7 @@ class WallContact(Interaction):
         self._met: Met | None = None
 
     def of_slice(self, given: Contact, solid: Solid) -> WallContact:
-        """See `Interaction`: what touches, sticks, slides and is liquid here does so there."""
+        """See `DifferentiableInteraction`: what touches, slides, is liquid here does so there."""
         self._work_form()
         other = copy.copy(self)
         other.contact, other._solid, other._run, other.now = given, solid, self, None

@@ -7,10 +7,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from castfem.contact.interaction import Interaction, InteractionState
+from castfem.contact.interaction import (
+    DifferentiableInteraction,
+    Interaction,
+    InteractionState,
+)
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.contact.wall_contact import WallContact
+from castfem.errors import InputError
 from castfem.fem.section import Section
 from castfem.mechanics.state import MechanicalState
 from castfem.values.types import Array
@@ -58,10 +63,21 @@ class Interactions:
         return zip(self._each, states, strict=True)
 
     def of_slice(self, given: Sequence[SurfaceInteraction], solid: Solid) -> Interactions:
-        """Those of another slice, see `Interaction.of_slice`."""
+        """Those of another slice, see `DifferentiableInteraction.of_slice`.
+
+        Raises:
+            InputError: One of them has no derivatives; of a case that is said before, by its key.
+        """
+        others = list[Interaction]()
+        for one, its in zip(self._each, given, strict=True):
+            if not isinstance(one, DifferentiableInteraction):
+                raise InputError(
+                    f"interactions: {one.name} is not differentiated; leave it out, or compare "
+                    "runs (castfem sweep)"
+                )
+            others.append(one.of_slice(its, solid))
         other = copy.copy(self)
-        pairs = zip(self._each, given, strict=True)
-        other._each = tuple(one.of_slice(its, solid) for one, its in pairs)
+        other._each = tuple(others)
         return other
 
     def always_held(self) -> tuple[Array, Array] | None:

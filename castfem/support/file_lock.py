@@ -18,6 +18,8 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NotImplementedError:  # filelock's own, where flock() answers ENOSYS: no locks there
+    except NotImplementedError:
+        # Raised by filelock, nothing of castfem: flock() has answered ENOSYS, so that the file
+        # system has no locks. Later versions of filelock go by whether the file exists instead.
         return False
     return True

@@ -14,9 +14,11 @@ from mechanics.test_tangent import jacobians
 from castfem.contact.interaction import Interaction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.surface_interaction import SurfaceInteraction
+from castfem.errors import InputError
 from castfem.fem.section import Section
 from castfem.forms.mechanics import Direction, Expr
 from castfem.mechanics.supports import PrescribedDisplacement
+from castfem.mechanics.varied_problem import VariedProblem
 from castfem.values.types import Array
 from contact.test_roll_support import GROUPS, PLANE_STRAIN, YOUNG
 
@@ -83,3 +85,9 @@ def test_a_new_kind_of_support() -> None:
     assert np.abs(exact - found).max() < 1e-8 * np.abs(found).max()
     setup.step(2.0)
     assert setup.displacement(lambda x, y: y < 1e-9)[:, 0] == pytest.approx(1e-5, rel=1e-9)
+
+
+def test_one_without_derivatives_is_refused_by_name() -> None:
+    problem = dragged(1e12).problem
+    with pytest.raises(InputError, match=r"interactions: belt is not differentiated; leave it"):
+        VariedProblem(problem, problem.slice)

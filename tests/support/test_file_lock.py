@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import os
 from pathlib import Path
 
 import pytest
@@ -12,10 +15,9 @@ from castfem.support.file_lock import taken
 from castfem.sweep.record import Entry, Record
 
 
-def without_locks(self: FileLock) -> None:
-    """As filelock's own `_acquire` ends where flock() answers ENOSYS."""
-    # Its type is what is tested: `taken` must know it from any other failure.
-    raise NotImplementedError("FileSystem does not appear to support flock")
+def without_locks(descriptor: int, operation: int) -> None:
+    """flock() of a file system that has no locks, as some network mounts."""
+    raise OSError(errno.ENOSYS, os.strerror(errno.ENOSYS))
 
 
 def test_one_at_a_time(tmp_path: Path) -> None:
@@ -28,9 +30,16 @@ def test_one_at_a_time(tmp_path: Path) -> None:
 
 
 def test_a_file_system_without_locks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(FileLock, "_acquire", without_locks)
-    assert not taken(FileLock(tmp_path / "lock"))
-    assert not OutputFolder(tmp_path).is_running()
+    """What filelock makes of it, an exception or a lock by the file's existence, stops nobody."""
+    monkeypatch.setattr(fcntl, "flock", without_locks)
+    lock = FileLock(tmp_path / "lock")
+    assert taken(lock) == lock.is_locked
+    lock.release()
+    for _ in range(2):  # the second run finds what the first has left
+        folder = OutputFolder(tmp_path / "run")
+        folder.begin('title = "a case"\n')
+        folder.close()
+        assert not OutputFolder(tmp_path / "run").is_running()
     record = Record(tmp_path / "sweep")
     with record.shared():
         record.entries["one"] = Entry(label="kept")
