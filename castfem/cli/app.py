@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from castfem import __version__
-from castfem.cli import studies
+from castfem.cli import pictures, studies
 from castfem.cli.options import Accuracy, At, CaseName, Overrides, Quiet, Units, Verbose
 from castfem.errors import InputError
 
@@ -24,17 +24,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-
-
-def _find(case: str) -> Path:
-    """The file of a case; nothing of the models of cases is imported before one is asked for.
-
-    Raises:
-        InputError: There is no such case.
-    """
-    from castfem.case import shipped_cases
-
-    return shipped_cases.find(case)
 
 
 def _version(wanted: bool) -> None:
@@ -99,9 +88,10 @@ app.command()(studies.sensitivity)
 @app.command()
 def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
     """Check a case, its steel and its mesh without running it."""
+    from castfem.case.shipped_cases import find
     from castfem.cli.checking import check_case
 
-    text = check_case(case, _find(case), set_ or ())
+    text = check_case(case, find(case), set_ or ())
     if not quiet:
         print(text)
 
@@ -246,92 +236,10 @@ def report(
         print(f"report in {write(folders, output or beside / REPORT_NAME, places)}")
 
 
-@app.command()
-def mesh(
-    case: CaseName,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_mesh.png.")
-    ] = None,
-    set_: Overrides = None,
-) -> None:
-    """Draw the mesh of a case and print its counts and quality."""
-    from castfem.case import load_case
-    from castfem.cli.drawing import draw_mesh
-    from castfem.cli.options import read_from
-
-    path = _find(case)
-    with read_from(path):
-        draw_mesh(load_case(path, set_ or ()), output or Path(f"{path.stem}_mesh.png"))
-
-
-@app.command()
-def mould(
-    case: CaseName,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_mould.png.")
-    ] = None,
-    hot: Annotated[
-        bool, typer.Option("--hot", help="How heat distorts it: cold and at work, [mould.tube].")
-    ] = False,
-    coupled: Annotated[
-        bool,
-        typer.Option(
-            "--coupled", help="With --hot: the strand in the hot mould heats it, until both agree."
-        ),
-    ] = False,
-    set_: Overrides = None,
-) -> None:
-    """Print size and taper of a case's mould, and draw it; with --hot, cold and at work."""
-    from castfem.case import load_case
-    from castfem.cli.mould import draw_mould
-
-    path = _find(case)
-    if hot or coupled:
-        from castfem.cli.hot_mould import draw_hot_mould
-
-        target = output or Path(f"{path.stem}_hot.png")
-        draw_hot_mould(load_case(path, set_ or ()), target, case, coupled=coupled)
-        return
-    draw_mould(load_case(path, set_ or ()), output or Path(f"{path.stem}_mould.png"), case)
-
-
-@app.command()
-def section(
-    case: CaseName,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_section.png.")
-    ] = None,
-    at: Annotated[
-        str | None, typer.Option("--at", help="Where; by default the end of the mould.")
-    ] = None,
-    set_: Overrides = None,
-) -> None:
-    """Find the outline at the meniscus whose strand has the case's section further down."""
-    from castfem.case import load_case
-    from castfem.cli.section import find
-
-    path = _find(case)
-    find(load_case(path, set_ or ()), output or Path(f"{path.stem}_section.png"), case, at)
-
-
-@app.command()
-def machine(
-    case: CaseName,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_machine.png.")
-    ] = None,
-    run: Annotated[
-        Path | None, typer.Option(help="Folder of a run, for where the strand is solid.")
-    ] = None,
-    set_: Overrides = None,
-) -> None:
-    """Print the rolls of a case, and draw its caster."""
-    from castfem.case import load_case
-    from castfem.cli.machine import draw_machine
-
-    path = _find(case)
-    target = output or Path(f"{path.stem}_machine.png")
-    draw_machine(load_case(path, set_ or ()), target, case, run)
+app.command()(pictures.mesh)
+app.command()(pictures.mould)
+app.command()(pictures.section)
+app.command()(pictures.machine)
 
 
 @app.command()
@@ -350,23 +258,7 @@ def strand(
     write(folder, output, every)
 
 
-@app.command()
-def material(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="A shipped set, or a steel file (.toml).")
-    ],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>.png.")
-    ] = None,
-    composition: Annotated[
-        list[str] | None,
-        typer.Option("--composition", "-c", metavar="C=0.42", help="Weight percent of an element."),
-    ] = None,
-) -> None:
-    """Describe a steel and plot its properties."""
-    from castfem.cli.drawing import draw_material
-
-    draw_material(name, composition or [], output)
+app.command()(pictures.material)
 
 
 @app.command()

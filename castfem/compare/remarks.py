@@ -9,7 +9,7 @@ from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, Line
 from castfem.report.headline import plain_label
 from castfem.report.numbers import shown, unit_shown
-from castfem.report.show import UNCHANGED
+from castfem.report.results_table import UNCHANGED
 from castfem.values.shown_units import difference_of, place_said
 
 _SEPARATOR = "; "  # between the parts of a note

@@ -16,7 +16,7 @@ def try_solver(table: str, options: Options) -> None:
         InputError: An option is of no family PETSc knows, or PETSc refuses its value.
     """
     if table == "thermal":
-        from castfem.thermal.problem import default_options
+        from castfem.thermal.options import default_options
 
         try_options("thermal_", {**default_options(1), **options})
         return
