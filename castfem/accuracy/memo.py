@@ -9,13 +9,11 @@ from pathlib import Path
 from castfem.accuracy.ladder import Level
 from castfem.accuracy.table import ErrorTable, Ran, gather
 from castfem.errors import InputError, RunFailure
-from castfem.output.folder import OutputFolder
 from castfem.output.summary import Summary
 from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant
 from castfem.sweep.record import Record
 from castfem.sweep.work import Job
-from castfem.time_loop import existing_run
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,26 +75,15 @@ def prepare(levels: Sequence[Level], folder: Path, *, overwrite: bool = False) -
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file, a folder is needed; choose another with -o")
     record = Record(folder)
-    jobs: list[Job] = []
-    problems: list[str] = []
     runnable = [level for level in levels if not level.problem]
-    for level in runnable:
-        job = Job(level.name, folder / level.name, level.case, resume=not overwrite)
-        if not overwrite and record.is_finished(job):
-            continue
-        try:
-            existing_run.check(job.folder, level.case, resume=False, overwrite=overwrite)
-            if job.folder.is_dir() and OutputFolder(job.folder).is_running():
-                raise InputError(f"{job.folder}: a run is at work there; wait for it")
-        except InputError as error:
-            problems += error.problems
-        jobs.append(job)
-    if problems:
-        raise InputError(problems)
+    jobs = record.unfinished(
+        [Job(one.name, folder / one.name, one.case, resume=not overwrite) for one in runnable],
+        overwrite=overwrite,
+    )
     record.expect(Variant(one.name, {"sizes": one.text}, one.case) for one in runnable)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         record.save()
     except (OSError, RunFailure) as error:
         raise InputError(folder_refused(folder, error)) from None
-    return Ladder(tuple(levels), record, tuple(jobs))
+    return Ladder(tuple(levels), record, jobs)

@@ -13,14 +13,12 @@ from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.errors import InputError, RunFailure
 from castfem.output.chosen_units import units_of_run
-from castfem.output.folder import OutputFolder
 from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant, plan
 from castfem.sweep.record import Record
 from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
 from castfem.sweep.share import Share
 from castfem.sweep.work import Job, Outcome
-from castfem.time_loop import existing_run
 from castfem.values.same_place import ROUNDING
 from castfem.values.shown_units import shown_in
 
@@ -154,28 +152,16 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     share = Share.read(options.part) if options.part else Share(1, 1)
     variants = tuple(share.of(everything))
     record = Record(target)
-    jobs: list[Job] = []
-    problems: list[str] = []
-    for variant in variants:
-        place = target / variant.name
-        job = Job(variant.name, place, variant.case, options.resume, options.figures)
-        if not options.overwrite and record.is_finished(job):
-            continue
-        try:
-            existing_run.check(place, variant.case, resume=False, overwrite=options.overwrite)
-            if place.is_dir() and OutputFolder(place).is_running():
-                raise InputError(f"{place}: a run is at work there; wait for it")
-        except InputError as error:
-            problems += error.problems
-        jobs.append(job)
-    if problems:
-        raise InputError(problems)
+    jobs = record.unfinished(
+        [Job(v.name, target / v.name, v.case, options.resume, options.figures) for v in variants],
+        overwrite=options.overwrite,
+    )
     try:
         with record.shared():
             record.expect(everything, {variant.name for variant in variants})
     except (OSError, RunFailure) as error:
         raise InputError(folder_refused(target, error)) from None
-    return _Sweep(record, variants, tuple(jobs), share.count == 1)
+    return _Sweep(record, variants, jobs, share.count == 1)
 
 
 def _alone(options: Options) -> int:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.plots.history import axis_label, curves, has_values, unit_of
+from castfem.plots.history import axis_label, curves, drawn_panels, has_values, unit_of
 from castfem.plots.legend import place_legend
 from castfem.plots.section import Steel
 from castfem.plots.style import Abscissa, dress, new_panels
@@ -30,14 +30,7 @@ def draw_slice(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
         panels.append(lambda panel: _neutral_axis(panel, table, abscissa))
     if curves(table, "axial_stress"):
         panels.append(lambda panel: _stress(panel, table, abscissa))
-    figure, axes = new_panels(len(panels), 2.3)
-    for panel, fill in zip(axes, panels, strict=True):
-        fill(panel)
-    dress(axes, abscissa)
-    for panel in axes:
-        if panel.get_legend_handles_labels()[1]:
-            place_legend(panel)
-    return figure
+    return drawn_panels(panels, 2.3, abscissa)
 
 
 def _thickness(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> None:

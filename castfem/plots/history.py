@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -322,6 +322,26 @@ def prefix_for(largest: float, unit: str) -> tuple[float, str]:
             if largest >= size:
                 return size, prefix + unit
     return 1.0, unit
+
+
+def drawn_panels(
+    panels: Sequence[Callable[[Axes], None]], height: float, abscissa: Abscissa
+) -> Figure:
+    """Panels below one another, each drawn and with a legend where it has something to name.
+
+    Args:
+        panels: What draws each.
+        height: Of each, in.
+        abscissa: Of all.
+    """
+    figure, axes = new_panels(len(panels), height)
+    for panel, draw in zip(axes, panels, strict=True):
+        draw(panel)
+    dress(axes, abscissa)
+    for panel in axes:
+        if panel.get_legend_handles_labels()[0]:
+            place_legend(panel)
+    return figure
 
 
 def has_values(table: pandas.DataFrame, name: str) -> bool:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.plots.history import axis_label, curves, has_values, unit_of
+from castfem.plots.history import axis_label, curves, drawn_panels, has_values, unit_of
 from castfem.plots.legend import place_legend
 from castfem.plots.section import Steel
 from castfem.plots.style import Abscissa, dress, new_panels
@@ -116,16 +116,7 @@ def draw_contact(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | Non
     for name in ("contact_share", friction):
         if has_values(table, name) and table[name].any():
             found.append(_single(table, abscissa, name))
-    if not found:
-        return None
-    figure, axes = new_panels(len(found), 2.1)
-    for panel, draw in zip(axes, found, strict=True):
-        draw(panel)
-    dress(axes, abscissa)
-    for panel in axes:
-        if panel.get_legend_handles_labels()[0]:
-            place_legend(panel)
-    return figure
+    return drawn_panels(found, 2.1, abscissa) if found else None
 
 
 def _highest_pressure(table: pandas.DataFrame) -> str:

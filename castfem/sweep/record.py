@@ -11,12 +11,13 @@ from typing import Any
 
 from castfem.case.portable import portable
 from castfem.errors import InputError
-from castfem.output.folder import CASE_NAME, PROPERTIES_NAME
+from castfem.output.folder import CASE_NAME, PROPERTIES_NAME, OutputFolder
 from castfem.output.run_record import RUN_NAME, RunRecord
 from castfem.support.atomic_files import write_json
 from castfem.support.file_lock import taken
 from castfem.sweep.plan import Variant
 from castfem.sweep.work import Job, Outcome
+from castfem.time_loop import existing_run
 
 SWEEP_NAME = "sweep.json"
 _LOCK_NAME = ".sweep.lock"
@@ -155,6 +156,31 @@ class Record:
             return False
         now, _ = portable(job.case, PROPERTIES_NAME)
         return status == "finished" and _untitled(existing) == _untitled(now)
+
+    def unfinished(self, jobs: Iterable[Job], *, overwrite: bool) -> tuple[Job, ...]:
+        """Return the jobs that are to be run, having looked at the folder of each.
+
+        Args:
+            jobs: All of them.
+            overwrite: Take those that are finished, too, and folders with runs of other cases.
+
+        Raises:
+            InputError: Folders that hold runs of other cases, or where one is at work: each.
+        """
+        found, problems = list[Job](), list[str]()
+        for job in jobs:
+            if not overwrite and self.is_finished(job):
+                continue
+            try:
+                existing_run.check(job.folder, job.case, resume=False, overwrite=overwrite)
+                if job.folder.is_dir() and OutputFolder(job.folder).is_running():
+                    raise InputError(f"{job.folder}: a run is at work there; wait for it")
+            except InputError as error:
+                problems += error.problems
+            found.append(job)
+        if problems:
+            raise InputError(problems)
+        return tuple(found)
 
     def note(self, job: Job, outcome: Outcome) -> None:
         """Write down how a run has ended, beside other processes that do the same.

@@ -17,10 +17,8 @@ from castfem.materials import load_steel
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.planes import PlainPlanes, allowed_strains
-from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.state import MechanicalResult
-from castfem.mechanics.stepper import MechanicalStepper
 from castfem.thermal import flux_laws
+from mechanics.cooled import CooledSlice
 
 STEEL = load_steel("carbon_042")
 
@@ -31,7 +29,7 @@ def billet_mesh(symmetry: str = "quarter", **given: Any) -> meshes.SectionMesh:
     return meshes.build("rectangle", symmetry=symmetry, **sizes)
 
 
-class CastSetup:
+class CastSetup(CooledSlice):
     """A strand section that freezes and strains.
 
     Args:
@@ -53,10 +51,10 @@ class CastSetup:
     ) -> None:
         start = STEEL.liquidus + 20.0
         curve = STEEL.thermal_curve(400.0, start + 2.0, start)
-        self.thermal = ThermalSetup(mesh, curve, start, comm=comm)
+        thermal = ThermalSetup(mesh, curve, start, comm=comm)
         names = [g for g in mesh.groups if not g.startswith("symmetry")]
-        self.thermal.cool(*((n, flux_laws.Contact(cooling, 433.15, 0.15)) for n in names))
-        section = self.thermal.section
+        thermal.cool(*((n, flux_laws.Contact(cooling, 433.15, 0.15)) for n in names))
+        section = thermal.section
         elasticity = load_elasticity("elastic_steel", Solidity.of(STEEL, stiffness_ratio=ratio))
         slice_: dict[str, Any] = {
             "law": load_law("norton_hoff_kozlowski", elasticity),
@@ -64,28 +62,12 @@ class CastSetup:
             "ferrostatic": Ferrostatic(Machine(Steady(0.06)).head(7000.0), STEEL.solid_fraction),
         }
         made = Slice(thermal_strain=STEEL.thermal_strain, **(slice_ | given))
-        self.problem = MechanicalProblem(section, made, options, springs=springs)
-        self.stepper = MechanicalStepper(self.problem)
-        self.state = self.stepper.initial(0.0, self.thermal.state.point.temperature)
-        self.results: list[MechanicalResult] = []
+        super().__init__(thermal, made, options=options, springs=springs)
 
     def frozen(self, until: float, step: float) -> CastSetup:
         """Freeze first: the mechanics begin at `until` (s), free of stress."""
         self.thermal.advance(until, step)
         self.state = self.stepper.initial(until, self.thermal.state.point.temperature)
-        return self
-
-    def advance(self, end: float, step: float) -> CastSetup:
-        """Even steps to `end`."""
-        count = round((end - self.state.time) / step)
-        begin = self.state.time
-        for i in range(count):
-            time = begin + (end - begin) * (i + 1) / count
-            self.thermal.advance(time, time)
-            result = self.stepper.step(self.state, time, self.thermal.state.point.temperature)
-            assert result.converged, result.reason
-            self.state = result.state
-            self.results.append(result)
         return self
 
     @property

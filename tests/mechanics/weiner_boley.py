@@ -13,19 +13,17 @@ from castfem.constitutive.parameters import load_law
 from castfem.materials import load_steel
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.planes import PlainPlanes
-from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.state import MechanicalResult
-from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import PrescribedDisplacement
 from castfem.thermal.flux_laws import PrescribedTemperature
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.types import Array
 from castfem.verification.half_space import POISSON, SURFACE, YIELD, YOUNG, HalfSpace
+from mechanics.cooled import CooledSlice
 
 POURED = 1495.0  # degC
 
 
-class Strip:
+class Strip(CooledSlice):
     """A strip one cell wide, thermal first; it may strain uniformly along y and z.
 
     Args:
@@ -49,8 +47,8 @@ class Strip:
             "strip", length=0.03, width=size, surface_size=size, core_size=size, cell=cell
         )
         curve = steel.thermal_curve(1200.0, 1800.0, POURED + ZERO_CELSIUS)
-        self.thermal = ThermalSetup(mesh, curve, POURED + ZERO_CELSIUS)
-        self.thermal.cool(("surface", PrescribedTemperature(SURFACE + ZERO_CELSIUS)))
+        thermal = ThermalSetup(mesh, curve, POURED + ZERO_CELSIUS)
+        thermal.cool(("surface", PrescribedTemperature(SURFACE + ZERO_CELSIUS)))
         elasticity = Elasticity.constant(YOUNG, POISSON, Solidity.of(steel, stiffness_ratio=ratio))
         slice_ = Slice(
             load_law(law, elasticity, carbon=carbon),
@@ -65,23 +63,7 @@ class Strip:
             pin=False,
             **given,
         )
-        self.problem = MechanicalProblem(self.thermal.section, slice_, options)
-        self.stepper = MechanicalStepper(self.problem)
-        self.state = self.stepper.initial(0.0, self.thermal.state.point.temperature)
-        self.results: list[MechanicalResult] = []
-
-    def advance(self, end: float, step: float) -> Strip:
-        """Even steps to `end` (s)."""
-        begin = self.state.time
-        count = round((end - begin) / step)
-        for i in range(count):
-            time = begin + (end - begin) * (i + 1) / count
-            self.thermal.advance(time, time)
-            result = self.stepper.step(self.state, time, self.thermal.state.point.temperature)
-            assert result.converged, result.reason
-            self.state = result.state
-            self.results.append(result)
-        return self
+        super().__init__(thermal, slice_, options=options)
 
     @property
     def depth(self) -> Array:

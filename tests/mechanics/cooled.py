@@ -1,0 +1,41 @@
+"""A section that cools and strains in even steps: thermal first, then its mechanics, in memory."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+from thermal.setups import ThermalSetup
+
+from castfem.mechanics.definition import Slice
+from castfem.mechanics.problem import MechanicalProblem
+from castfem.mechanics.state import MechanicalResult
+from castfem.mechanics.stepper import MechanicalStepper
+
+
+class CooledSlice:
+    """Both problems of a section, and the results of the mechanics so far.
+
+    Args:
+        thermal: Where it cools. slice_: How it strains.
+        given: Further arguments of the `MechanicalProblem`.
+    """
+
+    def __init__(self, thermal: ThermalSetup, slice_: Slice, **given: Any) -> None:
+        self.thermal = thermal
+        self.problem = MechanicalProblem(thermal.section, slice_, **given)
+        self.stepper = MechanicalStepper(self.problem)
+        self.state = self.stepper.initial(0.0, thermal.state.point.temperature)
+        self.results: list[MechanicalResult] = []
+
+    def advance(self, end: float, step: float) -> Self:
+        """Even steps to `end` (s)."""
+        begin = self.state.time
+        count = round((end - begin) / step)
+        for i in range(count):
+            time = begin + (end - begin) * (i + 1) / count
+            self.thermal.advance(time, time)
+            result = self.stepper.step(self.state, time, self.thermal.state.point.temperature)
+            assert result.converged, result.reason
+            self.state = result.state
+            self.results.append(result)
+        return self
