@@ -52,7 +52,7 @@ def probes_with(table: pandas.DataFrame, prefix: str) -> dict[str, str]:
 def curves(table: pandas.DataFrame, prefix: str) -> list[tuple[str, str, str]]:
     """Label, colour and column of each curve `prefix_PROBE`.
 
-    Probes whose curves would hide one another, as at the faces of a square, share one.
+    Probes whose curves would hide one another share one; the faces of a square are all "mid-face".
     """
     probes = probes_with(table, prefix)
     colours = probe_colours(list(probes))
@@ -62,7 +62,8 @@ def curves(table: pandas.DataFrame, prefix: str) -> list[tuple[str, str, str]]:
         near = 2e-3 * np.ptp(values[np.isfinite(values)])
         for other, together in found.items():
             if np.allclose(table[other], values, rtol=0, atol=near, equal_nan=True):
-                together.append(probe)
+                if (together[0], probe) != ("mid_face", "narrow_face"):
+                    together.append(probe)
                 break
         else:
             found[column] = [probe]

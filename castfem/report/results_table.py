@@ -60,10 +60,7 @@ def result_rows(summary: Summary, sources: dict[str, str]) -> list[tuple[str, ..
         twin = summary.quantities.get(name.replace(_NARROW, _WIDE))
         if name.endswith(_NARROW) and name not in referred and _same(name, quantity, twin):
             continue
-        label, twin = quantity.label, summary.quantities.get(name.replace(_WIDE, _NARROW))
-        if name.endswith(_WIDE) and name.replace(_WIDE, _NARROW) not in referred:
-            same = _same(name, quantity, twin)
-            label = label.replace("mid-face", "both faces") if same else label
+        label = quantity.label
         mine = [c for c in summary.references if c.reference.quantity == name and not c.missing]
         if all(c.reference.at is not None for c in mine):
             rows.append((label_shown(label), *cells(name, quantity), "", "", ""))

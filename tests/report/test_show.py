@@ -144,7 +144,7 @@ def test_faces_of_a_square_have_one_row_and_nothing_has_no_sign(tmp_path):
     whole["references"] = [reference | found | {"at": None}]
     (tmp_path / "summary.json").write_text(json.dumps(whole))
     text = printed(tmp_path, figures=False)
-    assert cells_of(text, "gap, both faces")[:4] == ["0.00", "mm", "0.00", "+0.00 (-200.0 %)"]
+    assert cells_of(text, "gap, mid-face")[:4] == ["0.00", "mm", "0.00", "+0.00 (-200.0 %)"]
     assert "narrow face" not in text.replace("surface, narrow face", "")
     assert cells_of(text, "surface, narrow face") == ["1200.0", "°C"]  # another than the mid-face
 
