@@ -18,9 +18,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Range(Notation):
-    """Annotation of a field that takes a range: its lower and its upper end."""
+    """Annotation of a field that takes a range: its lower and its upper end.
+
+    Attributes:
+        kind: Of both ends.
+        example: A range as it may be written.
+    """
 
     kind: Kind
+    example: str
 
     @property
     def takes(self) -> str:
@@ -30,8 +36,7 @@ class Range(Notation):
     def read(self, given: object) -> tuple[float, float]:
         """Return both ends in SI, or raise ValueError."""
         if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
-            example = self.kind.example
-            raise ValueError(f"a range is a list of two, such as [{example!r}, ...]")
+            raise ValueError(f"a range is its lower and its upper end, such as {self.example}")
         low, high = (self.kind.read(end) for end in given)
         if not low < high:
             raise ValueError(f"[{given[0]}, {given[1]}]: the lower end comes first")
@@ -54,17 +59,19 @@ class Range(Notation):
 
 TEMPERATURE = Kind("K", "degC", sample="800 degC", label="temperature")
 SOLID_FRACTION = Kind("1", least=0.0, most=1.0, label="solid fraction", sample="0.9")
+TEMPERATURES = Range(TEMPERATURE, '["800 degC", "950 degC"]')
+SOLID_FRACTIONS = Range(SOLID_FRACTION, "[0.9, 0.99]")
 STRAIN = Kind("1", above=0.0, label="strain", sample="0.004")
 
 
 class Quality(TableModel):
     """By what the strand is judged: crack indexes, end of the pool, soft reduction."""
 
-    band: Annotated[tuple[float, float], Range(TEMPERATURE)] = Field(
+    band: Annotated[tuple[float, float], TEMPERATURES] = Field(
         written(["800 degC", "950 degC"]),  # type: ignore[arg-type]
         description="temperatures between which the steel has little ductility, of I1 and I2",
     )
-    brittle: Annotated[tuple[float, float], Range(SOLID_FRACTION)] = Field(
+    brittle: Annotated[tuple[float, float], SOLID_FRACTIONS] = Field(
         written([0.9, 0.99]),  # type: ignore[arg-type]
         description="solid fractions between which the mushy zone tears, of `brittle_strain`",
     )
@@ -74,7 +81,7 @@ class Quality(TableModel):
         "known, and no share of it is told",
         examples=["0.4 percent"],
     )
-    soft_reduction: Annotated[tuple[float, float], Range(SOLID_FRACTION)] = Field(
+    soft_reduction: Annotated[tuple[float, float], SOLID_FRACTIONS] = Field(
         written([0.3, 0.7]),  # type: ignore[arg-type]
         description="solid fractions on the centre line between which reduction closes segregation",
     )
