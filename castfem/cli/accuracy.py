@@ -12,11 +12,11 @@ from castfem.accuracy.ladder import BASE, levels
 from castfem.accuracy.memo import Ladder, prepare
 from castfem.accuracy.printed import main_names, printed, quantity_of, unknown
 from castfem.accuracy.proposal import propose, read_share
-from castfem.accuracy.sizes import changes
+from castfem.accuracy.sizes import cell_count, changes
 from castfem.accuracy.table import ErrorTable, attach
 from castfem.case import load_case, shipped_cases
 from castfem.cli import many_runs, parallel
-from castfem.cli.options import chosen
+from castfem.cli.options import chosen, read_from
 from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import ERROR_ENDING
 from castfem.output.run_record import RUN_NAME
@@ -77,7 +77,10 @@ def _prepared(options: Options, ranks: bool) -> Ladder:
         read_share(options.to)
     folder = _folder(options)
     many_runs.check_folder(folder)
-    case = load_case(shipped_cases.find(options.name), options.overrides)
+    path = shipped_cases.find(options.name)
+    case = load_case(path, options.overrides)
+    with read_from(path):
+        cell_count(case)  # one that cannot be meshed is refused here, not by each of its runs
     return prepare(levels(case), folder, overwrite=options.overwrite)
 
 

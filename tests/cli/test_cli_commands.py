@@ -216,7 +216,7 @@ def test_mesh_prints_and_draws(castfem, case_file):
 
 
 def test_mesh_that_cannot_be_built(castfem, case_file):
-    for command in ("mesh", "check", "run"):
+    for command in ("mesh", "check", "run", "error"):
         wrong = castfem(command, case_file, "--set", "mesh.surface_depth=300 mm")
         assert wrong.status == 1
         (line,) = wrong.err.splitlines()
