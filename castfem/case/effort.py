@@ -14,6 +14,7 @@ from castfem.values.units import format
 
 _MOST = 1_000_000  # steps; of the cheapest, that is hours
 _MOST_STATES = 50_000  # written fields
+_SLOWEST, _LONGEST = 0.01 / 60.0, 1e4  # m/s, m: what lies beyond is no strand
 _MANY, _MANY_STATES = 100_000, 5_000  # told before it is run
 # Seconds that a step of each kind takes on an ordinary mesh, for a first estimate.
 _THERMAL, _MECHANICAL, _WRITTEN = 0.01, 0.1, 0.01
@@ -49,14 +50,37 @@ class Demand(NamedTuple):
 
 
 def too_many(case: Case) -> Iterator[Problem]:
-    """Yield the steps that would be too many to come to an end."""
-    for demand in _demands(case):
-        if (count := demand.number(case)) > demand.most:
-            rest = (
-                f" of the {case.casting.duration:.4g} s that are followed; at most "
-                f"{grouped(demand.most)}: give a longer one"
-            )
-            yield demand.problem(count, rest)
+    """Yield the steps that would be too many to come to an end.
+
+    Of a strand that is slower or longer than any it yields that, once.
+    """
+    demands = [(demand, demand.number(case)) for demand in _demands(case)]
+    demands = [(demand, count) for demand, count in demands if count > demand.most]
+    if demands and (cause := _no_strand(case)) is not None:
+        yield cause
+        return
+    for demand, count in demands:
+        rest = (
+            f" of the {case.casting.duration:.4g} s that are followed; at most "
+            f"{grouped(demand.most)}: give a longer one"
+        )
+        yield demand.problem(count, rest)
+
+
+def _no_strand(case: Case) -> Problem | None:
+    """Return that a strand is cast more slowly, or followed farther, than any is."""
+    length, time = case.casting.length, case.casting.duration
+    if length > _LONGEST:
+        return Problem(
+            ("casting", "length"), f"({length:.4g} m) is no strand's: give a shorter one"
+        )
+    if length < _SLOWEST * time:
+        return Problem(
+            ("casting", "speed"),
+            f"({60.0 * length / time:.4g} m/min) takes {_duration(time)} for {length:.4g} m: give "
+            "a higher one",
+        )
+    return None
 
 
 def many(case: Case) -> Iterator[Problem]:

@@ -24,12 +24,34 @@ TAPERED = Path(__file__).parents[2] / "cases" / "billet125" / "taper_0.toml"
             "10 000 000 thermal steps",
         ),
         ("output.every=1e-9 s", "output.every", "10 000 000 000 states of the fields"),
-        ("casting.speed=1 um/min", "coupling.interval", "coupling windows"),
     ],
 )
 def test_a_run_without_end_is_refused_with_its_count(change: str, key: str, count: str) -> None:
     found = [line for line in read_case(TAPERED, [change]).problems if f": {key}: " in line]
     assert len(found) == 1 and count in found[0] and "at most" in found[0], found
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (
+            ["casting.speed=1 um/min"],
+            "--set: casting.speed: (1e-06 m/min) takes 4.2e+02 days for 0.6 m: give a higher one",
+        ),
+        (["casting.speed=1e-9 m/min"], "--set: casting.speed: (1e-09 m/min) takes"),
+        (["casting.length=1e9 m"], "--set: casting.length: (1e+09 m) is no strand's: give a sh"),
+    ],
+)
+def test_a_strand_that_makes_a_run_without_end_is_named_alone(
+    changes: list[str], said: str
+) -> None:
+    (line,) = read_case(TAPERED, changes).problems
+    assert line.startswith(said)
+
+
+def test_slow_is_no_fault_where_steps_are_few() -> None:
+    slow = ["casting.speed=9 mm/min", "coupling.interval=0.2 s", "output.every=10 s"]
+    assert not read_case(TAPERED, slow).problems
 
 
 def test_output_that_is_not_written_makes_no_states() -> None:
