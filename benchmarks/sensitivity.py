@@ -31,6 +31,7 @@ from castfem.sensitivity.run import Recorder, follow, followed, sensitivity
 from castfem.sensitivity.varied import surface_heat
 from castfem.simulation.simulation import build, case_steel
 from castfem.thermal import problem as heat_balance
+from castfem.thermal.options import ITERATIVE
 from castfem.thermal.stepper import GAMMA
 from castfem.time_loop.loop import TimeLoop
 from castfem.values.types import Array
@@ -154,20 +155,21 @@ def _least(case: Case) -> list[dict[str, Any]]:
 def _matrices(problem: heat_balance.ThermalProblem, run: Callable[[], Any]) -> list[list[_Place]]:
     """What makes the matrix of each Newton iterate of the stages of a run, their solution last."""
     stages: list[list[_Place]] = []
-    iterates: list[_Place] = []
+    iterates: list[CurvePoint] = []
     solve, jacobian = problem.solve_stage, problem.jacobian
 
     def noted_jacobian(x: PETSc.Vec, out: PETSc.Mat) -> None:
-        state = problem._state
-        iterates.append((state.point, state.slope, problem._tau))
+        iterates.append(problem.curve.at(x.getArray(readonly=True)))
         jacobian(x, out)
 
     def noted_stage(base: Array, guess: Array, tau: float, time: float) -> heat_balance.Stage:
         iterates.clear()
         stage = solve(base, guess, tau, time)
         if iterates:  # else it was solved when the scheme looked ahead
-            slope = surface_heat(problem.cooling, stage.point.temperature, time)[1]
-            stages.append([*iterates, (stage.point, slope, tau)])
+            stages.append([
+                (point, surface_heat(problem.cooling, point.temperature, time)[1], tau)
+                for point in (*iterates, stage.point)
+            ])  # fmt: skip
         return stage
 
     laid = {"jacobian": noted_jacobian, "solve_stage": noted_stage}
@@ -180,12 +182,12 @@ def _iterations(factored: StageTangent, other: StageTangent, right: Array) -> in
     """Iterations of conjugate gradients for the matrix of `other` by the factor of `factored`."""
     ksp = PETSc.KSP().create(PETSc.COMM_SELF)
     ksp.setType("cg")
-    pc = factored._ksp.getPC()
+    pc = factored.solver.getPC()
     ksp.setPC(pc)
-    ksp.setOperators(other._matrix, factored._matrix)
-    ksp.setTolerances(rtol=heat_balance.ITERATIVE["ksp_rtol"])
+    ksp.setOperators(other.matrix, factored.matrix)
+    ksp.setTolerances(rtol=ITERATIVE["ksp_rtol"])
     pc.setReusePreconditioner(True)
-    given = other._matrix.createVecLeft()
+    given = other.matrix.createVecLeft()
     given.setArray(right)
     found = given.duplicate()
     ksp.solve(given, found)

@@ -27,19 +27,23 @@ class StageTangent:
 
     Args:
         problem: The heat balance.
+
+    Attributes:
+        matrix: That was factored last.
+        solver: With its factor.
     """
 
     def __init__(self, problem: ThermalProblem) -> None:
         self._problem = problem
-        self._matrix = problem.new_matrix()
-        self._matrix.setOption(PETSc.Mat.Option.SPD, True)
-        self._diagonal = self._matrix.createVecLeft()
+        self.matrix = problem.new_matrix()
+        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        self._diagonal = self.matrix.createVecLeft()
         self._sides: tuple[PETSc.Mat, PETSc.Mat] | None = None
         alone = problem.section.comm.size == 1
-        self._ksp = PETSc.KSP().create(problem.section.comm)
-        self._ksp.setOperators(self._matrix)
-        self._ksp.setType("preonly")
-        pc = self._ksp.getPC()
+        self.solver = PETSc.KSP().create(problem.section.comm)
+        self.solver.setOperators(self.matrix)
+        self.solver.setType("preonly")
+        pc = self.solver.getPC()
         pc.setType("cholesky")
         pc.setFactorSolverType("petsc" if alone else "mumps")
         if alone:
@@ -60,7 +64,7 @@ class StageTangent:
         Raises:
             RunFailure: It cannot be factored.
         """
-        problem, matrix = self._problem, self._matrix
+        problem, matrix = self._problem, self.matrix
         held = point.conduction_slope <= 0.0
         held[problem.fixed] = True
         self._held, self._slope, self._tau = np.flatnonzero(held), point.conduction_slope, tau
@@ -74,8 +78,8 @@ class StageTangent:
         if self._any_held:
             first = matrix.getOwnershipRange()[0]
             matrix.zeroRowsColumns((self._held + first).astype(np.int32), diag=1.0)
-        self._ksp.setOperators(matrix)
-        if why := factorisation.set_up(self._ksp, matrix):
+        self.solver.setOperators(matrix)
+        if why := factorisation.set_up(self.solver, matrix):
             raise RunFailure(f"the derivative of a stage cannot be solved for: {why}")
 
     def solve(self, right: Array, fixed: Array) -> Array:
@@ -107,8 +111,8 @@ class StageTangent:
     def _conduction(self, right: Array) -> Array:
         """Solutions y (parameters, owned) for right-hand sides (collective)."""
         if self._sides is None:
-            sizes = self._matrix.getSizes()[0], (None, len(right))
-            pair = [PETSc.Mat().createDense(sizes, comm=self._matrix.comm) for _ in range(2)]
+            sizes = self.matrix.getSizes()[0], (None, len(right))
+            pair = [PETSc.Mat().createDense(sizes, comm=self.matrix.comm) for _ in range(2)]
             for one in pair:
                 one.setUp()
                 one.assemble()
@@ -116,10 +120,10 @@ class StageTangent:
         given, found = self._sides
         given.getDenseArray()[:] = right.T
         given.assemble()
-        self._ksp.matSolve(given, found)
+        self.solver.matSolve(given, found)
         return np.array(found.getDenseArray().T)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for thing in (self._ksp, self._matrix, self._diagonal, *(self._sides or ())):
+        for thing in (self.solver, self.matrix, self._diagonal, *(self._sides or ())):
             thing.destroy()
