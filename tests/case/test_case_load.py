@@ -145,6 +145,9 @@ def test_what_two_keys_of_a_table_make_wrong_is_said_of_the_file_that_joined_it_
     write('extends = "top.toml"\n[mesh]\norder = 2\n', "last.toml")
     with pytest.raises(InputError, match=f"^{top}: casting: both are given"):
         load_case(top.parent / "last.toml")
+    write('casting = 3\nextends = "top.toml"\n', "last.toml")  # of which nothing was joined
+    with pytest.raises(InputError, match=f"^{top.parent}/last.toml: casting: "):
+        load_case(top.parent / "last.toml")
     write(sound.replace('"5 mm"', '"70 mm"'), "base.toml")
     write('extends = "base.toml"\n[casting]\nspeed = "3 m/min"\n', "top.toml")
     with pytest.raises(InputError, match=f"^{base}: section.corner_radius"):

@@ -33,6 +33,12 @@ def test_the_table_tells_the_kind(write):
     assert [(s.rate, s.duration) for s in case.tensile.segment] == [(1e-3, 10.0)]
 
 
+def test_steps_are_counted_over_all_segments(write):
+    path = write(f'{TEST}\n[[tensile.segment]]\nrate = "-1e-3 1/s"\nduration = "10 s"\n')
+    with pytest.raises(InputError, match=r"steps: \(600000\) makes 1 200 000 steps"):
+        load_any(path, ["tensile.steps=600000"])
+
+
 def test_a_strand_is_asked_for_where_one_is_needed(write):
     with pytest.raises(InputError, match="pulled: is a tensile test; a strand is needed"):
         load_case(write(TEST))

@@ -118,6 +118,7 @@ def test_a_run_that_mostly_writes_is_told_what_helps(output: float, said: bool) 
     ("change", "told"),
     [
         ("optimise.minimise=bloom_max", "optimise.minimise: ("),
+        ("optimise.minimise=way_I1_max", 'optimise.minimise: ("way_I1_max") '),  # has no [quality]
         ("optimise.fidelity=coarse", ""),
     ],
 )

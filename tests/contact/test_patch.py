@@ -10,6 +10,7 @@ import pytest
 from mechanics.setups import SliceSetup, elastic, mapped, skewed
 
 from castfem.contact.settings import Contact
+from castfem.contact.state import OPEN
 from castfem.contact.summary import summary
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
@@ -136,4 +137,8 @@ def test_free_block_on_an_oblique_wall(method: str) -> None:
     found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)  # type: ignore[arg-type]
     normal = np.array([-np.sin(angle), np.cos(angle)])
     assert found.force == pytest.approx(normal * 1e5 * WIDTH / np.cos(angle), rel=1e-7)
-    assert 0.0 < found.share < 1.0
+    state = setup.state.contact
+    assert state is not None
+    touching = state.weight[state.status != OPEN].sum()
+    assert 0.1 * WIDTH < touching < 0.9 * WIDTH
+    assert found.share == pytest.approx(touching / WIDTH, rel=1e-12)

@@ -42,6 +42,15 @@ def test_a_wide_gap_is_told_with_the_mend(tmp_path: Path) -> None:
     assert wide_gap(tmp_path, summary(0.0)) == ""
 
 
+def test_of_several_contacts_the_best_conductor_counts(tmp_path: Path) -> None:
+    worse = {
+        "law": "contact", "coefficient": "1600 W/(m^2 K)", "wall": "160 degC",
+        "gap_conductivity": "0.02 W/(m K)", "on": ["corner"],
+    }  # fmt: skip
+    assert "conducts 75 W/(m^2 K)" in wide_gap(folder(tmp_path, worse), summary(2e-3))
+    assert wide_gap(tmp_path, summary(0.5e-3)) == ""
+
+
 def test_not_where_radiation_is_laid(tmp_path: Path) -> None:
     law = {"law": "radiation", "ambient": "160 degC", "emissivity": 0.8}
     assert wide_gap(folder(tmp_path, law), summary(2e-3)) == ""
