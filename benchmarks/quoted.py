@@ -41,6 +41,11 @@ class Quotation:
     told: str
 
 
+def pages(folder: Path) -> list[Path]:
+    """The pages in a folder laid out as docs/, and in the folders below it."""
+    return sorted(folder.rglob("*.md"))
+
+
 def quotations(page: Path) -> list[Quotation]:
     """The tied numbers of a page."""
     return [
@@ -53,9 +58,9 @@ def quotations(page: Path) -> list[Quotation]:
 def wrong(folder: Path) -> list[str]:
     """Numbers of the pages in `folder` that differ from those of its data, a line each."""
     found = []
-    for page in sorted(folder.glob("*.md")):
+    for page in pages(folder):
         for one in quotations(page):
-            where = f"{page.name}: line {one.line}"
+            where = f"{page.relative_to(folder)}: line {one.line}"
             try:
                 right = value(folder, one.what, one.form)
             except KeyError as error:
@@ -75,7 +80,7 @@ def rewrite(folder: Path) -> None:
         except KeyError:
             return found[0]
 
-    for page in sorted(folder.glob("*.md")):
+    for page in pages(folder):
         text = page.read_text(encoding="utf-8")
         if (made := _QUOTED.sub(anew, text)) != text:
             page.write_text(made, encoding="utf-8")

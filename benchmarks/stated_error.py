@@ -138,6 +138,7 @@ def main(output: Output, quick: bool) -> None:
         folder = (output.folder if quick else FOLDER.parent) / "stated_error" / _safe(name)
         rows += measure(name, scene, folder)
         output.csv("stated_error", rows)
+    _count(output)
     show(output)
 
 
@@ -147,26 +148,33 @@ def _safe(name: str) -> str:
 
 def show(output: Output) -> None:
     """How often the stated error holds, by scene; and the numbers of which it does not."""
-    rows = [r for r in output.rows("stated_error") if r["stated"] and r["found"]]
-    lines = [_line(s, [r for r in rows if r["scene"] == s]) for s in _scenes(rows)]
-    lines.append(_line("together", rows))
     head = {
         "scene": "case", "numbers": "numbers", "holds": "within what is stated",
         "large": "stated more than 10 times too large", "seen": "of these, in the digits printed",
         "ratio": "stated over found, median",
     }  # fmt: skip
-    output.insert("stated error", table(lines, head, {"ratio": ".1f"}))
+    cases = output.rows("stated_error_cases")
+    output.insert("stated error", table(cases, head, {"ratio": ".1f"}))
     wrong = [
         {"what": f"{r['scene']}: {r['what']} [{r['unit']}]",
          **{key: f"{r[key]:.4g}" for key in ("value", "stated", "found")}}
-        for r in rows if r["stated"] < r["found"]
+        for r in _known_rows(output) if r["stated"] < r["found"]
     ]  # fmt: skip
     head = {"what": "number", "value": "castfem", "stated": "stated", "found": "found"}
     output.insert("stated error missed", table(wrong, head, {}))
 
 
-def _scenes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    return list(dict.fromkeys(r["scene"] for r in rows))
+def _known_rows(output: Output) -> list[dict[str, Any]]:
+    """Numbers that have an error, and one that was found."""
+    return [r for r in output.rows("stated_error") if r["stated"] and r["found"]]
+
+
+def _count(output: Output) -> None:
+    """Write how often the stated error holds, of each case and of all together."""
+    rows = _known_rows(output)
+    scenes = dict.fromkeys(r["scene"] for r in rows)
+    lines = [_line(scene, [r for r in rows if r["scene"] == scene]) for scene in scenes]
+    output.csv("stated_error_cases", [*lines, _line("together", rows)])
 
 
 def _line(scene: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import tables
-from benchmarks.quoted import quotations, wrong
+from benchmarks.quoted import pages, quotations, rewrite, wrong
 from benchmarks.report import PAGE
 
 DOCS = PAGE.parent
@@ -74,11 +74,24 @@ def test_sentence_that_differs_from_its_data_is_found(tmp_path: Path) -> None:
 
 
 def test_pages_quote_numbers() -> None:
-    assert sum(len(quotations(page)) for page in DOCS.glob("*.md")) > 10
+    assert sum(len(quotations(page)) for page in pages(DOCS)) > 10
+
+
+def test_pages_in_folders_are_held_to_their_data_too(tmp_path: Path) -> None:
+    """Found as another number there, and written anew."""
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "runs.csv").write_text("run,heat\nslow,9.1234\n")
+    page = tmp_path / "how_to" / "page.md"
+    page.parent.mkdir()
+    page.write_text("It takes <!-- q: runs.csv[run=slow].heat .2f -->9.21 MJ out.\n")
+    (told,) = wrong(tmp_path)
+    assert told.startswith("how_to/page.md: line 1: 9.21 is quoted")
+    rewrite(tmp_path)
+    assert wrong(tmp_path) == [] and "-->9.12 MJ" in page.read_text()
 
 
 def test_no_line_begins_with_a_comment() -> None:
     """Markdown would take such a line for HTML and tear the sentence."""
-    for page in DOCS.glob("*.md"):
+    for page in pages(DOCS):
         for line in page.read_text(encoding="utf-8").splitlines():
             assert not line.lstrip().startswith("<!-- q:"), (page.name, line)
