@@ -2,13 +2,13 @@
 
 A run with mechanics answers in small steps as its shell grows cell by cell: what
 `castfem sensitivity` finds is the slope between two of them, a difference over per cents of a
-parameter has them in it.
-Writes a table of docs/sensitivity.md.
+parameter has them in it. Runs of the temperature alone have no such steps, and stand beside them.
+Writes two tables of docs/sensitivity.md.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -45,6 +45,10 @@ class _Moved:
     by: float
     shown: float
 
+    def in_case(self, case: Case, sign: float) -> Case:
+        """The case with the number moved to one side."""
+        return case.with_({self.key: f"{self.value * (1.0 + sign * self.by)!r} {self.unit}"})
+
 
 MOVED = (
     _Moved("mould.taper", "mould.taper", 0.4, "%/m", 0.1, 0.4),
@@ -57,48 +61,73 @@ MOVED = (
 )  # fmt: skip
 
 
-def _case(size: float) -> Case:
-    mesh = {"mesh.surface_size": f"{size} mm", "mesh.corner_size": f"{size} mm"}
-    return load(CASE).with_(CHANGES | mesh)
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is asked of one case.
+
+    Attributes:
+        case: As it is. changes: Its keys here. cells: Of each of its meshes, mm.
+        results: Names. moved: Its numbers.
+    """
+
+    case: str
+    changes: dict[str, Any]
+    cells: tuple[float, ...]
+    results: tuple[str, ...]
+    moved: tuple[_Moved, ...]
+
+    def rows(self, quick: bool) -> list[dict[str, Any]]:
+        """Derivatives and wide differences, as per cent of the result by a per cent."""
+        rows: list[dict[str, Any]] = []
+        for size in self.cells[: 1 if quick else None]:
+            mesh = {"mesh.surface_size": f"{size} mm", "mesh.corner_size": f"{size} mm"}
+            case = load(self.case).with_(self.changes | mesh)
+            base, names = self._results(case), [one.name for one in self.moved]
+            slopes = sensitivity(case, self.results, names, comm=MPI.COMM_SELF).gradient
+            for one in self.moved:
+                above, below = (self._results(one.in_case(case, sign)) for sign in (1.0, -1.0))
+                row: dict[str, Any] = {"size": size, "parameter": one.name, "by": 100.0 * one.by}
+                for name in self.results:
+                    row[name] = slopes[name][one.name] * one.shown / base[name]
+                    wide = (above[name] - below[name]) / (2.0 * one.by)
+                    row[f"{name}_wide"] = wide / base[name]
+                rows.append(row)
+        return rows
+
+    def _results(self, case: Case) -> dict[str, float]:
+        with run(case) as result:
+            return {name: result.summary.quantities[name].value for name in self.results}
 
 
-def _results(case: Case) -> dict[str, float]:
-    with run(case) as result:
-        return {name: result.summary.quantities[name].value for name in RESULTS}
+IN_MOULD = _Asked(CASE, CHANGES, CELLS, RESULTS, MOVED)
+ALONE = _Asked(
+    "billet125/thermal",
+    {"output.fields": [], "output.figures": False, "output.every": "10 s", "reference": []},
+    (2.0, 0.8), ("heat_removed", "surface_temperature_mid_face", "surface_temperature_corner"),
+    (replace(MOVED[2], by=0.5), *MOVED[3:]),
+)  # fmt: skip
 
 
 def main(output: Output, quick: bool) -> None:
-    """Derivatives and wide differences, as per cent of the result by a per cent."""
-    rows: list[dict[str, Any]] = []
-    for size in CELLS[: 1 if quick else len(CELLS)]:
-        case = _case(size)
-        base = _results(case)
-        found = sensitivity(case, RESULTS, [one.name for one in MOVED], comm=MPI.COMM_SELF)
-        for one in MOVED:
-            sides = [
-                _results(case.with_({one.key: f"{one.value * (1.0 + sign * one.by)!r} {one.unit}"}))
-                for sign in (1.0, -1.0)
-            ]
-            row: dict[str, Any] = {"size": size, "parameter": one.name, "by": 100.0 * one.by}
-            for name in RESULTS:
-                row[name] = found.gradient[name][one.name] * one.shown / base[name]
-                row[f"{name}_wide"] = (sides[0][name] - sides[1][name]) / (
-                    2.0 * one.by * base[name]
-                )
-            rows.append(row)
-    output.csv("sensitivity_apart", rows)
+    """Both cases."""
+    output.csv("sensitivity_apart", IN_MOULD.rows(quick))
+    output.csv("sensitivity_apart_alone", ALONE.rows(quick))
     show(output)
 
 
 def show(output: Output) -> None:
-    """The table, from the data."""
+    """The tables, from the data."""
     words = {
         "heat_removed": "heat", "axial_strain": "axial strain", "von_mises_max": "peak stress",
-        "gap_max": "gap",
+        "gap_max": "gap", "surface_temperature_mid_face": "mid-face",
+        "surface_temperature_corner": "corner",
     }  # fmt: skip
-    head = {"size": "cells, mm", "parameter": "by", "by": "runs apart by ±, %"}
-    forms: dict[str, str] = {"by": ".0f"}
-    for name in RESULTS:
-        head |= {name: f"{words[name]}: derivative", f"{name}_wide": "of runs"}
-        forms |= {name: "+.3f", f"{name}_wide": "+.3f"}
-    output.insert("apart", table(output.rows("sensitivity_apart"), head, forms))
+    for name, asked in (("apart", IN_MOULD), ("apart alone", ALONE)):
+        head = {"size": "cells, mm", "parameter": "by", "by": "runs apart by ±, %"}
+        forms: dict[str, str] = {"by": ".0f"}
+        for result in asked.results:
+            head |= {result: f"{words[result]}: derivative", f"{result}_wide": "of runs"}
+            form = "+.3f" if asked is IN_MOULD else "+.4f"
+            forms |= {result: form, f"{result}_wide": form}
+        rows = output.rows("sensitivity_" + name.replace(" ", "_"))
+        output.insert(name, table(rows, head, forms))
