@@ -20,6 +20,7 @@ from castfem.api import load
 from castfem.design import Evaluator, Optimum, Study, Wanted
 from castfem.design.figure import draw
 from castfem.design.mould_table import mould_table
+from castfem.output.history import HISTORY_NAME, read_history
 
 CASES = ("single", "corner", "double", "parabolic", "double_corner")
 # Ends [%/m] and runs along each variable, narrowed by hand: of one variable to where the six moulds
@@ -30,6 +31,7 @@ _GRID = {
     "double": ((0.4, 2.0, 5), (0.2, 0.8, 5)),
 }
 _QUICK = {"single": ((0.2, 1.0, 5),)}
+OFF = 1e-3  # mm: a gap that counts
 _FINE = 801  # places along each variable between the runs of a grid
 SHOWN = {
     "mould": "mould",
@@ -96,6 +98,35 @@ def answer(name: str, found: Optimum) -> dict[str, Any]:
         "left": 100.0 * kept.left / ideal,
         "runs": found.runs["search"],
         "all": found.runs["all"],
+    }
+
+
+def best_single(found: Optimum) -> dict[str, Any]:
+    """What the page says of the best single taper: its errors, steps away from it, its corner.
+
+    Heat in MJ/m and per cent of the idealised mould's, stress in MPa, places and gaps in mm.
+    """
+    (kept,), (value,) = found.constraints, found.values
+    less = max((a for a in found.away if a.value < value.value), key=lambda a: a.value)
+    more = min((a for a in found.away if a.value > value.value), key=lambda a: a.value)
+    table = read_history(folder("single") / found.best / HISTORY_NAME)
+    gap = table["gap_corner"].to_numpy()
+    off = table["position"].to_numpy()[gap > OFF]
+    lost = kept.left - less.left[0]
+    assert found.objective is not None
+    return {
+        "mould": "single",
+        "short": -1e-6 * kept.checked,
+        "error": 1e-6 * kept.error,
+        "step_less": value.value - less.value,
+        "heat_less": 1e-6 * lost,
+        "share_less": 100.0 * lost / (kept.bound / 0.99),
+        "step_more": more.value - value.value,
+        "stress_more": 1e-6 * more.objective,
+        "opens": 1e3 * float(off[0]) if len(off) else None,
+        "gap_most": float(gap.max()),
+        "gap_exit": float(gap[-1]),
+        "pressure_exit": float(table["mean_contact_pressure_max"].to_numpy()[-1]),
     }
 
 
@@ -172,6 +203,7 @@ def main(output: Output, quick: bool) -> None:
         print(f"  {orders[-1]}", flush=True)
         output.csv("optimum_ordered", orders)
         if name == "single":
+            output.csv("optimum_single", [best_single(found)])
             figures = output.folder / "figures"
             figures.mkdir(parents=True, exist_ok=True)
             draw(found, figures / "optimum_single.png")
