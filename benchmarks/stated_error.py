@@ -149,7 +149,7 @@ def _safe(name: str) -> str:
 def show(output: Output) -> None:
     """How often the stated error holds, by scene; and the numbers of which it does not."""
     head = {
-        "scene": "case", "numbers": "numbers", "holds": "within what is stated",
+        "case": "case", "numbers": "numbers", "within": "within what is stated",
         "large": "stated more than 10 times too large", "seen": "of these, in the digits printed",
         "ratio": "stated over found, median",
     }  # fmt: skip
@@ -181,7 +181,7 @@ def _line(scene: str, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     ratios = [r["stated"] / r["found"] for r in rows]
     large = [r for r, ratio in zip(rows, ratios, strict=True) if ratio > MOST]
     return {
-        "scene": scene, "numbers": len(rows), "holds": sum(x >= 1.0 for x in ratios),
+        "case": scene, "numbers": len(rows), "within": sum(x >= 1.0 for x in ratios),
         "large": len(large), "seen": sum(r["stated"] > _printed(r) for r in large),
         "ratio": median(ratios),
     }  # fmt: skip
