@@ -44,7 +44,6 @@ AT_ONCE = 1e-5  # the same, before anything is corrected
 OF_ALL = 1e-7  # of the right-hand side: likewise, where nothing touches
 STALE = 0.1  # of what it was before a correction: what remains is rounding
 SOLVES = 5  # with the tangent, at most
-TINY = 1e-300
 
 
 class MechanicalDerivatives:
@@ -206,7 +205,8 @@ class MechanicalDerivatives:
             halves = np.abs(one + other - 2.0 * left), np.abs(one - other)
             uneven, whole = (reductions.largest(comm, h) for h in halves)
             right = np.asarray((other - one) / (pair[0].by - pair[1].by))
-            found.append((uneven / max(whole, TINY), Following(pair, step, right, whole)))
+            share = uneven / whole if whole > 0.0 else np.inf  # too narrow to show anything
+            found.append((share, Following(pair, step, right, whole)))
             if uneven <= UNEVEN * whole:
                 break
         return min(found, key=lambda one: one[0])[1]

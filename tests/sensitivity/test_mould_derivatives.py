@@ -191,6 +191,17 @@ def test_a_billet_in_its_mould_has_the_differences_of_runs() -> None:
         assert found().gradient[result][name] == pytest.approx(known, rel=1e-4), result
 
 
+def test_parameters_at_once_are_as_each_alone() -> None:
+    """The taper behind two that matter less: each has its own right-hand side and scalars."""
+    names = "casting.superheat", "steel.density", "mould.taper"
+    together = castfem.sensitivities(billet(), ",".join(names), ",".join(READ)).gradient
+    for result in READ:
+        alone = found().gradient[result]["mould.taper"]
+        assert together[result]["mould.taper"] == pytest.approx(alone, rel=1e-5), (
+            result
+        )  # as solved for
+
+
 def test_a_weak_parameter_stands_beside_what_newton_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a run leaves out of balance is no change of its parameter.
 
@@ -201,8 +212,13 @@ def test_a_weak_parameter_stands_beside_what_newton_left(monkeypatch: pytest.Mon
     loose = billet().with_({"mechanics.tolerance": 1e-6})
     monkeypatch.setattr(mechanical, "NARROW", (5e-5, 5e-8))
     weak = castfem.sensitivities(loose, "casting.superheat", ",".join(names)).gradient
+    # Of two that are not even the better one is taken, not that which is too narrow to show any.
+    monkeypatch.setattr(mechanical, "NARROW", (5e-2, 5e-12))
+    monkeypatch.setattr(mechanical, "UNEVEN", 0.0)
+    better = castfem.sensitivities(billet(), "casting.superheat", ",".join(names)).gradient
     for name in names:
         assert weak[name] == pytest.approx(known[name], rel=1e-4), name
+        assert better[name] == pytest.approx(known[name], rel=1e-4), name
 
 
 def test_a_billet_that_is_taken_up_again_ends_with_the_same_derivatives(tmp_path: Path) -> None:
@@ -250,7 +266,7 @@ def test_a_step_that_is_gone_on_with_stands_as_it_was_begun(
     monkeypatch.setattr(VariedProblem, "begin", noted)
     monkeypatch.setattr(VariedProblem, "residual_at", twice)
     two = billet().with_({"coupling.settled": "5 K"})
-    castfem.sensitivities(two, "steel.density", "heat_removed")
+    castfem.sensitivities(two, "steel.density,casting.speed", "heat_removed")
     assert len(apart) > 4 and not any(apart)
 
 
