@@ -105,7 +105,8 @@ class WallContact(DifferentiableInteraction):
         """Tell how far the points have moved (n, 2), m, in two parts that are not to be added.
 
         Contact is so stiff that what rounding leaves of the smaller one shows in its pressure.  As
-        long as `base` is the same array the wall is not met anew.
+        long as `base` is the same array the wall is not met anew: along the normal the strand had,
+        whose turning changes the distance by the gap alone, next to nothing where it is pressed.
         """
         self._shift = base, shift
 
