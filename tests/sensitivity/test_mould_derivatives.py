@@ -191,6 +191,20 @@ def test_a_billet_in_its_mould_has_the_differences_of_runs() -> None:
         assert found().gradient[result][name] == pytest.approx(known, rel=1e-4), result
 
 
+def test_the_pressure_of_deep_liquid_goes_with_the_density() -> None:
+    """That in the cells left out, too: what it does in a run is not what it does beside it."""
+    case, names, by = billet(), ("axial_strain", "von_mises_max"), 1e-4
+    (density,) = {float(case_steel(case).density(t)) for t in (1000.0, 1900.0)}
+    ends = []
+    for sign in (1.0, -1.0):
+        moved = {"steel.overrides.density": f"{density * (1.0 + sign * by)!r} kg/m^3"}
+        ends.append(results(case.with_(moved))[1])
+    gradient = castfem.sensitivities(case, "steel.density", ",".join(names)).gradient
+    for name in names:
+        known = (ends[0][name] - ends[1][name]) / (2.0 * 100.0 * by)  # by a per cent
+        assert gradient[name]["steel.density"] == pytest.approx(known, rel=1e-4), name
+
+
 def test_parameters_at_once_are_as_each_alone() -> None:
     """The taper behind two that matter less: each has its own right-hand side and scalars."""
     names = "casting.superheat", "steel.density", "mould.taper"
