@@ -194,6 +194,19 @@ class WallContact(DifferentiableInteraction):
         if self._stress is not None:
             self._stress.begin(old, *self.liquid.of_stress(), self._dt, solid)
 
+    def gap(self, position: float, displacement: Array, generalized_strains: Array) -> Array:
+        """Distance to the wall along its normal at the points (n,), m; inf where none is met.
+
+        Args:
+            position: Of the slice below the meniscus, m.
+            displacement: Of all nodes of this rank, m.
+            generalized_strains: Generalized strains (4,).
+        """
+        surface = self.strand
+        moved = surface.moved(displacement, generalized_strains)
+        strand = surface.facing(displacement, generalized_strains)[0]
+        return surface.gap_to(surface.meet(self.contact.wall, position, moved, strand))[1]
+
     def refusal(self) -> str:
         """See `Interaction`: a breakout."""
         return self.liquid.breakout()
@@ -304,9 +317,7 @@ class WallContact(DifferentiableInteraction):
         self._kept_closed = np.zeros(self.facets.count, dtype=bool)
         if on:
             before = self._motion.u_old.x.array, self._motion.generalized_strains_old.value
-            moved, strand = self.strand.moved(*before), self.strand.facing(*before)[0]
-            met = self.strand.meet(self.contact.wall, self._position, moved, strand)
-            gap = self.strand.gap_to(met)[1]
+            gap = self.gap(self._position, *before)
             self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 

@@ -1,16 +1,25 @@
-"""Gap between wall and strand, as the heat that crosses it asks for it."""
+"""Gap between wall and strand, as the heat that crosses it asks for it.
+
+The wall meets the surface at two points of each facet, along which the displacement is of second
+order: a wave that is out at both ends of a facet and in between is zero at its points, and no wall
+feels it.  All along a face that is liquid nothing else resists that wave either, so that the shell
+may freeze in it.  The gap is therefore that of the points, where the wall is met, and at a vertex
+what the line through those of a facet says of its end.
+"""
 
 from __future__ import annotations
 
 import copy
 
 import numpy as np
+from scipy import sparse
 
 from castfem.contact.wall_contact import WallContact
 from castfem.fem import dof_values, reductions
-from castfem.mechanics.quadrature import Points
 from castfem.mechanics.state import MechanicalState
 from castfem.values.types import Array
+
+OFF = 1e-9  # a vertex' hat function at points of facets that are not its own: rounding
 
 
 class SurfaceGap:
@@ -18,20 +27,19 @@ class SurfaceGap:
 
     Args:
         contact: Of the mechanical problem.
-        points: Its quadrature points.
 
     Attributes:
         dofs: Owned vertices on the groups in contact (n,).
     """
 
-    def __init__(self, contact: WallContact, points: Points) -> None:
-        self._contact, self._points = contact, points
+    def __init__(self, contact: WallContact) -> None:
+        self._contact = contact
         section = contact.section
         self._space = section.vertex_space
-        length = self._gathered(contact.facets.weight)
-        # What a vertex off the surface gets of the facets around it is rounding.
-        self.dofs = np.flatnonzero(length > 1e-9 * reductions.largest(section.comm, length))
-        self._places = section.vertex_space.tabulate_dof_coordinates()[self.dofs, :2]
+        self._length = self._gathered(contact.facets.weight)
+        shortest = OFF * reductions.largest(section.comm, self._length)
+        self.dofs = np.flatnonzero(self._length > shortest)
+        self._ends = _ends(contact)
 
     def to_wall(self, contact: WallContact) -> SurfaceGap:
         """The gap of the same vertices to the wall of another contact on the same points."""
@@ -45,13 +53,15 @@ class SurfaceGap:
 
     def mean(self, values: Array) -> Array:
         """Mean of values at the facets' points (points,) around each of the vertices `dofs`."""
-        weights = self._contact.facets.weight
-        return self._gathered(weights * values)[self.dofs] / self._gathered(weights)[self.dofs]
+        gathered = self._gathered(self._contact.facets.weight * values)
+        return gathered[self.dofs] / self._length[self.dofs]
 
     def at(self, state: MechanicalState) -> Array:
         """Distance to the wall along its normal at the vertices `dofs` (n,), m (collective).
 
-        Negative where the strand has penetrated, infinite where there is no wall.
+        Negative where the strand has penetrated, infinite where there is no wall.  Each facet of a
+        vertex has its own; the vertex has their mean by length.  At a sharp corner that is the mean
+        of the gaps to two walls.
 
         Args:
             state: Has the displacement and the time.
@@ -67,14 +77,11 @@ class SurfaceGap:
             generalized_strains: Generalized strains (4,).
         """
         contact = self._contact
-        position = contact.contact.position(time)
-        normal = contact.strand.facing(displacement, generalized_strains)[0]
-        weights = contact.facets.weight
-        mean = np.column_stack([self._gathered(weights * c) for c in normal.T])[self.dofs]
-        mean /= np.maximum(np.hypot(*mean.T), 1e-300)[:, None]
-        place = self._places + self._points.moved(displacement, generalized_strains)[self.dofs]
-        met = contact.contact.wall.gap_function(place, mean, position)
-        return np.asarray(met.gap) * np.einsum("ni,ni->n", met.normal, mean)
+        gap = contact.gap(contact.contact.position(time), displacement, generalized_strains)
+        none = np.isinf(gap)
+        at_ends = dof_values.summed(self._space, self._ends @ np.where(none, 0.0, gap))
+        found = at_ends[self.dofs] / self._length[self.dofs]
+        return np.where(self.mean(none.astype(float)) > OFF, np.inf, found)
 
     def crossed(self, state: MechanicalState) -> Array:
         """The gap that heat crosses, at all owned vertices (owned,), m (collective).
@@ -87,3 +94,23 @@ class SurfaceGap:
         found = np.zeros(self._contact.section.owned)
         found[self.dofs] = np.maximum(self.at(state), 0.0)
         return found
+
+
+def _ends(contact: WallContact) -> sparse.csr_matrix:
+    """Operator from values at the points to those at the ends of the facets (vertices, points), m.
+
+    Along each facet it takes the line nearest to the values, by least squares, and adds what that
+    is at either end times the length of facet that belongs to this end.
+    """
+    facets, hats = contact.facets, contact.at_vertices
+    own = hats.multiply(abs(hats) > OFF).tocsr()
+    own.sort_indices()
+    shape = (len(facets.cells), facets.per_facet, 2)
+    values, vertices = own.data.reshape(shape), own.indices.reshape(shape)
+    weighted = facets.weight.reshape(shape[:2])[:, :, None] * values
+    moments = np.einsum("fpa,fpb->fab", weighted, values)
+    line = np.linalg.solve(moments, np.swapaxes(weighted, 1, 2))
+    entries = weighted.sum(axis=1)[:, :, None] * line
+    points = np.broadcast_to(np.arange(facets.count).reshape(shape[0], 1, -1), entries.shape)
+    places = np.swapaxes(vertices, 1, 2).ravel(), points.ravel()
+    return sparse.csr_matrix((entries.ravel(), places), shape=(hats.shape[1], facets.count))

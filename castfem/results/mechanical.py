@@ -92,7 +92,7 @@ class MechanicalSampler:
             for name, (start, end) in probes.lines.items()
         }
         wall = self._wall = self.problem.contact
-        self._gap = None if wall is None else SurfaceGap(wall, self.problem.points)
+        self._gap = None if wall is None else SurfaceGap(wall)
         self._starts: sparse.csr_matrix | None = None
 
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalSample:

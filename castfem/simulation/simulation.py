@@ -197,7 +197,7 @@ def _coupling(
     if (wall := mechanics.problem.contact) is not None:
         from castfem.mechanics.surface_gap import SurfaceGap
 
-        gap = SurfaceGap(wall, mechanics.problem.points)
+        gap = SurfaceGap(wall)
     return StaggeredCoupling(
         steps, MechanicalSteps(mechanics, given.mechanical_step), given.dissipation, zones, gap,
         duration, given.passes, given.settled, given.order,

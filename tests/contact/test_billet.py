@@ -118,7 +118,7 @@ def test_liquid_leans_on_the_wall(method: str, outside: str) -> None:
 def test_contact_lost_first_at_the_corner() -> None:
     """Two seconds through freezing and shrinking, without a cut."""
     setup = cast(MPI.COMM_SELF, 0.0)
-    gaps = SurfaceGap(setup.problem.contact, setup.problem.points)
+    gaps = SurfaceGap(setup.problem.contact)
     setup.advance(2.0, 0.25)
     found = summary(setup.problem.contact, setup.state.contact, setup.state.generalized_strains)
     assert 0.0 < found.share < 1.0 and found.penetration < 1e-6

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from dolfinx import fem
 from mechanics.setups import SliceSetup, box, elastic, expansion, mapped, skewed
 from scipy.optimize import brentq
 
@@ -18,6 +20,7 @@ from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import SurfacePressure
 from castfem.mechanics.surface_gap import SurfaceGap
 from castfem.mould import Mould, RectangleCavity, Taper, same
+from castfem.values.types import Array
 from contact.setups import LineWall
 
 METHODS = ("penalty", "nitsche")
@@ -74,7 +77,7 @@ def shrinking_block(method: str, cell: str, large: bool) -> SliceSetup:
 def test_tapered_wall_and_shrinking_block(method: str, cell: str, large: bool) -> None:
     """Pressure while the taper is ahead, then a gap; both exact, and so the moment between."""
     setup = shrinking_block(method, cell, large)
-    gaps = SurfaceGap(setup.problem.contact, setup.problem.points)
+    gaps = SurfaceGap(setup.problem.contact)
     lost = brentq(lambda t: free_half(t, large) - wall_at(t), 5.0, 15.0)
     rel = 1e-5 if large else 1e-8
     for time in (2.0, 5.0, 9.0, lost * (1 - 1e-4), lost * (1 + 1e-4), 12.0, 15.0):
@@ -124,34 +127,93 @@ def test_wall_is_as_stiff_when_the_surface_freezes(method: str, below: float) ->
     assert state.gap == pytest.approx(-give, rel=1e-6, abs=1e-16)
 
 
-def test_vertices_of_a_billet() -> None:
-    """All around a quarter billet in a mould: sides, corner arc and their ends."""
+def round_billet_that_shrinks(size: float) -> tuple[Array, Array, Array]:
+    """Gap at rest, relative error of the gap after shrinking by 2 %, and where on the arc (n,).
+
+    That is 1 in the middle of the arc and 0 on the faces, its ends included.
+    """
     from mechanics.casting import billet_mesh
 
-    mesh = billet_mesh(corner_radius=5e-3, surface_size=4e-3, core_size=2e-2, order=2)
+    mesh = billet_mesh(corner_radius=5e-3, surface_size=size, core_size=2e-2, order=2)
     mould = Mould(RectangleCavity(0.125, 0.125, 5e-3), 0.6, same(Taper.single(0.0, 0.6)))
     outer = tuple(g for g in mesh.groups if not g.startswith("symmetry"))
+    contact = Contact(mould, outer)
     setup = SliceSetup(
-        mesh,
-        elastic(),
-        expansion(ALPHA),
-        start=1500.0,
-        given={"interactions": (Contact(mould, outer),)},
+        mesh, elastic(), expansion(ALPHA), start=1500.0, given={"interactions": (contact,)}
     )
-    gaps = SurfaceGap(setup.problem.contact, setup.problem.points)
+    gaps = SurfaceGap(setup.problem.contact)
     places = setup.vertices[gaps.dofs]
     assert len(places) == len(np.unique(mesh.facets[np.isin(mesh.facet_group, [
         i for i, g in enumerate(mesh.groups) if g in outer])]))  # fmt: skip
-    assert np.abs(gaps.at(setup.state)).max() < 1e-8
+    rest = gaps.at(setup.state)
     setup.step(1.0, 500.0)
-    shrunk = ALPHA * 1000.0
-    gap, (x, y) = gaps.at(setup.state), places.T
-    flat = np.minimum(x, y) < 0.0625 - 5e-3
-    assert gap[flat] == pytest.approx(shrunk * 0.0625, rel=1e-6)
-    # Along the normal of the arc: its centre has moved inwards, and its radius is smaller.
-    angle = np.arctan2(y - 0.0575, x - 0.0575)[~flat]
-    reach = shrunk * (0.0575 * (np.cos(angle) + np.sin(angle)) + 5e-3)
-    assert gap[~flat] == pytest.approx(reach, rel=0.02)
+    # Shrunk towards the centre, each vertex faces the wall as it did.
+    normal = np.maximum(places - 0.0575, 0.0)
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    met = contact.wall.gap_function(places * (1.0 - ALPHA * 1000.0), normal, 0.0)
+    exact = np.asarray(met.gap) * np.einsum("ni,ni->n", met.normal, normal)
+    return rest, gaps.at(setup.state) / exact - 1.0, np.minimum(*normal.T) * np.sqrt(2.0)
+
+
+def test_vertices_of_a_billet() -> None:
+    """All around a quarter billet: exact on its faces, by the square of the cells on the arc."""
+    coarse, fine = (round_billet_that_shrinks(size) for size in (2e-3, 1e-3))
+    for _, error, arc in (coarse, fine):
+        # The ends of the arc have their share of it.
+        flat = (arc < 1e-6) & (np.abs(error) < 1e-6)
+        assert np.count_nonzero((arc < 1e-6) & ~flat) == 2
+        assert np.abs(error).max() < 0.02
+    # The mesh has a parabola where the mould has an arc: fourth order.
+    rest = [np.abs(at_rest).max() for at_rest, _, _ in (coarse, fine)]
+    assert rest[0] < 3e-7 and rest[1] < rest[0] / 14.0
+    inside = [np.abs(error[arc > 1e-6]).max() for _, error, arc in (coarse, fine)]
+    assert inside[1] < 4e-3 and inside[1] < inside[0] / 3.5
+
+
+def of_field(setup: SliceSetup, moved: Callable[[Array], Array]) -> Array:
+    """Gap at the vertices of the surface when the nodes have moved by a function of (2, n)."""
+    field = fem.Function(setup.problem.space)
+    field.interpolate(lambda x: moved(x[:2]))
+    return SurfaceGap(setup.problem.contact).of(0.0, field.x.array, np.zeros(4))
+
+
+@pytest.mark.parametrize("large", [False, True])
+@pytest.mark.parametrize("cell", CELLS)
+def test_shape_that_the_wall_does_not_meet(cell: str, large: bool) -> None:
+    """Facets out at their ends and in between touch the wall: heat crosses no gap there."""
+    wall = LineWall(lambda z: np.array([HALF, 0.0]), axis=0)
+    setup = SliceSetup(
+        mapped(3, 3, box(HALF, HALF), cell),
+        elastic(),
+        given={"interactions": (Contact(wall, ("right",)),), "large_strain": large},
+    )
+    depth, off = 2e-5, 1e-4
+    side = 2.0 * np.pi * 3.0 / HALF
+
+    def wavy(x: Array) -> Array:
+        # At the ends of a facet 1, in its middle -1/2: no mean, and no slope, over the facet.
+        wave = 0.25 + 0.75 * np.cos(side * x[1])
+        return np.stack([-depth * wave - off * (x[0] > 0.0), np.zeros(x.shape[1])])
+
+    # At large strain the surface turns as it waves.
+    assert of_field(setup, wavy) == pytest.approx(off, abs=(1e-3 if large else 1e-9) * depth)
+
+
+def test_sharp_corner_between_two_walls() -> None:
+    """The corner of a rectangle that is off its two walls by different gaps has their mean."""
+    mould = Mould(RectangleCavity(0.4, 0.2, 0.0), 0.6, same(Taper.single(0.0, 0.6)))
+    setup = SliceSetup(
+        mapped(2, 2, box(0.2, 0.1)),
+        elastic(),
+        given={"interactions": (Contact(mould, ("right", "top")),)},
+    )
+    off = np.array([3e-4, 1e-4])
+    gap = of_field(setup, lambda x: -np.broadcast_to(off[:, None], x.shape))
+    x, y = setup.vertices[SurfaceGap(setup.problem.contact).dofs].T
+    right, top = np.isclose(x, 0.2), np.isclose(y, 0.1)
+    assert gap[right & ~top] == pytest.approx(off[0], rel=1e-9)
+    assert gap[top & ~right] == pytest.approx(off[1], rel=1e-9)
+    assert gap[right & top] == pytest.approx((off[0] + 2.0 * off[1]) / 3.0, rel=1e-9)
 
 
 def test_no_wall_below_the_mould() -> None:
