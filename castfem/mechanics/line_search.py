@@ -4,7 +4,8 @@ Where a material flows almost without hardening, the tangent of a step that has 
 is next to nothing and Newton's correction is far too long.  The forces out of balance derive from a
 convex potential (for laws that do not soften), so their work along the correction falls steadily:
 the step is cut where it would turn clearly negative.  The size of the residual, which other line
-searches go by, says nothing here.
+searches go by, says nothing here, until it is almost as small as it has to be: then the sign of its
+work is that of rounding.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ CLOSE = 0.05  # what is left of the work at the start when the search ends
 TRIALS = 40
 NEARLY = 1e-2  # of the square of the imbalance: what leaves less of it has not overshot, whatever
 # its work: along a correction that is no longer than rounding that may have any sign
+ALMOST = 10.0  # times what may be out of balance: from there on what makes it smaller is taken
 PATIENCE = 8  # Newton iterations in which contact may overshoot
 
 
@@ -41,23 +43,25 @@ class LineSearch:
     interactions: Interactions
     residual: Callable[[Array], Array]
 
-    def share(self, local: Array, step: Array, iteration: int) -> float:
+    def share(self, local: Array, step: Array, iteration: int, imbalance: float) -> float:
         """Part of the correction to take: less than 1 where all of it would overshoot by far.
 
         Args:
             local: Unknowns.
             step: Newton's correction, to be taken off them.
             iteration: Its number in the solve, from 0.
+            imbalance: What is out of balance at the unknowns, over what may be.
 
         Returns:
             The part (collective).
         """
         first, before = self._along(local, step)
         base = self.interactions.evaluated()
+        enough = before if imbalance < ALMOST else NEARLY * before
 
         def work(share: float) -> float:
             found, left = self._along(local - share * step, step)
-            if share == 1.0 and left < NEARLY * before:
+            if share == 1.0 and left < enough:
                 return 0.0
             if share < 1.0 or iteration >= PATIENCE:
                 return found

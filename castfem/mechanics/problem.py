@@ -139,6 +139,7 @@ class MechanicalProblem:
         prefix = "mechanical_"
         shorten = None if "snes_linesearch_type" in options else self.shorten
         self._search = LineSearch(self.section.comm, self.interactions, self._residual)
+        self._left = np.inf  # out of balance, over what may be, where SNES asked for it last
         self.bordered = BorderedSystem(self._part.matrix, self.free, prefix, linear)
         vector, operator = self.bordered.vector(), self.bordered.operator
         self.solver = SnesSolver(
@@ -386,7 +387,8 @@ class MechanicalProblem:
         if self.constraints.moving and self._anywhere(local[dofs] - self._target[dofs]):
             return False  # supports must get to where they belong first
 
-        share = self._search.share(local, step, self.solver.snes.getIterationNumber())
+        iteration = self.solver.snes.getIterationNumber()
+        share = self._search.share(local, step, iteration, self._left)
         if share < 1.0:
             correction.scale(share)
         return share < 1.0
@@ -414,7 +416,9 @@ class MechanicalProblem:
         assert self.residual_state is not None
         residual = f.getArray(readonly=True)
         sizes = self._criteria.sizes(self.residual_state, residual, self.planes.scaled.load)
-        return {name: size / self._slack for name, size in sizes.items()}
+        found = {name: size / self._slack for name, size in sizes.items()}
+        self._left = max(found.values())
+        return found
 
     def destroy(self) -> None:
         """Free the PETSc objects; safe to call twice."""

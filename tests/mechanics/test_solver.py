@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -15,7 +16,7 @@ from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import NortonCreep, PerfectlyPlastic
 from castfem.contact.settings import Contact
 from castfem.errors import InputError
-from castfem.mechanics.line_search import step_share
+from castfem.mechanics.line_search import LineSearch, step_share
 from castfem.mechanics.planes import PlainPlanes
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.mould.wall import PlaneWall
@@ -289,6 +290,28 @@ def test_line_search_comes_back_from_where_nothing_can_be_told(reach: float, bey
     share = step_share(1.0, work)
     assert 0.0 < share <= reach
     assert abs(work(share)) <= 0.06
+
+
+class NothingActs:
+    """Stands for the interactions of a slice on which nothing acts."""
+
+    def evaluated(self) -> tuple[object, ...]:
+        return ()
+
+    def kink(self, base: tuple[object, ...]) -> float:
+        return 0.0
+
+
+@pytest.mark.parametrize(("imbalance", "whole"), [(2.0, True), (1e3, False)])
+def test_line_search_by_size_where_work_is_rounding(imbalance: float, whole: bool) -> None:
+    """A step that leaves half of almost nothing is taken, whatever the sign of its work."""
+
+    def residual(local: Array) -> Array:
+        return np.array([1.0, 0.0]) if local[0] == 0.0 else np.array([-0.5, 0.0])
+
+    search = LineSearch(MPI.COMM_SELF, NothingActs(), residual)  # type: ignore[arg-type]
+    share = search.share(np.zeros(2), np.array([1.0, 0.0]), 0, imbalance)
+    assert (share == 1.0) == whole
 
 
 def test_a_guess_that_cannot_be_evaluated_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
