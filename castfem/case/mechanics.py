@@ -302,7 +302,7 @@ class Coupling(TableModel):
     window_error: PositiveDifference | None = Field(
         None,
         description="error of the surface temperature allowed in a window whose gap changes; a "
-        "window with more is cut back, to 0.1 s or a twentieth of the interval at most; by default "
+        "window with more is cut back, to 0.1 s or a fiftieth of the interval at most; by default "
         "2 K",
         examples=["2 K"],
     )

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
 TINY = 1e-300
-SHORTEST = 0.05  # of the window: cut back no further for a gap that does not converge, or for a
+SHORTEST = 0.02  # of the window: cut back no further for a gap that does not converge, or for a
 # state beyond the range of the model: a shorter window ends there, too
 COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
 UNEVEN = 1.0 / 6.0  # of what a change of flux does: left where it comes evenly, its mean all along
