@@ -28,13 +28,13 @@ CELLS = (
 TAPER = {"narrow_face": "1 %/m", "wide_face": "0.3 %/m"}
 
 
-SHELL = "shell_corner_intrados"
-OF_CORNER = {
-    SHELL: (1e3, ".1f", 0.0),
-    "surface_temperature_corner_intrados": (1.0, ".0f", -273.15),
-    "gap_max": (1e3, ".2f", 0.0),
+BY_CELLS = {
+    "heat_removed": ("heat, MJ/m", 1e-6, ".1f", 0.0),
+    "shell_corner_intrados": ("corner's shell, mm", 1e3, ".1f", 0.0),
+    "surface_temperature_corner_intrados": ("surface, degC", 1.0, ".0f", -273.15),
+    "gap_max": ("gap, mm", 1e3, ".2f", 0.0),
 }
-"""Of the second table: factor, form and what is added."""
+"""Of the second table: heading, factor, form and what is added."""
 
 
 @dataclass(frozen=True)
@@ -42,13 +42,11 @@ class Way:
     """One way through the mould.
 
     Attributes:
-        name: In the table and of its folder. coefficient: In contact, W/(m2 K).
-        window: Coupling window, mm; None for temperature alone.
+        name: In the table. window: Coupling window, mm; None for temperature alone.
         radiates: Whether heat crosses the gap by radiation, too. cell: At the surface, mm.
     """
 
     name: str
-    coefficient: float = 1200.0
     window: float | None = 50.0
     radiates: bool = True
     cell: float = 5.0
@@ -58,7 +56,6 @@ WAYS = (
     Way("mean coefficient", window=None),
     Way("tapered mould"),
     Way("windows of 25 mm", window=25.0),
-    Way("1450 W/(m2 K) in contact", 1450.0),
     Way("by conduction alone", radiates=False),
 )
 SIZES = (10.0, 7.5, 5.0, 4.0, 3.5, 3.0)  # mm
@@ -91,10 +88,8 @@ def case_of(way: Way, further: tuple[str, ...] = ()) -> Case:
     cells = [f"mesh.{place}_size={way.cell:g} mm" for place in ("surface", "corner")]
     document = load_case(CASE, (*CELLS, *cells, *further)).document()
     document["cooling"] = document["cooling"][:1]
-    contact = document["cooling"][0]["surface"][0]
-    contact["coefficient"] = f"{way.coefficient:g} W/(m^2 K)"
     if way.window is not None:
-        contact["gap_conductivity"] = "0.15 W/(m K)"
+        document["cooling"][0]["surface"][0]["gap_conductivity"] = "0.15 W/(m K)"
         if way.radiates:
             document["cooling"][0]["surface"].append(ACROSS)
         document["mould"] = {"length": document["casting"]["length"], "taper": TAPER}
@@ -145,25 +140,21 @@ def show(output: Output) -> None:
 
 
 def _show_cells(output: Output) -> None:
-    """The corner on finer and finer cells, with radiation and without."""
+    """The slab on finer and finer cells, with radiation and without."""
     rows = {row["name"]: row for row in output.rows("slab_mould_cells")}
-    lines = []
+    if not rows.keys() >= {way.name for way in CELLS_WAYS}:
+        return
+    lines, head = [], {"size": "cells, mm"}
     for size in SIZES:
         line: dict[str, Any] = {"size": f"{size:g}"}
         for way in CELLS_WAYS:
-            if way.cell != size or way.name not in rows:
+            if way.cell != size:
                 continue
-            row = rows[way.name]
-            for name in OF_CORNER:
-                scale, form, shift = OF_CORNER[name]
-                value = row[name]
-                text = "ends" if value is None else format(scale * value + shift, form)
-                line[f"{name} {way.radiates}"] = text
+            for name, (what, scale, form, shift) in BY_CELLS.items():
+                key, value = f"{name} {way.radiates}", rows[way.name][name]
+                line[key] = "ends" if value is None else format(scale * value + shift, form)
+                head[key] = what
         lines.append(line)
-    head = {"size": "cells, mm"}
     for radiates, how in ((True, "with radiation"), (False, "by conduction alone")):
-        for name, what in zip(
-            OF_CORNER, ("corner's shell, mm", "surface, degC", "gap, mm"), strict=True
-        ):
-            head[f"{name} {radiates}"] = f"{what}, {how}" if name == SHELL else what
+        head[f"{next(iter(BY_CELLS))} {radiates}"] += f", {how}"
     output.insert("slab mould cells", table(lines, head, {}))
