@@ -7,6 +7,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from filelock import FileLock
 
+NO_LOCKS = NotImplementedError
+"""What filelock 3 raises where flock() answers ENOSYS; later versions go by whether a file exists.
+
+It is filelock's own choice of a type: nothing here is left to be implemented.
+"""
+
 
 def taken(lock: FileLock) -> bool:
     """Whether the lock was taken; False where the file system has none, as on some network mounts.
@@ -18,8 +24,6 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NotImplementedError:
-        # Raised by filelock, nothing of castfem: flock() has answered ENOSYS, so that the file
-        # system has no locks. Later versions of filelock go by whether the file exists instead.
+    except NO_LOCKS:
         return False
     return True

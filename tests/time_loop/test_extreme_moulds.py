@@ -86,8 +86,11 @@ def test_ten_percent_away() -> None:
     assert np.ptp(points.gap[face]) > 2e-5
     # Of a gap that differs along the face, place by place.
     assert points.place[face, 0] + points.gap[face] == pytest.approx(0.0625 - opened, abs=1e-12)
-    # At mid-face of the line through two of them, from which the face's end bows away by 15 nm.
+    # At mid-face, the end of a facet, it is that of the line through the two points beside it ...
+    near, far = points.gap[face][np.argsort(points.place[face, 1])[:2]]
     gap, bulge = kept.value("gap_mid_face"), kept.value("displacement_mid_face")
+    assert gap == pytest.approx(near + 0.5 * (np.sqrt(3.0) - 1.0) * (near - far), rel=1e-7)
+    # ... from which the facet itself, of second order, bows away by 15 nm.
     assert gap + bulge == pytest.approx(-opened, rel=2e-5)
 
 
