@@ -5,7 +5,10 @@ of the function that Python calls. It does not notice a change of what this func
 other files, nor one that keeps time and length, as a digit may in a version installed over another.
 So a function that Python calls has a last argument `sources` that nobody gives and whose default
 becomes a digest of all that is compiled with it: numba compiles for a default as for a type, and
-the default is part of the signature. Whether that is still so, tests/support/test_compiled.py sees.
+the default is part of the signature. When the function is called numba looks at the types within
+the default alone, not at its values; so the digest is spelt in types, or the second function of a
+process would be looked up anew at each call, which takes 70 us. Whether all that is still so,
+tests/support/test_compiled.py sees.
 """
 
 from __future__ import annotations
@@ -47,10 +50,11 @@ def outermost(function: Callable[..., Any]) -> Any:
         return numba.njit(**OPTIONS)(function)
 
 
-def _digest(function: Any) -> int:
-    """A number that is another one for other text of its file or of the files of what it calls.
+def _digest(function: Any) -> tuple[int | float, ...]:
+    """Bits that are others for other text of its file or of the files of what it calls.
 
-    And for other constants, which may come from any file, or other options.
+    And for other constants, which may come from any file, or other options. A bit is an integer or
+    a float, by value as well as by type.
     """
     files, constants = set[str](), set[str]()
     seen, waiting = set[Any](), [function]
@@ -69,4 +73,5 @@ def _digest(function: Any) -> int:
     text = hashlib.sha256(repr((OPTIONS, sorted(constants))).encode())
     for file in sorted(files):
         text.update(Path(file).read_bytes() + b"\0")
-    return int.from_bytes(text.digest()[:7], "big")  # numba's integers have 64 bits, with a sign
+    bits = "".join(f"{byte:08b}" for byte in text.digest()[:6])
+    return tuple(0 if bit == "0" else 1.0 for bit in bits)

@@ -91,6 +91,26 @@ def test_no_place_to_keep_it(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert not list(toy.rglob("*.nbi"))
 
 
+def test_each_is_called_directly(toy: Path) -> None:
+    """Without a line of Python between, of which numba needs many to look a function up anew."""
+
+    @outermost
+    def other(x, sources=None):  # type: ignore[no-untyped-def]
+        return x + 2.0
+
+    functions = anew(), other
+    assert [function(1.0) for function in functions] == [9.0, 3.0]
+    assert len({function.py_func.__defaults__ for function in functions}) == 2
+    calls: list[str] = []
+    sys.setprofile(lambda frame, event, _: calls.append(event) if event == "call" else None)
+    try:
+        for function in functions:
+            function(1.0)
+    finally:
+        sys.setprofile(None)
+    assert not calls
+
+
 def test_without_the_argument() -> None:
     def plain(x: float) -> float:
         return x
