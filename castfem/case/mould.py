@@ -226,6 +226,13 @@ class Viscous(Friction):
                 ("mould", "friction"),
                 'a threshold needs the limit of what comes on top: yield_stress = "10 MPa"',
             )
+        if self.yield_stress is not None and self.stress > self.yield_stress / math.sqrt(3.0):
+            yield Problem(
+                ("mould", "friction", "stress"),
+                f"({1e-6 * self.stress:.4g} MPa) is above yield_stress / sqrt(3), "
+                f"{1e-6 * self.yield_stress / math.sqrt(3.0):.4g} MPa, to which it is limited at "
+                "any speed; lower it, or raise yield_stress",
+            )
 
 
 class Copper(TableModel):

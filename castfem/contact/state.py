@@ -26,7 +26,7 @@ class ContactState:
         place: Where the points are now (n, 2), m. normal: Of the wall there (n, 2).
         gap: Distance to the wall along its normal (n,), m; inf where none is met.
         pressure: Contact pressure (n,), Pa.
-        status: `OPEN`, `STICK` or `SLIP` (n,); without friction what touches slips.
+        status: `OPEN`, `STICK` or `SLIP` (n,); without friction, as liquid, what touches slips.
         weight: Length of surface of each point (n,), m.
     """
 

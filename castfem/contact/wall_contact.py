@@ -304,7 +304,7 @@ class WallContact(DifferentiableInteraction):
         coefficients[:, BY_PRESSURE] += np.einsum("nij,nj->ni", frame, answer.by_pressure)
         by_slip = -self.stiffness[:, None] * answer.by_trial[:, :, 0]
         coefficients[:, BY_SLIP] += np.einsum("nij,nj->ni", frame, by_slip)
-        return answer.slides, answer.traction
+        return answer.slides | self.liquid.molten, answer.traction
 
     def hold(self, on: bool) -> bool:
         """Keep closed what was so at the start of the step, or let it open again (collective).

@@ -310,6 +310,11 @@ MISTAKES = {
         "mould.friction",
         ["a threshold needs", "yield_stress"],
     ),
+    "never reached": (
+        'friction = { law = "viscous", stress = "6 MPa", speed = "1 m/s", yield_stress = "9 MPa" }',
+        "mould.friction.stress",
+        ["(6 MPa)", "yield_stress / sqrt(3), 5.196 MPa", "raise yield_stress"],
+    ),
     "misspelt": (
         'wall_temperatur = "1 degC"',
         "mould.wall_temperatur",
