@@ -1,7 +1,8 @@
 """Parameters by which a run is differentiated: keys of its case, and numbers of its steel.
 
-A parameter is a number in the unit that the user has written: "1600 W/(m^2 K)" is 1600, and its
-derivatives are per W/(m^2 K). A table is multiplied as a whole: it is 100 in per cent.
+A parameter is a number in the unit of the case as resolved, whatever the user has written: both
+"1600 W/(m^2 K)" and "1.6 kW/(m^2 K)" are 1600, and derivatives are per W/(m^2 K). A table is
+multiplied as a whole: it is 100 in per cent.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class Parameter:
         name: As the user wrote it.
         key: Dotted key under which the number stands; "" for a property of the steel.
         value: In `unit`.
-        unit: As the user has written it; "percent" for a table that is multiplied, "" for none.
+        unit: Of the resolved case; "percent" for a table that is multiplied, "" for none.
         spread: By how much it may differ, in `unit`: the length of a bar of the figure.
         steel: Property of the steel that is multiplied; "" for none. law: The same of the
             constitutive law.

@@ -118,7 +118,7 @@ class Sensitivity:
 
     @property
     def gradient(self) -> dict[str, dict[str, float]]:
-        """Result to parameter to derivative: SI (K) per unit of the parameter, as in the case."""
+        """Result to parameter to derivative: SI (K) per `unit` of the parameter."""
         found: dict[str, dict[str, float]] = {name: {} for name in self.quantities}
         for one in self.derivatives:
             found[one.quantity][one.parameter] = one.value

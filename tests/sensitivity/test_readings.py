@@ -202,6 +202,19 @@ def test_what_is_no_parameter_is_refused_by_name(name: str, text: str) -> None:
         read_parameters(case, case_steel(case), [name])
 
 
+def test_a_parameter_is_in_the_unit_of_the_resolved_case() -> None:
+    """Whatever was written: by that unit the derivatives go."""
+    case = castfem.load("billet125/taper_1").with_(
+        **{
+            "casting.speed": "60 mm/s",
+            "mould.friction": {"law": "viscous", "stress": "20 kPa", "speed": "1 m/min"},
+        }
+    )
+    names = ["casting.speed", "mould.friction.stress"]
+    found = read_parameters(case, case_steel(case), names)
+    assert [(one.value, one.unit) for one in found] == [(3.6, "m/min"), (0.02, "MPa")]
+
+
 def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> None:
     strip = castfem.load("verification/neumann")
     with pytest.raises(InputError, match=r"steel.emissivity: neumann_steel has none"):
