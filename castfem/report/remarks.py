@@ -123,6 +123,7 @@ def remarks(
         *_stairs(table, position),
         *_reheating(table, position),
         *_stress(table, position),
+        *_coupling(summary),
     ]
 
 
@@ -234,6 +235,16 @@ def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
 def _stress(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     """The largest stress."""
     yield from _largest(table, position, "von_mises", "largest von Mises stress")
+
+
+def _coupling(summary: Summary | None) -> Iterator[Remark]:
+    """Coupling windows whose gap has not converged: their results are not to be relied on."""
+    steps = {} if summary is None else summary.steps
+    missed, of = (steps.get(f"coupling windows{name}", 0.0) for name in (" not converged", ""))
+    if missed and of:
+        where = f"{missed:.0f} of {of:.0f}: heat and gap differ by more than coupling.settled; "
+        where += "shorten coupling.interval or allow more coupling.passes"
+        yield Remark("coupling windows not converged", 100.0 * missed / of, "%", where)
 
 
 def _largest(

@@ -90,6 +90,16 @@ def test_no_shell_is_said_and_full_contact_is_not_named(table):
     assert not [r for r in found if r.what == "least contact"]
 
 
+def test_windows_that_have_not_converged_are_named(table):
+    what = "coupling windows not converged"
+    steps = {"coupling windows": 396.0, what: 63.0}
+    found = of(remarks(table, Summary("x", "finished", steps=steps)), what)
+    assert (found.value, found.unit) == (pytest.approx(15.909, abs=1e-3), "%")
+    assert found.where.startswith("63 of 396: ") and "shorten coupling.interval" in found.where
+    converged = Summary("x", "finished", steps={**steps, what: 0.0})
+    assert not [r for r in remarks(table, converged) if r.what == what]
+
+
 def test_shares_of_older_runs_are_fractions(table):
     new = of(remarks(table, summary()), "least contact")
     table["contact_share"] *= 0.01
