@@ -17,10 +17,8 @@ from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
 from castfem.case.idle_keys import idle_keys
 from castfem.case.machine import machine_warnings
 from castfem.case.model import Case
-from castfem.case.mould import Mould
+from castfem.case.mould_plausibility import mould_warnings
 from castfem.case.problems import Problem
-from castfem.case.section import Section
-from castfem.mould.taper import TaperProfile
 from castfem.support.messages import Path
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import Kind
@@ -35,9 +33,6 @@ if TYPE_CHECKING:
 
 _FASTEST = 20.0 / 60.0  # m/s; billets are cast at some 6 m/min, thin slabs at some 8
 _HOTTEST = 300.0  # K above the liquidus; steel is poured at 5 to 60 K, copper at 150
-_CLOSED = 0.07  # of the section, beyond what cases made to be extreme have (10 %/m over 0.6 m)
-_USUAL_TAPER = 0.03  # 1/m, single
-_ROUGHEST = 2.0  # friction coefficient
 _COLDEST = 200.0  # K
 _SAME_CARBON = 0.03  # wt%
 _NEARLY = 1e-3  # m: a zone that ends as near to a roll as this was meant to end there
@@ -64,8 +59,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from secondary_warnings(case)
     yield from idle_keys(case)
     if case.mould is not None:
-        yield from _taper(case.mould, case.section)
-        yield from _friction(case.mould)
+        yield from mould_warnings(case.mould, case.section)
     start = 0.0
     for index, zone in enumerate(case.cooling):
         yield from _wasted(case, zone, ("cooling", index))
@@ -234,49 +228,6 @@ def _sprays(case: Case) -> Iterator[Problem]:
                 "a spray without radiation; the correlation is of the water alone, add a surface "
                 'with law = "radiation"',
             )
-
-
-def _taper(mould: Mould, section: Section) -> Iterator[Problem]:
-    """Yield the tapers that close or open the mould by much more than a strand shrinks."""
-    for name, given in mould.taper.parts.items():
-        closed = _closure(given.profile(mould.length), _half(section, name), mould.length)
-        if abs(closed) <= _CLOSED:
-            continue
-        part = "" if name == "face" else f"{name}: "
-        how = "closes" if closed > 0.0 else "opens"
-        near = ""
-        if len(given.segments) == 1:
-            tenth = 0.1 * given.segments[0].mean
-            single = given.segments[0].top == given.segments[0].bottom
-            if single and abs(tenth) <= _USUAL_TAPER:
-                near = f"; did you mean {100.0 * tenth:.3g} %/m?"
-        yield Problem(
-            ("mould", "taper"), f"{part}the mould {how} by {100.0 * abs(closed):.3g} %{near}"
-        )
-
-
-def _closure(profile: TaperProfile, start: float, length: float) -> float:
-    """Return the largest closing (w_in - w_out) / w_out at any position, negative: opening."""
-    positions = [z for z in profile.knots() if z < length] + [length]
-    closed = [start / profile.half(z, start) - 1.0 for z in positions]
-    return max(closed, key=abs)
-
-
-def _half(section: Section, face: str) -> float:
-    """Return half the dimension that a face's taper governs; the smaller one if it is both, m."""
-    width, height = section.outline()
-    assert width is not None and height is not None, "the case has been checked"
-    return 0.5 * {"narrow_face": width, "wide_face": height}.get(face, min(width, height))
-
-
-def _friction(mould: Mould) -> Iterator[Problem]:
-    coefficient = getattr(mould.friction, "coefficient", 0.0)
-    if coefficient > _ROUGHEST:
-        near = f"; did you mean {0.01 * coefficient:.3g}?" if 5.0 <= coefficient <= 100.0 else ""
-        yield Problem(
-            ("mould", "friction", "coefficient"),
-            f"({coefficient:g}) is more than {_ROUGHEST:g} times the pressure{near}",
-        )
 
 
 def _wasted(case: Case, zone: Zone, path: tuple[str | int, ...]) -> Iterator[Problem]:

@@ -191,6 +191,17 @@ class WaterKind(Kind):
         return litres if self.read(litres) == value else f"{value!r} {self.unit}"
 
 
+@dataclass(frozen=True, slots=True)
+class PercentKind(Kind):
+    """A share in per cent: a plain number of per cents, `0.18`, or with its sign, `"0.18 %"`."""
+
+    def read(self, given: object) -> float:
+        """Return the number of per cents, or raise ValueError."""
+        share = units.parse(given, "1", kind=(self.label, self.sample))
+        signed = isinstance(given, str) and units.split(given)[1]
+        return self.bounded(100.0 * share if signed else share)
+
+
 Length = Annotated[float, Kind("m", "mm", above=0.0)]
 Distance = Annotated[float, Kind("m", "mm", least=0.0)]
 Speed = Annotated[float, Kind("m/s", "m/min", above=0.0)]
@@ -211,7 +222,9 @@ PositiveDifference = Annotated[float, Kind("K", "K", difference=True, above=0.0)
 HeatTransferCoefficient = Annotated[float, Kind("W/(m^2 K)", "W/(m^2 K)", least=0.0)]
 Conductivity = Annotated[float, Kind("W/(m K)", "W/(m K)", above=0.0)]
 PositiveNumber = Annotated[float, Kind("1", above=0.0)]
-Percent = Annotated[float, Kind("1", least=0.0, most=100.0, label="weight percent", sample="0.42")]
+Percent = Annotated[
+    float, PercentKind("1", least=0.0, most=100.0, label="weight percent", sample="0.42")
+]
 InverseLength = Annotated[
     float, Kind("1/m", "1/m", least=0.0, label="absorption per length", sample="400 1/m")
 ]

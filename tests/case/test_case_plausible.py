@@ -48,6 +48,42 @@ def test_what_was_hardly_meant(change: str, said: str) -> None:
     assert ("did you mean" in line) == ("did you mean" in said)
 
 
+ROWS = 'mould.taper={ position = %s, position_unit = "mm", value = %s, unit = "mm" }'
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        (("[0, 600]", "[125.8, 124.9]"), "125.8 mm at the meniscus look like a size of the cavity"),
+        (("[0, 600]", "[-62.9, -62.45]"), "-62.9 mm at the meniscus look like a size"),
+        (("[100, 600]", "[0.1, 0.5]"), "the table begins 100 mm below the meniscus with 0.1 mm,"),
+        (("[0, 700]", "[0, 0.5]"), "the table goes on to 700 mm below the meniscus, the mould end"),
+        (("[0, 400]", "[0, 0.5]"), "the table ends 400 mm below the meniscus, the mould ends 600 "),
+        (("[0, 600]", "[0.2, 0.7]"), ""),  # the value at the meniscus is taken off
+        (("[100, 600]", "[0, 0.5]"), ""),
+        (("[0, 300, 300.1]", "[0, 0, 0.5]"), ""),  # a step
+        (("[0, 300, 400]", "[0, 0.5, 0.5]"), ""),
+    ],
+)
+def test_a_wall_measured_otherwise_than_it_is_taken(rows: tuple[str, str], said: str) -> None:
+    told = _warnings(ROWS % rows)
+    assert [line.removeprefix("--set: mould.taper: ")[: len(said)] for line in told] == (
+        [said] if said else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("written", "percent"),
+    [("0.18", 0.18), ("'0.18'", 0.18), ("'0.18 %'", 0.18), ("'1800 ppm'", 0.18)],
+)
+def test_a_composition_in_per_cent_is_one(written: str, percent: float) -> None:
+    """`"0.18 %"` is no share of 0.0018."""
+    changes = ("steel.name=plain_carbon", f"steel.composition={{ C = {written} }}")
+    case = read_case(TAPERED, changes).case
+    assert isinstance(case, Case)
+    assert case.steel.composition == {"C": pytest.approx(percent)}
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
