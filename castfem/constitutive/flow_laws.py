@@ -116,15 +116,15 @@ class RadialReturn:
         """Return the state of material that has never been strained, (n, states)."""
         return np.zeros((points, len(self.state_names)))
 
-    def _own(self, temperature: Array) -> list[Array]:
-        """Own columns of the law, at temperatures not above the solidus."""
+    def own_columns(self, temperature: Array) -> list[Array]:
+        """Return what `kind` asks for, by column (n,), at temperatures not above the solidus."""
         return []
 
     def coefficients(self, temperature_old: Array, temperature: Array) -> Array:
         """Return the table of coefficients of a step, (n, columns), see `base.Law`."""
         columns = self.elasticity.coefficients(temperature_old, temperature)
         solid = np.minimum(temperature, self.elasticity.solidity.solidus)
-        columns += [self.fading(solid), *self._own(solid)]
+        columns += [self.fading(solid), *self.own_columns(solid)]
         table = np.empty((len(temperature), len(columns)))
         for column, values in enumerate(columns):
             table[:, column] = values
@@ -189,7 +189,8 @@ class PerfectlyPlastic(RadialReturn):
         limit = float(self.yield_stress(np.full(1, temperature))[0])
         return lambda strain, rate: np.full_like(strain, limit)
 
-    def _own(self, temperature: Array) -> list[Array]:
+    def own_columns(self, temperature: Array) -> list[Array]:
+        """See `RadialReturn.own_columns`."""
         limit = self.yield_stress(temperature)
         require(np.all(limit > 0.0), "the yield stress must be positive", limit)
         return [limit]
@@ -243,7 +244,8 @@ class NortonCreep(RadialReturn):
         """The law that creeps at `rate` [1/s] under `stress` [Pa], each over temperature in K."""
         return cls(elasticity, _LnFactor(stress, rate, exponent), exponent)
 
-    def _own(self, temperature: Array) -> list[Array]:
+    def own_columns(self, temperature: Array) -> list[Array]:
+        """See `RadialReturn.own_columns`."""
         n = self.exponent(temperature)
         require(np.all(n > 0.0), "the creep exponent must be positive", n)
         return [self.ln_factor(temperature), n]

@@ -152,7 +152,8 @@ class NortonHoff(Hardening):
         strain = TENSOR if self.signed else (STRAIN,)
         return (*strain, RATE) if self.yield_limit is None else strain
 
-    def _own(self, temperature: Array) -> list[Array]:
+    def own_columns(self, temperature: Array) -> list[Array]:
+        """See `RadialReturn.own_columns`."""
         strength, exponent = self.strength(temperature), self.p3(temperature)
         require(np.all(strength > 0.0), "the strength K0 p2 must be positive", strength)
         least = LEAST_RATE_EXPONENT
@@ -222,7 +223,8 @@ class UnifiedSteel(Hardening):
         x = np.clip((share - self.threshold) / self.blend + 0.5, 0.0, 1.0)
         return np.asarray(x * x * (3.0 - 2.0 * x))
 
-    def _own(self, temperature: Array) -> list[Array]:
+    def own_columns(self, temperature: Array) -> list[Array]:
+        """See `RadialReturn.own_columns`."""
         t = np.maximum(temperature, self.coldest)
         gamma = Austenite.at(t, self.carbon)
         delta = DeltaFerrite.at(t, self.carbon)

@@ -261,7 +261,8 @@ def _of_law(case: Case, steel: Steel, name: str, entry: str) -> Parameter:
     having = [n for n in law.parameters if callable(getattr(law, n, None))]
     if entry not in having:
         near = units.nearest(entry, having)
-        raise ValueError(f"law {case.mechanics.law} has {choices(having) or 'none'}{near}")
+        those = choices(having) or "no number that is given over temperature"
+        raise ValueError(f"law {case.mechanics.law} has {those}{near}")
     return Parameter(name, "", 100.0, "percent", 0.0, law=entry)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,12 +59,25 @@ def softened(monkeypatch: pytest.MonkeyPatch) -> None:
         numbers: ClassVar[Mapping[str, Kind]] = {"rate": Kind("1/K", "1/K", least=0.0)}
         kind: ClassVar[int] = constants.PLASTIC
 
-        def _own(self, temperature: Array) -> list[Array]:
+        def own_columns(self, temperature: Array) -> list[Array]:
             return [self.level(temperature) * np.exp(-self.rate * (temperature - 1173.15))]
 
         def flow_curve(self, temperature: float) -> FlowCurve:
-            limit = self._own(np.full(1, temperature))[0][0]
+            limit = self.own_columns(np.full(1, temperature))[0][0]
             return lambda strain, rate: np.full_like(strain, limit)
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "laws.md"
+
+
+@pytest.fixture
+def of_the_page(monkeypatch: pytest.MonkeyPatch) -> str:
+    """The law of docs/laws.md, declared as it stands there; its file."""
+    monkeypatch.setattr(RadialReturn, "laws", dict(RadialReturn.laws))
+    _, _, text = PAGE.read_text(encoding="utf-8").partition("### A law of your own")
+    code, file = re.findall(r"^```(?:python|toml)\n(.*?)^```", text, re.M | re.S)[:2]
+    exec(compile(code, str(PAGE), "exec"), {"__name__": __name__})
+    return str(file)
 
 
 def stress(folder: Path, law: str) -> Array:
@@ -83,6 +97,19 @@ def test_a_new_law_runs(tmp_path: Path) -> None:
     found = stress(tmp_path, SOFTENED)
     assert found == pytest.approx(stress(tmp_path, PLASTIC), rel=1e-12)
     assert found[-1] == pytest.approx(60.0 * np.exp(-0.4), rel=1e-12)
+
+
+def test_the_law_of_the_page_runs(of_the_page: str, tmp_path: Path) -> None:
+    """At constant rate it comes to the stress of its closed form."""
+    (tmp_path / "my_law.toml").write_text(of_the_page)
+    path = tmp_path / "test.toml"
+    path.write_text(TEST.replace("{{ {law} }}", '"./my_law.toml"'))
+    case = load_any(path)
+    assert isinstance(case, TensileCase)
+    run(case, tmp_path / "run")
+    found = read_history(tmp_path / "run" / "history.csv")["stress"].to_numpy(float)
+    creep = 3e10 * math.exp(-400e3 / (8.314462618 * 1373.15))  # 1/s at 1 MPa
+    assert found[-1] == pytest.approx((1e-3 / creep) ** (1.0 / 4.5), rel=1e-6)
 
 
 @pytest.mark.usefixtures("softened")

@@ -143,5 +143,8 @@ def test_what_is_not_differentiated_is_refused_by_name() -> None:
         castfem.sensitivities(large, "mould.taper")
     with pytest.raises(InputError, match=r"law weiner_boley has yield_stress; did you mean yield"):
         castfem.sensitivities(strip(), "law.yield_stres")
+    zhu = castfem.load("billet125/taper_1").with_({"mechanics.law": "kozlowski_zhu"})
+    with pytest.raises(InputError, match=r"law kozlowski_zhu has no number that is given over t"):
+        castfem.sensitivities(zhu, "law.strength")
     with pytest.raises(InputError, match=r"the case has no \[mechanics\]"):
         castfem.sensitivities("billet125/thermal", "law.yield_stress")
