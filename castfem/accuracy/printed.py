@@ -36,7 +36,7 @@ def printed(table: ErrorTable) -> Table:
 
     found = Table(box=box.SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
     axes = list(dict.fromkeys(axis for e in table.quantities.values() for axis in e.parts))
-    found.add_column("quantity")
+    found.add_column("quantity", overflow="fold")  # rich would cut off what is one long word
     found.add_column("castfem", justify="right", no_wrap=True)
     found.add_column("\N{PLUS-MINUS SIGN}", justify="right", no_wrap=True)
     found.add_column("unit", no_wrap=True)

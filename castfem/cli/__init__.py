@@ -122,6 +122,11 @@ def _unexpected(error: Exception) -> str:
     return f"{said} ({path}:{frames[-1].lineno}, {frames[-1].name})"
 
 
+_GOES_ON = {
+    **dict.fromkeys(("sweep", "error", "optimise", "calibrate"), "the same command again"),
+    **{name: f"`castfem {name} ... --resume`" for name in ("run", "sensitivity")},
+}
+"""What takes up an interrupted command where it was, by its name."""
 HINT = " (repeat with -v and add the traceback)"
 _ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh")
 
@@ -137,7 +142,6 @@ def _verbose(words: Sequence[str]) -> bool:
 
 def _interrupted(rank: int, words: Sequence[str]) -> int:
     if rank == 0:
-        sweep = words[:1] in (["sweep"], ["error"])
-        mend = "the same command again" if sweep else "`castfem run ... --resume`"
-        print(f"castfem: interrupted; {mend} goes on", file=sys.stderr)
+        mend = _GOES_ON.get(words[0] if words else "")
+        print(f"castfem: interrupted{f'; {mend} goes on' if mend else ''}", file=sys.stderr)
     return _INTERRUPTED

@@ -33,6 +33,8 @@ _WAY = (1 / 3, 2 / 3)  # where, of the mould
 _IDEAL = "idealised"  # label, or in the title, of a run whose mould has no gap
 _ALIKE = 1e-4  # relative; speeds and lengths that differ by less are the same
 _SAME = 1e-6  # relative; positions that differ by less are one
+_Column = tuple[str, list[str]]
+"""Header and cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,16 +227,23 @@ def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Tabl
             cells.append(_reference(line, having[0]) if having else "")
         first.append(("reference", cells))
     room = width - sum(_width(*column) for column in first)
-    columns: list[tuple[str, list[str]]] = []
+    columns: list[_Column] = []
     for number, run in enumerate(runs):
         header = "\n".join(textwrap.wrap(run.label, 13))
         if not alone and any(math.isfinite(line.theirs[number]) for line in table):
             header += "\n(reference)"
         columns.append((header, [_cell(line, number, bare=alone) for line in table]))
-    fitting = max(1, room // max(_width(*column) for column in columns))
-    each = math.ceil(len(columns) / math.ceil(len(columns) / fitting))
-    blocks = [columns[i : i + each] for i in range(0, len(columns), each)]
-    return [_block([*first, *block]) for block in blocks]
+    return [_block([*first, *block]) for block in _side_by_side(columns, room)]
+
+
+def _side_by_side(columns: Sequence[_Column], room: int) -> list[Sequence[_Column]]:
+    """Return the columns in as few blocks as fit, equally many in each, the last may have less."""
+    for number in range(1, len(columns)):
+        each = math.ceil(len(columns) / number)
+        blocks = [columns[i : i + each] for i in range(0, len(columns), each)]
+        if all(sum(_width(*column) for column in block) <= room for block in blocks):
+            return blocks
+    return [[column] for column in columns]
 
 
 def have_common_references(table: Sequence[Line]) -> bool:
@@ -246,7 +255,7 @@ def have_common_references(table: Sequence[Line]) -> bool:
     return any(different) and all(len(values) < 2 for values in different)
 
 
-def _block(columns: Sequence[tuple[str, list[str]]]) -> Table:
+def _block(columns: Sequence[_Column]) -> Table:
     from rich import box
     from rich.table import Table
 

@@ -19,7 +19,7 @@ def shown(value: float, unit: str) -> str:
     if unit in _DECIMALS and abs(value) < 1e5:
         digits = _DECIMALS[unit]
         return f"{rounded(value, digits):.{digits}f}"
-    if value == int(value) and abs(value) < 1e6:
+    if abs(value) < 1e6 and (value == int(value) or abs(value) >= 9999.5):
         return f"{value:.0f}"
     return f"{value:.4g}"
 

@@ -254,3 +254,21 @@ def test_mesh_parameters_are_si(case_file):
         "surface_depth": 0.005,
         "core_depth": 0.02,
     }
+
+
+@pytest.mark.parametrize(
+    ("command", "mend"),
+    [
+        ("optimise", "; the same command again goes on"),
+        ("sensitivity", "; `castfem sensitivity ... --resume` goes on"),
+        ("run", "; `castfem run ... --resume` goes on"),
+        ("show", ""),
+    ],
+)
+def test_what_goes_on_after_an_interrupt_is_told(castfem, monkeypatch, command, mend):
+    def interrupted(**_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("castfem.cli.app.app", interrupted)
+    outcome = castfem(command, "billet125/thermal")
+    assert (outcome.status, outcome.err) == (130, f"castfem: interrupted{mend}\n")

@@ -317,6 +317,22 @@ def test_small_gaps_stand_in_micrometres_beside_wide_ones():
     assert table[0].ours == pytest.approx((4.87e-3, 0.55))
 
 
+@pytest.mark.parametrize(("width", "blocks"), [(53, 1), (52, 2), (20, 2)])
+def test_runs_stand_side_by_side_where_they_fit(width: int, blocks: int) -> None:
+    """By the width of each: a column of values alone is narrower than one with references."""
+    made = []
+    for name, changed in (("in_order", ()), ("locked", ("machine.defect",))):
+        reference = Reference("heat", 26.7e3, "kJ", "thesis", changed=changed)
+        summary = Summary(
+            name,
+            "finished",
+            {"heat": Quantity(34.2e3, "kJ", "largest heat of all that flowed")},
+            (Comparison(reference, 34.2e3),),
+        )
+        made.append(Run(Path(name), name, summary))
+    assert len(printed(made, lines(made, made[0]), width)) == blocks
+
+
 def test_references_at_a_place_of_their_own():
     """Thesis numbers within the strand stand in lines of their own; ratios of theirs, too."""
 

@@ -123,6 +123,8 @@ def test_the_table_is_shown_although_figures_cannot_be_drawn(finished_run, tmp_p
         (3.14159e-12, "-", "3.142e-12"),
         (float("nan"), "mm", "-"),
         (142.71, "kJ", "142.7"),
+        (16803.4, "kW", "16803"),
+        (9999.7, "kW", "10000"),
         (-3.2e-4, "mm", "0.00"),
         (-0.04, "degC", "0.0"),
         (-0.006, "mm", "-0.01"),
