@@ -88,6 +88,8 @@ def _text(
         return f"not possible{given}; one of {choices(names)}{nearest(str(value), names)}"
     if kind == "value_error":
         return f"{context['error']}{given}"
+    if kind in ("tuple_type", "list_type") and isinstance(value, Mapping):
+        return f"must be a list of tables, each of which begins with {_entry(path)}{given}"
     if kind == "greater_than_equal" and context.get("ge"):
         return f"must be at least {context['ge']}{given}"
     return f"{_PLAIN.get(kind, details['msg'])}{given}"
@@ -118,10 +120,22 @@ def _missing(model: type[TableModel] | None, path: Path) -> str:
         if isinstance(kind, Kind | Curve):
             plain = kind.kind if isinstance(kind, Curve) else kind
             return f'is missing; {field.description}, such as "{plain.example}"'
-    inner = submodels(field.annotation)
-    if inner:
+    if submodels(field.annotation):
+        if _listed(field.annotation):
+            return f"is missing; at least one table {_entry(path)} is needed"
         return f"the table [{dotted(path)}] is missing"
     return f"is missing; {field.description}"
+
+
+def _listed(annotation: Any) -> bool:
+    """Return whether an annotation stands for a list."""
+    inner = typing.get_args(annotation)
+    return typing.get_origin(annotation) in (tuple, list) or any(map(_listed, inner))
+
+
+def _entry(path: Path) -> str:
+    """Return how an entry of a list of tables begins, `[[cooling.surface]]`."""
+    return f"[[{dotted(tuple(part for part in path if isinstance(part, str)))}]]"
 
 
 def _literals(expected: str) -> list[str]:
@@ -183,6 +197,8 @@ def _chosen(candidates: list[type[TableModel]], value: Any) -> type[TableModel] 
     if len(candidates) == 1:
         return candidates[0]
     for model in candidates:
-        if isinstance(value, Mapping) and tag_of(model) in (value.get("law"), value.get("shape")):
+        if not (issubclass(model, Variants) and isinstance(value, Mapping)):
+            continue
+        if value.get(model.tag_key) == tag_of(model):
             return model
     return None

@@ -54,8 +54,9 @@ def quantities_at(
     slack = ROUNDING * max(end, 1e-3)
     if not start - slack <= position <= end + slack:
         raise InputError(
-            f"{folder}: {_mm(position)} is not between {_mm(start)} and {_mm(end)}, where the run "
-            "begins and ends; ask for a place within, or run it farther (casting.length)"
+            f"{folder}: {place_said(position)} is not between {place_said(start)} and "
+            f"{place_said(end)}, where the run begins and ends; ask for a place within, or run it "
+            "farther (casting.length)"
         )
     # Where the strand stands the slice is at a place more than once: the first time counts.
     after = min(int(np.searchsorted(places, position - slack)), len(places) - 1)
@@ -70,8 +71,3 @@ def quantities_at(
             for name, one, other in zip(table.columns, before, behind, strict=True)
         }
     return last_quantities(values, table.attrs["units"])
-
-
-def _mm(position: float) -> str:
-    """A position in mm."""
-    return place_said(position, beyond=float("inf"))

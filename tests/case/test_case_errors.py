@@ -52,6 +52,12 @@ MISTAKES = {
         ["is missing", "casting speed", '"3.6 m/min"'],
     ),
     "missing table": ('[steel]\nname = "carbon_042"\n', "", "steel", ["table [steel] is missing"]),
+    "table for a list of tables": (
+        "[[cooling.surface]]",
+        "[cooling.surface]",
+        "cooling.0.surface",
+        ["must be a list of tables, each of which begins with [[cooling.surface]]"],
+    ),
     "table expected": ("[mesh]\n", "mesh = 3\n[casting.x]\n", "casting.x", ["unknown key"]),
     "neither temperature": (
         'superheat = "40 K"\n',
@@ -285,6 +291,14 @@ def test_mistake_is_told(write, sound, old, new, key, said):
     assert lines, caught.value.problems
     for words in said:
         assert any(words in line for line in lines), lines
+
+
+def test_zones_that_are_missing_are_asked_for_as_they_are_written(write, sound):
+    without = sound[: sound.index("[[cooling]]")]
+    with pytest.raises(
+        InputError, match=r"cooling: is missing; at least one table \[\[cooling\]\]"
+    ):
+        load_case(write(without))
 
 
 def test_zones_must_reach_the_end(write, sound):

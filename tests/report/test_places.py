@@ -56,6 +56,8 @@ def test_python_asks_for_a_place(finished_run: Path) -> None:
     assert result.at("300 mm")["position"] == pytest.approx(0.3)
     with pytest.raises(InputError, match=r"700 mm is not between 0 mm and 600 mm"):
         result.at("700 mm")
+    with pytest.raises(InputError, match=r"20 m is not between 0 mm and 600 mm"):
+        result.at("20 m")
 
 
 def test_show_prints_the_places_that_are_asked_for(finished_run: Path) -> None:
