@@ -1,16 +1,16 @@
-"""Whether a gap was so wide that radiation, which a case leaves out, would cross it.
-
-Equation numbers are those of [Pascon2003] (docs/references.md).
-"""
+"""Whether a gap was so wide that radiation, which a case leaves out, would cross it."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from castfem.errors import CastfemError
 from castfem.output.folder import CASE_NAME
 from castfem.output.summary import Summary
-from castfem.values.constants import STEFAN_BOLTZMANN, ZERO_CELSIUS
+from castfem.thermal.flux_laws import Radiation
+from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.shown_units import said
 
 SURFACE, WALL = 1200.0 + ZERO_CELSIUS, 150.0 + ZERO_CELSIUS  # K
@@ -18,8 +18,9 @@ EMISSIVITY = 0.8
 
 
 def radiated() -> float:
-    """What radiates across a gap from a surface of 1200 degC to a mould (34), W/(m2 K)."""
-    return EMISSIVITY * STEFAN_BOLTZMANN * (SURFACE**2 + WALL**2) * (SURFACE + WALL)
+    """What radiates across a gap from a surface of 1200 degC to a mould, W/(m2 K)."""
+    flux = Radiation(EMISSIVITY, ambient=WALL).flux(np.array([SURFACE]), 0.0)[0]
+    return float(flux[0]) / (SURFACE - WALL)
 
 
 def wide_gap(folder: Path, summary: Summary) -> str:
