@@ -113,6 +113,17 @@ def test_the_law_of_the_page_runs(of_the_page: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("softened")
+def test_columns_that_the_kernel_would_miss_are_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """It would read what lies behind them."""
+    law = RadialReturn.laws["softened"]
+    monkeypatch.setattr(law, "own_columns", RadialReturn.own_columns)
+    with pytest.raises(TypeError, match=r"Softened.own_columns returns 0 columns, .* takes 1"):
+        stress(tmp_path, SOFTENED)
+
+
+@pytest.mark.usefixtures("softened")
 def test_a_new_law_is_checked(tmp_path: Path) -> None:
     for law, words in (
         ('law = "softned", level = "60 MPa"', r'"softned"\) is not known.*did you mean "?softened'),
