@@ -50,7 +50,7 @@ class Interrupt(Closing):
             Stopped: It is.
         """
         if reductions.any_of(self._comm, self.wanted):
-            raise Stopped
+            raise Stopped("by a signal, after a step that is kept; resume=True goes on")
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():

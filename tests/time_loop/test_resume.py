@@ -223,7 +223,7 @@ def test_a_later_signal_stops_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
         interrupt.heed()
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGINT)  # the same wish, told twice
-        with pytest.raises(Stopped):
+        with pytest.raises(Stopped, match="after a step that is kept; resume=True goes on"):
             interrupt.heed()
         monkeypatch.setattr("castfem.time_loop.interrupt.ONE", 0.0)
         with pytest.raises(KeyboardInterrupt):
