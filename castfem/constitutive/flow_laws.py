@@ -30,16 +30,6 @@ STRAIN = "viscoplastic_strain"
 FlowCurve = Callable[[Array, float], Array]
 """Stress, Pa, over total strain and strain rate, 1/s."""
 
-_OWN = {
-    constants.ELASTIC: 0,
-    constants.PLASTIC: 1,
-    constants.CREEP: 2,
-    constants.CURVE_GIVEN: 6,
-    constants.CURVE_AUTOMATIC: 6,
-    constants.STEEL: 8,
-}
-"""How many columns of its own each kind of flow takes."""
-
 _STRESS = Kind("Pa", "MPa", above=0.0, label="stress", sample="20 MPa")
 
 
@@ -134,8 +124,9 @@ class RadialReturn:
         """Return the table of coefficients of a step, (n, columns), see `base.Law`."""
         columns = self.elasticity.coefficients(temperature_old, temperature)
         solid = np.minimum(temperature, self.elasticity.solidity.solidus)
-        own, needed = self.own_columns(solid), _OWN.get(self.kind)
-        if needed is not None and len(own) != needed:  # the compiled kernel would read beyond them
+        own = self.own_columns(solid)
+        needed = constants.LAST[self.kind] + 1 - constants.OWN
+        if len(own) != needed:  # the compiled kernel would read beyond them
             raise TypeError(
                 f"{type(self).__name__}.own_columns returns {len(own)} columns, its kind of flow "
                 f"takes {needed}"

@@ -7,12 +7,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from filelock import FileLock
 
-NO_LOCKS = NotImplementedError
-"""What filelock 3 raises where flock() answers ENOSYS; later versions go by whether a file exists.
-
-It is filelock's own choice of a type: nothing here is left to be implemented.
-"""
-
 
 def taken(lock: FileLock) -> bool:
     """Whether the lock was taken; False where the file system has none, as on some network mounts.
@@ -24,6 +18,6 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NO_LOCKS:
+    except NotImplementedError:  # filelock 3 where flock() answers ENOSYS; 4 goes by a file instead
         return False
     return True
