@@ -32,6 +32,7 @@ FACTORS = (0.02, 1.0)  # of the relaxation: smallest and largest
 TINY = 1e-300
 SHORTEST = 0.02  # of the window: cut back no further for a gap that does not converge, or for a
 # state beyond the range of the model: a shorter window ends there, too
+EVEN = 0.5  # change of the rates over a step, relative, up to which they are expected to go on
 COLDEST = 100.0  # K: what mechanics that go first expect may lie below absolute zero
 UNEVEN = 1.0 / 6.0  # of what a change of flux does: left where it comes evenly, its mean all along
 ORDER = 1.5  # of this error in the length of the window
@@ -215,9 +216,10 @@ class StaggeredCoupling:
         if self.dissipation:
             self.thermal.stepper.problem.set_source(np.asarray(old.heating / (end - old.time)))
         self._follow_shape(old.mechanical)
-        begun = gap = self.gap_of(old.mechanical)
+        strained, begun = old.mechanical, self.gap_of(old.mechanical)
         given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
         repeats = begun is not None and self.order == "thermal_first"
+        gap = self._expected_gap(strained, begun, end) if repeats else begun
         learnt = self.thermal.control.step
         relaxed = self._relaxation()
         taken = self._iterate(old, end, gap)
@@ -242,6 +244,22 @@ class StaggeredCoupling:
         if not (taken.converged and taken.gap_converged):
             self.thermal.control.step = learnt
         return taken if taken.converged else replace(taken, state=given)
+
+    def _expected_gap(self, old: MechanicalState, begun: Array | None, end: float) -> Array | None:
+        """Mean gap of a window if the slice goes on moving as before (owned,), m (collective).
+
+        That of its begin where the slice moved otherwise in the step before the last.
+
+        Args:
+            old: At the begin of the window.
+            begun: Its gap (owned,), m.
+            end: Of the window, s.
+        """
+        if begun is None or not old.unsteadiness < EVEN:
+            return begun
+        ended = self.gap_of(self.mechanics.stepper.going_on(old, end))
+        assert ended is not None
+        return np.asarray(0.5 * (begun + ended))
 
     def _relaxation(self) -> Relaxation:
         """Of the gap of one window."""

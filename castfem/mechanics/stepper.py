@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from castfem.contact.interaction import NOTHING_ADDED, BearsRolls
-from castfem.fem import reductions
+from castfem.fem import dof_values, reductions
 from castfem.mechanics.planes import StepTaken, loads_at
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
@@ -99,6 +99,20 @@ class MechanicalStepper:
         nothing = np.zeros(self.problem.points.deviator_points)
         return MechanicalResult(
             False, old, newton, message, None, nothing, 0.0, unborne=bool(unborne)
+        )
+
+    def going_on(self, state: MechanicalState, time: float) -> MechanicalState:
+        """`state` moved on to `time` (s) as in its last step; not in equilibrium (collective)."""
+        problem, dt = self.problem, time - state.time
+        offset, directions, _ = problem.slice.planes.at(time)
+        scalars = state.scalars + dt * state.scalar_rate
+        moved = dt * dof_values.with_ghosts(problem.space, state.rate)
+        return replace(
+            state,
+            time=time,
+            displacement=state.displacement + moved,
+            scalars=scalars,
+            generalized_strains=np.asarray(offset + directions @ scalars),
         )
 
     def _guesses(self, old: MechanicalState) -> list[tuple[Array, Array]]:

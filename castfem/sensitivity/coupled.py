@@ -94,8 +94,17 @@ class FollowedCoupling(StaggeredCoupling):
         self._old, self._duration = old, end - old.time
         if self.gap is not None:
             self._begun = self._gaps_at_start(old.mechanical)
-            self.gap_slopes = self._begun
         return super().take(old, end, allowed)
+
+    def _expected_gap(self, old: MechanicalState, begun: Array | None, end: float) -> Array | None:
+        """See `StaggeredCoupling`."""
+        found = super()._expected_gap(old, begun, end)
+        self.gap_slopes = self._begun
+        if found is not begun:
+            ahead = self.mechanics.stepper.going_on(old, end)
+            ended = self._gaps(ahead, self._mechanical.going_on(old, end))
+            self.gap_slopes = np.asarray(0.5 * (self._begun + ended))
+        return found
 
     def _gaps_at_start(self, state: MechanicalState) -> Array:
         """Those of a committed state, which the window before has ended with."""

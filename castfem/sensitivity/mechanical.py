@@ -46,6 +46,11 @@ STALE = 0.1  # of what it was before a correction: what remains is rounding
 SOLVES = 5  # with the tangent, at most
 
 
+def lengthened(variation: Variation, begin: float, end: float) -> float:
+    """Derivative of the time between two times of the run (s), s per unit."""
+    return variation.lateness(end) - variation.lateness(begin)
+
+
 class MechanicalDerivatives:
     """Derivatives of the mechanical state by each parameter.
 
@@ -186,9 +191,48 @@ class MechanicalDerivatives:
             if not one.slopes:  # nothing is out of balance
                 one.moved(np.asarray(move))
         found = [one.slopes for one in begun]
-        for slopes, change in zip(found, self._displacements(begun, moves), strict=True):
+        changes = self._displacements(begun, moves)
+        for variation, start, slopes, change in zip(
+            self.variations, self.marked, found, changes, strict=True
+        ):
             slopes["displacement"] = change
+            slopes |= self._rates(variation, old, state, start or none_of(old), slopes)
         self.slopes = found
+
+    def _rates(
+        self, variation: Variation, old: MechanicalState, state: MechanicalState, start: Slopes,
+        slopes: Slopes,
+    ) -> Slopes:  # fmt: skip
+        """Derivatives of the rates of a step: see `step`."""
+        dt, longer = state.time - old.time, lengthened(variation, old.time, state.time)
+        owned = slice(0, self._problem.owned)
+        moved = slopes["displacement"][owned] - start["displacement"][owned]
+        turned = slopes["scalars"] - start["scalars"]
+        return {
+            "rate": np.asarray((moved - longer * state.rate) / dt),
+            "scalar_rate": np.asarray((turned - longer * state.scalar_rate) / dt),
+        }
+
+    def going_on(self, old: MechanicalState, end: float) -> list[Slopes]:
+        """Derivatives of the place of a committed state that goes on moving (collective).
+
+        Args:
+            old: The committed state, to which `marked` belong.
+            end: To when, s; see `MechanicalStepper.going_on`.
+        """
+        problem, dt, found = self._problem, end - old.time, []
+        directions = problem.slice.planes.at(end)[1]
+        for variation, marked in zip(self.variations, self.marked, strict=True):
+            its, longer = marked or none_of(old), lengthened(variation, old.time, end)
+            moved = dof_values.with_ghosts(problem.space, dt * its["rate"] + longer * old.rate)
+            scalars = its["scalars"] + dt * its["scalar_rate"] + longer * old.scalar_rate
+            found.append(
+                {
+                    "displacement": np.asarray(its["displacement"] + moved),
+                    "generalized_strains": np.asarray(directions @ scalars),
+                }
+            )
+        return found
 
     def _begun(self, pairs: Sequence[tuple[Side, Side]], step: Step, left: Array) -> Following:
         """What a parameter puts out of balance at held unknowns, by the best pair (collective).

@@ -12,7 +12,8 @@ from castfem.contact.state import CONTACT
 from castfem.mechanics.state import MechanicalState
 from castfem.values.types import Array
 
-CARRIED = ("displacement", "generalized_strains", "scalars", "stress", "internal")
+RATES = ("rate", "scalar_rate")
+CARRIED = ("displacement", "generalized_strains", "scalars", *RATES, "stress", "internal")
 """Parts of a mechanical state that depend on what was before."""
 
 Slopes = dict[str, Array]

@@ -19,8 +19,9 @@ from castfem.sensitivity.moved_state import CARRIED, Slopes, none_of, with_numbe
 from castfem.sensitivity.result import Kink
 from castfem.values.types import Array
 
-_BESIDE = ("displacement_rate", "pressure", "mechanical_temperature")
+_BESIDE = ("pressure", "mechanical_temperature")
 """Arrays of a state whose derivatives the next step does not ask for."""
+_NUMBERS = ("generalized_strains", "scalars", "scalar_rate")
 _OF_WINDOW = ("warmed", "filled")
 
 
@@ -59,11 +60,15 @@ class CoupledCheckpoint:
 
     def description(self, state: MechanicalState) -> dict[str, Any]:
         """What of them is no array over the section."""
-        names = ("generalized_strains", "scalars")
         return {
-            "slopes": [{n: s[n].tolist() for n in names} for s in self._slopes(state)],
+            "slopes": [{n: s[n].tolist() for n in _NUMBERS} for s in self._slopes(state)],
             "kinks": [asdict(kink) for kink in self._mechanical.kinks.found],
         }
+
+    @staticmethod
+    def is_whole(description: dict[str, Any]) -> bool:
+        """Whether all that a step begins with is in a checkpoint; earlier ones lack the rates."""
+        return all(name in numbers for numbers in description["slopes"] for name in _NUMBERS)
 
     def restore(
         self, description: dict[str, Any], by_node: dict[str, Array], state: MechanicalState
@@ -81,7 +86,8 @@ class CoupledCheckpoint:
             mine = {n.removesuffix(ending): v for n, v in by_node.items() if n.endswith(ending)}
             mine |= {name: by_node[name] for name in _BESIDE if name in by_node}
             said = self._checkpoint.description(state)
-            said |= {"modes": numbers["generalized_strains"], "scalars": numbers["scalars"]}
+            said |= {"modes": numbers["generalized_strains"]}
+            said |= {name: numbers[name] for name in ("scalars", "scalar_rate")}
             its = self._checkpoint.state(said, mine)
             slopes = {name: getattr(its, name) for name in CARRIED}
             found.append(slopes | ({} if its.contact is None else its.contact.numbers()))

@@ -215,7 +215,8 @@ class Recorder:
         """Go on from the checkpoint (collective).
 
         Raises:
-            InputError: There is none, or it is of another case or of other parameters.
+            InputError: There is none, or it is of another case or of other parameters, or an
+                earlier castfem wrote it with fewer derivatives.
         """
         case, comm, path = self.simulation.case, self.simulation.section.comm, self.path
         assert path is not None
@@ -243,6 +244,11 @@ class Recorder:
         coupling, coupled = self.simulation.coupling, self._coupled(run)
         if coupling is not None and coupled is not None:
             assert run.state.mechanical is not None
+            if not coupled.is_whole(meta["coupled"]):
+                raise InputError(
+                    f"{path}: an earlier castfem wrote it, without the derivatives of the rates; "
+                    "run without --resume"
+                )
             coupled.restore(meta["coupled"], by_node, run.state.mechanical)
             self.derivatives.mark(run.state.thermal)
             mark_coupled(followed(coupling), run.state)

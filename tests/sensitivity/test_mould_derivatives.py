@@ -20,11 +20,13 @@ import castfem
 from castfem.case import Case
 from castfem.case.load import from_document
 from castfem.cli.sensitivity import remarks
+from castfem.errors import InputError
 from castfem.mechanics.varied_problem import VariedProblem
 from castfem.results.registry import columns_of
 from castfem.results.run_state import RunState
 from castfem.sensitivity import mechanical
 from castfem.sensitivity.parameters import read_parameters
+from castfem.sensitivity.restart import CoupledCheckpoint
 from castfem.sensitivity.result import Sensitivity
 from castfem.sensitivity.run import follow
 from castfem.simulation.simulation import build, case_steel
@@ -235,10 +237,27 @@ def test_a_weak_parameter_stands_beside_what_newton_left(monkeypatch: pytest.Mon
         assert better[name] == pytest.approx(known[name], rel=1e-4), name
 
 
-def test_a_billet_that_is_taken_up_again_ends_with_the_same_derivatives(tmp_path: Path) -> None:
-    """To the last digit: contact, gap, shape and heat of flow go on as they stood."""
+def test_a_billet_that_is_taken_up_again_ends_with_the_same_derivatives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To the last digit: contact, gap, shape and heat of flow go on as they stood.
+
+    A checkpoint of before a step began with its rates is refused.
+    """
     half = billet().with_({"casting.length": "30 mm"})
     castfem.sensitivities(half, "mould.taper", ",".join(READ), folder=tmp_path)
+    whole = CoupledCheckpoint.is_whole
+
+    def of_earlier(description: dict[str, Any]) -> bool:
+        slopes = [{n: v for n, v in s.items() if n != "scalar_rate"} for s in description["slopes"]]
+        return whole(description | {"slopes": slopes})
+
+    with monkeypatch.context() as earlier:
+        earlier.setattr(CoupledCheckpoint, "is_whole", staticmethod(of_earlier))
+        with pytest.raises(InputError, match=r"an earlier castfem .* without --resume"):
+            castfem.sensitivities(
+                billet(), "mould.taper", ",".join(READ), folder=tmp_path, resume=True
+            )
     again = castfem.sensitivities(
         billet(), "mould.taper", ",".join(READ), folder=tmp_path, resume=True
     )
