@@ -43,10 +43,17 @@ def jit_options() -> dict[str, Any]:
     return {"cache_dir": cache / "forms" / f"{version()}-{bits:x}", "timeout": form_cache.WAIT}
 
 
-def _compiled(comm: MPI.Comm, make: Callable[[dict[str, Any]], T]) -> T:
-    """What DOLFINx makes with these options of the compiler (collective)."""
+def _compiled(comm: MPI.Comm, folder: str, make: Callable[[dict[str, Any]], T]) -> T:
+    """What DOLFINx makes with these options of the compiler (collective).
+
+    Args:
+        comm: Of those who need it.
+        folder: Where it is kept, among others: each look-up lists all that is there.
+        make: Calls DOLFINx.
+    """
     options = jit_options()
-    return form_cache.compiled(comm, options["cache_dir"], lambda: make(options))
+    cache = options["cache_dir"] / folder
+    return form_cache.compiled(comm, cache, lambda: make(options | {"cache_dir": cache}))
 
 
 def compile_form(form: ufl.Form) -> fem.Form:
@@ -57,7 +64,8 @@ def compile_form(form: ufl.Form) -> fem.Form:
     """
     form = _renumbered(form)[0]
     comm = form.ufl_domain().ufl_cargo().comm
-    return _compiled(comm, lambda options: fem.form(form, jit_options=options))
+    folder = form.signature()[0]
+    return _compiled(comm, folder, lambda options: fem.form(form, jit_options=options))
 
 
 def _tags_of(integral: ufl.Integral) -> tuple[Any, ...]:
@@ -164,8 +172,9 @@ class CellForm:
         form, self._facets = _renumbered(form)
         scalar = {"scalar_type": dolfinx.default_scalar_type}
         self._mesh, self._form = mesh, form
+        folder = form.signature()[0]
         self._compiled = _compiled(
-            mesh.comm, lambda options: fem.compile_form(mesh.comm, form, scalar, options)
+            mesh.comm, folder, lambda options: fem.compile_form(mesh.comm, form, scalar, options)
         )
         self._constants = {c: c for c in ufl.algorithms.analysis.extract_constants(form)}
         self._coefficients = self._named()
@@ -315,9 +324,11 @@ class Tabulation:
         cells: npt.NDArray[np.int32] | None = None,
     ) -> None:
         self._mesh, self._points = mesh, len(points)
+        folder = f"at_{len(points)}"
         self._expression = _compiled(
-            mesh.comm, lambda options: fem.Expression(expression, points, jit_options=options)
-        )
+            mesh.comm, folder,
+            lambda options: fem.Expression(expression, points, jit_options=options),
+        )  # fmt: skip
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._cells = np.arange(owned, dtype=np.int32) if cells is None else cells
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 import fcntl
 import threading
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 import ufl
 from dolfinx import fem, mesh
 
-from castfem.fem import form_cache
+from castfem.fem import dolfinx_compat, form_cache
 
 SIZE = 2.5
 
@@ -78,3 +80,21 @@ def test_what_else_fails_is_told(tmp_path: Path) -> None:
 
     with pytest.raises(RuntimeError, match="no such element"):
         form_cache.compiled(MPI.COMM_SELF, tmp_path, make)
+
+
+def test_forms_are_spread_over_folders(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Each look-up lists a folder: none grows with all that was ever compiled."""
+    listed: list[Path] = []
+    monkeypatch.setattr(dolfinx_compat, "jit_options", lambda: {"cache_dir": tmp_path})
+
+    def noted(comm: MPI.Comm, cache: Path, make: Any) -> None:
+        listed.append(cache)
+
+    monkeypatch.setattr(form_cache, "compiled", noted)
+    cells = mesh.create_rectangle(MPI.COMM_SELF, [(0.0, 0.0), (SIZE, 1.0)], (2, 2))
+    x = ufl.SpatialCoordinate(cells)
+    for power in range(40):
+        dolfinx_compat.compile_form(x[0] ** power * ufl.dx(domain=cells))
+    dolfinx_compat.Tabulation(cells, x, np.zeros((3, 2)))
+    assert {path.parent for path in listed} == {tmp_path}
+    assert listed[-1].name == "at_3" and len(set(listed)) > 8
