@@ -16,6 +16,7 @@ from castfem.case.check_secondary import secondary_warnings
 from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
 from castfem.case.idle_keys import idle_keys
 from castfem.case.machine import machine_warnings
+from castfem.case.mechanics import Way
 from castfem.case.model import Case
 from castfem.case.mould_plausibility import mould_warnings
 from castfem.case.problems import Problem
@@ -35,6 +36,8 @@ _FASTEST = 20.0 / 60.0  # m/s; billets are cast at some 6 m/min, thin slabs at s
 _HOTTEST = 300.0  # K above the liquidus; steel is poured at 5 to 60 K, copper at 150
 _COLDEST = 200.0  # K
 _SAME_CARBON = 0.03  # wt%
+_WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
+_LONGEST_WINDOW = 0.25  # m of strand: a narrow pitch of rolls, a third of a mould
 _NEARLY = 1e-3  # m: a zone that ends as near to a roll as this was meant to end there
 _SIGNED = {
     name: f"{name}_signed" for name in ("kozlowski_zhu", "norton_hoff_kozlowski")
@@ -52,6 +55,7 @@ def warnings(case: Case) -> Iterator[Problem]:
             "are number and unit right?",
         )
     yield from effort.many(case)
+    yield from _coarse(case, speed)
     yield from _cold(case)
     yield from _sprays(case)
     yield from machine_warnings(case)
@@ -154,6 +158,26 @@ def _limit_of_signed_strain(case: Case, law: Law) -> Iterator[Problem]:
             f'("{name}") has signed strain and finds its '
             "yield limit automatically: bent and straightened, a slab finds no equilibrium with "
             'both; give it yield_limit = "0 MPa"',
+        )
+
+
+def _coarse(case: Case, speed: float) -> Iterator[Problem]:
+    """Yield cells and coupling windows in which what is looked for is lost."""
+    if case.mesh.surface_size > _WIDEST_CELL:
+        yield Problem(
+            ("mesh", "surface_size"),
+            f"({format(case.mesh.surface_size, 'm', 'mm')}) is as thick as a shell; castfem error "
+            "tells what cells cost",
+        )
+    if case.mechanics is None:
+        return
+    window = case.coupling.interval
+    length = window.length if isinstance(window, Way) else window * min(speed, _FASTEST)
+    if length > _LONGEST_WINDOW:
+        yield Problem(
+            ("coupling", "interval"),
+            f"({length:.4g} m of strand) is longer than what a gap opens or "
+            "a pitch bulges in; 0.1 s or 5 mm is usual",
         )
 
 

@@ -57,6 +57,11 @@ class Teller:
     def __init__(self, quiet: bool) -> None:
         self._quiet, self._count = quiet, 0
 
+    def stage(self, what: str) -> None:
+        """Say what the runs that follow are for."""
+        if not self._quiet:
+            print(what, file=sys.stderr, flush=True)
+
     def begun(self, job: Job) -> None:
         """Nothing is said of a run that begins."""
 
@@ -90,7 +95,8 @@ def _done(study: Study, target: Path, options: Options) -> int:
     """Search (on rank 0), write and print the answer, and return the exit status."""
     assert study.evaluator is not None
     with study.evaluator:
-        optimum = study.solve(Teller(options.quiet))
+        teller = Teller(options.quiet)
+        optimum = study.solve(teller, stage=teller.stage)
     with chosen(options.units), shown_in(units_of(study.question.case)):
         return _told(study, optimum, target, options)
 

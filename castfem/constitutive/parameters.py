@@ -23,7 +23,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -160,6 +160,21 @@ class _Reader:
             ends[key] = low, high
         return DataRange(**ends) if len(ends) == len(_DATA) else None
 
+    def lacking(self, law: type[RadialReturn]) -> None:
+        """Refuse a file without a number or word that its law has no default for.
+
+        Raises:
+            InputError: Naming each.
+        """
+        needed = [f.name for f in fields(law) if f.default is f.default_factory is MISSING]
+        known = {**law.numbers, **law.words}
+        for key in (lacking := [key for key in needed if key in known and key not in self.data]):
+            kind, words = law.numbers.get(key), law.words.get(key, ())
+            what = f'the {kind.name}, such as "{kind.example}"' if kind else choices(words)
+            self.fail(key, f"is missing; {what}")
+        if lacking:
+            raise InputError(self.problems)
+
     def unknown(self, allowed: tuple[str, ...]) -> None:
         """Note keys that this law does not have."""
         for key in self.data:
@@ -242,6 +257,7 @@ def law_from(
     law, reader = known[name], _Reader(data, label, carbon, delta_share)
     reader.unknown((*_TEXTS, "carbon", *law.parameters, *law.numbers, *law.words))
     reader.number("carbon", _CARBON)
+    reader.lacking(law)
     made = replace(law.from_parameters(elasticity, reader), data=reader.data_range())
     if reader.problems:
         raise InputError(reader.problems)

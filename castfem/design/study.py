@@ -9,7 +9,7 @@ print(study.result().changes())
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,6 +82,7 @@ class Study:
         self._cases: dict[Wanted, Case] = {}
         self._result: Optimum | None = None
         self._done: Done = {}
+        self._stage: Callable[[str], None] | None = None
 
     def ask(self) -> tuple[Wanted, ...]:
         """Return the runs that the search needs next, which may be done at once; () at its end.
@@ -95,12 +96,18 @@ class Study:
             return needs.wanted
         return ()
 
-    def solve(self, watcher: Watcher | None = None, obtain: Obtain | None = None) -> Optimum:
+    def solve(
+        self,
+        watcher: Watcher | None = None,
+        obtain: Obtain | None = None,
+        stage: Callable[[str], None] | None = None,
+    ) -> Optimum:
         """Do all runs that the search needs, and return what it has found.
 
         Args:
             watcher: Told of the runs.
             obtain: Does runs and hands in their results, instead of the study's evaluator.
+            stage: Told what the runs that follow are for.
 
         Raises:
             InputError: The study has no folder, or a run has no result that is asked for.
@@ -110,8 +117,17 @@ class Study:
         def run(wanted: Sequence[Wanted]) -> None:
             self.run(wanted, watcher)
 
-        self._result = self._solved(obtain or run)
+        self._stage = stage
+        try:
+            self._result = self._solved(obtain or run)
+        finally:
+            self._stage = None
         return self._result
+
+    def _follows(self, what: str) -> None:
+        """Tell what the runs that follow are for."""
+        if self._stage is not None:
+            self._stage(what)
 
     def case(self, wanted: Wanted) -> Case:
         """Return the case of a run that is wanted."""
@@ -212,9 +228,11 @@ class Study:
         outputs = Outputs(question, self.known, obtain=obtain)
         search = Search(outputs, question.table.most_runs, self._done)
         start = question.start(ideal)
+        self._follows("search")
         best = search.run(start)
         if outputs.seen[best].failed:
             return verdict(Findings(question, outputs, search, best, None, None, self._told))
+        self._follows("what a step away from the best run costs")
         best, model, step = self._surroundings(search, best)
         error = self._numerical(search, best, model)
         untilted = replace(error, tilt=None, checked="")
@@ -229,9 +247,11 @@ class Study:
         found = Findings(question, outputs, search, best, model, error, self._told)
         spread_by = None
         if question.inputs:
+            self._follows("spread by the inputs")
             spread_by = spread(Outputs(question, self.known, obtain), best, model)
         front = None
         if question.table.front is not None:
+            self._follows("front of the two objectives")
             front = Tracer(search, start, self._done).trace(best)
         return verdict(found, front, spread_by)
 
@@ -270,6 +290,8 @@ class Study:
         """The error of cost and margins, by the best run at the other levels."""
         every = {word: Wanted(best.values, word) for word in LEVELS}
         able = {word: one for word, one in every.items() if self._sound(one)}
+        others = " and ".join(word for word in able if word != best.fidelity)
+        self._follows(f"numerical error: the best run on {others} cells, the last the dearest")
         search.outputs.fetch(list(able.values()))
         vectors = {word: self._vector(search.outputs, one) for word, one in able.items()}
         found = Numerical.of(best.fidelity, vectors)

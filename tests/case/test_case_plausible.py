@@ -37,6 +37,8 @@ def _warnings(*changes: str) -> tuple[str, ...]:
         # 62.5 mm / 57.5 mm
         (WALL % 5, "mould.taper: the mould closes by 8.7 %"),
         ("casting.speed=360 m/min", "casting.speed: (360 m/min) is far beyond"),
+        ("coupling.interval=1 km", "coupling.interval: (1000 m of strand) is longer than"),
+        ("coupling.interval=10 s", "coupling.interval: (0.6 m of strand) is longer than"),
         (ROUGH % 30, "(30) is more than 2 times the pressure; did you mean 0.3?"),
         (ROUGH % 2.5, "(2.5) is more than 2 times the pressure"),
     ],
@@ -46,6 +48,12 @@ def test_what_was_hardly_meant(change: str, said: str) -> None:
     assert line.startswith("--set: ")
     assert said in line
     assert ("did you mean" in line) == ("did you mean" in said)
+
+
+def test_cells_as_thick_as_a_shell() -> None:
+    sizes = (f"mesh.{place}_size=25 mm" for place in ("surface", "corner", "face", "core"))
+    (line,) = _warnings(*sizes)
+    assert "mesh.surface_size: (25 mm) is as thick as a shell" in line
 
 
 ROWS = 'mould.taper={ position = %s, position_unit = "mm", value = %s, unit = "mm" }'

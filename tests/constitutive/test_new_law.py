@@ -17,6 +17,7 @@ from castfem.constitutive.base import Parameter
 from castfem.constitutive.elasticity import Curve
 from castfem.constitutive.flow_laws import FlowCurve, RadialReturn
 from castfem.constitutive.kernel import constants
+from castfem.constitutive.parameters import law_from, load_elasticity
 from castfem.errors import InputError
 from castfem.output.history import read_history
 from castfem.tensile.tensile_test import run
@@ -133,3 +134,27 @@ def test_a_new_law_is_checked(tmp_path: Path) -> None:
     ):
         with pytest.raises(InputError, match=words):
             stress(tmp_path, law)
+
+
+def test_numbers_and_words_that_have_no_default_are_asked_for(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(RadialReturn, "laws", dict(RadialReturn.laws))
+
+    @dataclass(frozen=True, slots=True)
+    class Needing(RadialReturn):
+        level: float
+        side: str
+
+        name: ClassVar[str] = "needing"
+        numbers: ClassVar[Mapping[str, Kind]] = {
+            "level": Kind("Pa", "MPa", label="stress", sample="20 MPa")
+        }
+        words: ClassVar[Mapping[str, tuple[str, ...]]] = {"side": ("hot", "cold")}
+
+    with pytest.raises(InputError) as told:
+        law_from({"law": "needing"}, load_elasticity(), "mine.toml")
+    assert told.value.problems == (
+        'mine.toml: level: is missing; the stress, such as "20 MPa"',
+        "mine.toml: side: is missing; hot, cold",
+    )
