@@ -29,7 +29,7 @@ MOULDS = ("idealised", "taper_3", "taper_1", "taper_0", "taper_minus_1", "taper_
 NAMES = dict(
     zip(MOULDS, ("idealised", "+3 %/m", "+1 %/m", "0 %/m", "-1 %/m", "-3 %/m"), strict=True)
 )
-PATIENCE = 90.0  # s of processor time, after which a run is given up
+PATIENCE = 300.0  # s of processor time, after which a run is given up
 HALF_FACE = 62.5e-3  # m
 
 SHOWN = {

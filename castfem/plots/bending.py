@@ -48,8 +48,9 @@ def _neutral_axis(panel: Axes, table: pandas.DataFrame, abscissa: Abscissa) -> N
     panel.plot(abscissa.values, axis, ".", color="#333333", markersize=3.5)
     for end, name in ((half, "intrados"), (-half, "extrados")):
         panel.axhline(end, color=_PLACES[name], linewidth=1.0, linestyle="--")
-        inside = "top" if end > 0.0 else "bottom"
-        panel.text(0.01, end, name, transform=panel.get_yaxis_transform(), va=inside, fontsize=8.5)
+        inside, away = ("top", -4) if end > 0.0 else ("bottom", 4)
+        panel.annotate(name, (0.01, end), (0, away), xycoords=panel.get_yaxis_transform(),
+                       textcoords="offset points", va=inside, fontsize=8.5)  # fmt: skip
     panel.set_ylim(-(1.0 + _APART) * half, (1.0 + _APART) * half)
     panel.set_ylabel(axis_label(table, "neutral_axis"), gid="neutral_axis")
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 _OVER_SECTION = SECTION_FIGURES | SHAPE_FIGURES | {"stack": draw_stack}
 _SECONDARY = "\n[secondary]\n"  # in the case of a run
+_DEFECTS = "\ndefect = [", "[[machine.defect]]"  # likewise: short, and long
 _SHADED = {"temperature": ("inferno",), "stack": ("inferno", STRESS_MAP)}  # by colour maps
 
 
@@ -102,7 +103,7 @@ def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
         return []
     time = table["time"].to_numpy()
     position = table["position"].to_numpy() if "position" in table else np.full(len(time), np.nan)
-    abscissa = Abscissa(time, position, summary.zones if summary else ())
+    abscissa = Abscissa(time, position, summary.zones if summary else (), _defects(path))
     steel = Steel.of(_known(summary))
     if steel is None and (path / HDF5_NAME).is_file():
         with Fields(path) as fields:
@@ -113,6 +114,20 @@ def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
         if figure is not None:
             drawn.append(save(figure, _target(path, name)))
     return drawn + _draw_roll_to_roll(path, table, abscissa)
+
+
+def _defects(path: Path) -> tuple[tuple[float, str], ...]:
+    """The rolls of a run that have a defect: position [m] and what is wrong."""
+    case = path / CASE_NAME
+    text = case.read_text(encoding="utf-8") if case.is_file() else ""
+    if not any(mark in text for mark in _DEFECTS):
+        return ()
+    from castfem.case import load_case
+
+    machine = load_case(case).machine
+    rolls = None if machine is None else machine.pairs()
+    pairs = () if rolls is None else rolls.pairs
+    return tuple((p.position, f"#{i} {p.defect}") for i, p in enumerate(pairs, 1) if p.defect)
 
 
 def _draw_roll_to_roll(path: Path, table: pandas.DataFrame, abscissa: Abscissa) -> list[Path]:

@@ -31,6 +31,7 @@ WIDTH = 7.2  # inches
 _LEFT, _RIGHT, _TOP, _BOTTOM, _BETWEEN, _EDGE = 0.8, 0.2, 0.52, 0.48, 0.14, 0.04  # inches
 _LONG = 2.0  # m; from here on positions are in metres
 _TICKS_APART = 0.06  # of the axis
+_DEFECT = "#d55e00"  # the line at a roll that has one
 _WHITE = 250  # of 255; what is brighter is the paper
 
 
@@ -42,11 +43,13 @@ class Abscissa:
         time: (n,) [s].
         position: (n,) below the meniscus [m].
         zones: The cooling.
+        defects: Rolls with a defect: position [m], and what is wrong there.
     """
 
     time: NDArray[np.float64]
     position: NDArray[np.float64]
     zones: tuple[Zone, ...] = ()
+    defects: tuple[tuple[float, str], ...] = ()
 
     @property
     def along(self) -> bool:
@@ -243,11 +246,28 @@ def dress(axes: list[Axes], abscissa: Abscissa) -> None:
     if not abscissa.along:
         return
     strip = _draw_zones(axes, abscissa)
+    _mark_defects(axes, abscissa)
     to_time, to_position = _clocks(abscissa)
     top = axes[0].secondary_xaxis(1.0 + strip, functions=(to_time, to_position))
     top.set_xlabel("time since the meniscus [s]")
     if not _is_steady(abscissa):
         top.set_xticks(_apart(abscissa, to_position))
+
+
+def _mark_defects(axes: list[Axes], abscissa: Abscissa) -> None:
+    """A line in all panels at rolls with a defect, named in the last."""
+    low, high = axes[0].get_xlim()
+    for position, name in abscissa.defects:
+        place = position * abscissa.scale
+        if not low <= place <= high:
+            continue
+        for panel in axes:
+            panel.axvline(place, color=_DEFECT, linewidth=0.9, linestyle="--", zorder=1)
+        axes[-1].annotate(
+            name, (place, 0.97), (-3, 0), xycoords=axes[-1].get_xaxis_transform(),
+            textcoords="offset points", ha="right", va="top", rotation=90, fontsize=7.5,
+            bbox={"boxstyle": "square,pad=0.1", "facecolor": "white", "alpha": 0.8, "linewidth": 0},
+        )  # fmt: skip
 
 
 def _is_steady(abscissa: Abscissa) -> bool:

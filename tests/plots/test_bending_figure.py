@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas
 import pytest
 
+from castfem.api import load
 from castfem.output.folder import ALL_FIGURES
+from castfem.plots import figures
 from castfem.plots.bending import BENDING_FIGURES, draw_bulging, draw_slice
 from castfem.plots.figures import _OVER_SECTION
 from castfem.plots.history import HISTORY_FIGURES
@@ -45,6 +49,28 @@ def test_the_slice_is_drawn_over_the_strand() -> None:
     assert {text.get_text() for text in axis.texts} == {"intrados", "extrados"}
     assert axis.get_ylabel() == "neutral axis (y) [mm]"
     assert stress.get_ylabel() == "axial stress [MPa]"
+
+
+def test_rolls_with_a_defect_are_marked(tmp_path: Path) -> None:
+    """Those of the run's case, on the way that is drawn."""
+    case = load("slab1200/locked_48_52")
+    (tmp_path / "case.toml").write_text(case.resolved_toml(), encoding="utf-8")
+    found = figures._defects(tmp_path)
+    assert [name for _, name in found] == ["#48 locked", "#52 locked"]
+    assert case.machine is not None and (rolls := case.machine.pairs()) is not None
+    assert [place for place, _ in found] == [rolls.pairs[i - 1].position for i in (48, 52)]
+    (tmp_path / "case.toml").write_text(load("slab1200/slab").resolved_toml(), encoding="utf-8")
+    assert figures._defects(tmp_path) == () == figures._defects(tmp_path / "nowhere")
+    table = history()
+    way = table["time"].to_numpy(), table["position"].to_numpy()
+    with look():
+        plain = draw_slice(table, Abscissa(*way), None)
+        marked = draw_slice(table, Abscissa(*way, (), ((3.0, "#7 lost"), (9.0, "#8 off"))), None)
+    assert plain is not None and marked is not None
+    for one, other in zip(plain.axes[:3], marked.axes[:3], strict=True):
+        assert len(other.get_lines()) == len(one.get_lines()) + 1
+        assert list(other.get_lines()[-1].get_xdata()) == [3.0, 3.0]
+    assert [text.get_text() for text in marked.axes[2].texts] == ["#7 lost"]
 
 
 def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
