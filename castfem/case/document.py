@@ -12,16 +12,16 @@ from __future__ import annotations
 import copy
 import os
 import tomllib
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from castfem.case import outdated, shape_keys, steel_layers
-from castfem.case.mould import EXAMPLES
+from castfem.case.dotted_keys import no_entry, step_into
 from castfem.case.shipped_cases import find
 from castfem.errors import InputError
-from castfem.support.messages import dotted, shown
+from castfem.support.messages import shown
 from castfem.values.units import nearest
 
 Keys = tuple[str | int, ...]
@@ -339,9 +339,9 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
     place: Any = document.data
     path: Keys = ()
     for part in parts[:-1]:
-        step = _step(place, part)
+        step = step_into(place, part)
         if step is None:
-            document.faults.append(f"{label}: {key}: {_no_entry(place, path, part)}")
+            document.faults.append(f"{label}: {key}: {no_entry(place, path, part)}")
             return
         if isinstance(place, dict):
             _exclude(place, (str(step),), path)
@@ -353,9 +353,9 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
                 document.origins[path] = label
         place = place[step]
     document.changes.append((key, value))
-    last = _step(place, parts[-1])
+    last = step_into(place, parts[-1])
     if last is None:
-        document.faults.append(f"{label}: {key}: {_no_entry(place, path, parts[-1])}")
+        document.faults.append(f"{label}: {key}: {no_entry(place, path, parts[-1])}")
         return
     if isinstance(place, dict):
         if (*path, last) in PROPERTY_FILES and isinstance(value, str):
@@ -364,40 +364,3 @@ def put(document: Document, key: str, value: Any, label: str) -> None:
     else:
         place[last] = value
         document.origins[(*path, last)] = label
-
-
-def value_at(data: Mapping[str, Any], key: str) -> Any:
-    """Return what stands under a dotted key, None where nothing does."""
-    place: Any = data
-    for part in key.split("."):
-        step = _step(place, part.strip())
-        if step is None or (isinstance(place, Mapping) and step not in place):
-            return None
-        place = place[step]
-    return place
-
-
-def _step(place: Any, part: str) -> str | int | None:
-    """Return the key or index that `part` means in a table or array, None if there is none."""
-    if isinstance(place, Mapping):
-        return part
-    if not isinstance(place, Sequence) or isinstance(place, str):
-        return None
-    if part.isdigit():
-        return int(part) if int(part) < len(place) else None
-    for index, entry in enumerate(place):
-        if isinstance(entry, Mapping) and entry.get("name") == part:
-            return index
-    return None
-
-
-def _no_entry(place: Any, path: Keys, part: str) -> str:
-    """Say why `part` leads nowhere in `place`."""
-    where = dotted(path)
-    if not isinstance(place, Sequence) or isinstance(place, str):
-        example = EXAMPLES.get(str(path[-1])) if path[:-1] == ("mould",) else None
-        mend = f"; give a table, such as {where} = {example}" if example else ""
-        return f"{where} is a single value, it has no keys{mend}"
-    names = [str(e["name"]) for e in place if isinstance(e, Mapping) and "name" in e]
-    named = f" or the name of one ({', '.join(names)}{nearest(part, names)})" if names else ""
-    return f"'{part}' is no entry of {where}; give an index from 0 to {len(place) - 1}{named}"

@@ -1,4 +1,8 @@
-"""Bare names of keys: `speed` for `casting.speed`, where a case leaves no doubt which is meant."""
+"""Names of keys in short, where a case leaves no doubt which is meant.
+
+`speed` is `casting.speed`; `cooling.mould.coefficient` is that of the heat law of the zone that has
+one, as `cooling.mould.contact.coefficient` and `cooling.mould.surface.0.coefficient` are.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +25,11 @@ _NOT_MEANT = ("reference", "optimise")  # of what a run gives: no settings of it
 def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     """Return the dotted key that `key` stands for in a case.
 
-    A key with dots in it, or one of the top level, is returned as it is, known or not. Any other is
-    looked for in all tables the case has, written or not: [output], of which every key has its
-    default, is there where the file leaves it out. A key that has its default, or of which another
-    one takes the place, counts too.
+    A key with dots in it is returned as it is, known or not, but for the heat law of a zone, which
+    it may leave out or name. Of one of the top level that holds as well. Any other is looked for in
+    all tables the case has, written or not: [output], of which every key has its default, is there
+    where the file leaves it out. A key that has its default, or of which another one takes the
+    place, counts too.
 
     Args:
         root: Model of the whole case.
@@ -34,7 +39,9 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     Raises:
         ValueError: No key has this name, or several have; the text names those that may be meant.
     """
-    if "." in key or key in root.model_fields:
+    if "." in key:
+        return _with_law(root, data, [part.strip() for part in key.split(".")]) or key
+    if key in root.model_fields:
         return key
     known = list(_keys(root, root, data, ()))
     meant = [path for path in known if path[-1] == key]
@@ -50,6 +57,40 @@ def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     if similar:
         near = f"; did you mean {' or '.join(similar[:3])}?"
     raise ValueError(f"no table of the case has a key of this name{near}")
+
+
+def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str]) -> str:
+    """Return a key of a zone with the heat law that it leaves out; "" where it leaves out none.
+
+    Raises:
+        ValueError: Several laws have it.
+    """
+    zones = data.get("cooling")
+    if parts[0] != "cooling" or len(parts) < 3 or not isinstance(zones, list):
+        return ""
+    called = [str(i) for i in range(len(zones))]
+    names = [z.get("name") if isinstance(z, Mapping) else None for z in zones]
+    index = next((i for i in range(len(zones)) if parts[1] in (called[i], names[i])), None)
+    if index is None:
+        return ""
+    zone, model = zones[index], model_at(root, ("cooling", index), data)
+    laws = zone.get("surface") if isinstance(zone, Mapping) else None
+    if model is None or parts[2] in model.model_fields or not isinstance(laws, list):
+        return ""
+    tags = [{e.get("name"), e.get("law")} if isinstance(e, Mapping) else set() for e in laws]
+    meant, rest = [i for i, tag in enumerate(tags) if parts[2] in tag], parts[3:]
+    if not (meant and rest):
+        models = [model_at(root, ("cooling", index, "surface", i), data) for i in range(len(laws))]
+        written = [i for i, e in enumerate(laws) if isinstance(e, Mapping) and parts[2] in e]
+        having = [i for i, one in enumerate(models) if one and parts[2] in one.model_fields]
+        meant, rest = written or having, parts[2:]
+    if len(meant) > 1:
+        words = ", ".join(str(laws[i].get("name") or laws[i].get("law", i)) for i in meant)
+        raise ValueError(
+            f"several heat laws of zone {parts[1]} have it ({words}); put one before it, or "
+            "surface and its number"
+        )
+    return ".".join([*parts[:2], "surface", str(meant[0]), *rest]) if meant else ""
 
 
 def all_keys(root: type[TableModel], data: Mapping[str, Any]) -> Iterator[str]:

@@ -11,7 +11,15 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from castfem.case import document, key_names, plausibility, problems, tensile, validation
+from castfem.case import (
+    document,
+    dotted_keys,
+    key_names,
+    plausibility,
+    problems,
+    tensile,
+    validation,
+)
 from castfem.case.base import LENIENT
 from castfem.case.model import Case
 from castfem.case.problems import Problem
@@ -141,7 +149,7 @@ def value_of(case: Case, key: str) -> Any:
         ValueError: No key has this bare name, or several have.
     """
     data = case.document()
-    return document.value_at(data, key_names.full_key(Case, data, key))
+    return dotted_keys.value_at(data, key_names.full_key(Case, data, key))
 
 
 def _or_raise(reading: Reading) -> Case:

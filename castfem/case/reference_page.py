@@ -97,7 +97,10 @@ the steel.
 
 On the command line `--set key=value` changes single keys, `--set casting.length="20 m"`. An entry
 of an array is addressed by its index or, if it has one, by its name:
-`--set cooling.mould.surface.0.coefficient="1200 W/(m^2 K)"`.
+`--set cooling.mould.surface.0.coefficient="1200 W/(m^2 K)"`. The heat law of a zone may be left
+out where one alone has the key, `--set cooling.mould.coefficient="1200 W/(m^2 K)"`, or be named,
+`--set cooling.spray.radiation.emissivity=0.7`; a key without dots is looked for in all tables,
+`--set superheat="25 K"`.
 
 ## The folder of a run
 

@@ -7,13 +7,12 @@ multiplied as a whole: it is 100 in per cent.
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from castfem.case import key_names
+from castfem.case import dotted_keys, key_names
 from castfem.case.load import changed
 from castfem.case.model import Case
 from castfem.errors import InputError
@@ -314,62 +313,14 @@ def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
 
 
 def _found(document: Mapping[str, Any], key: str) -> tuple[str, Any]:
-    """The key in full and what stands there; the laws of a zone may be left out of the key."""
-    place: Any = copy.deepcopy(document)
-    parts: list[str] = []
-    rest = key.split(".")
-    while rest:
-        part = rest.pop(0)
-        if isinstance(place, Mapping):
-            if part not in place and part != "surface" and "surface" in place:
-                rest, part = [part, *rest], "surface"
-            place = place.get(part)
-        elif isinstance(place, Sequence) and not isinstance(place, str):
-            index = _index(place, part)
-            if not part.isdigit() and index != _named(place, part):
-                rest = [part, *rest]
-            part, place = str(index), place[index]
-        else:
-            return key, None
-        parts.append(part)
-    if isinstance(place, Mapping) and "value" in place and not isinstance(place["value"], list):
-        return _found(document, ".".join([*parts, "value"]))
-    return ".".join(parts), place
-
-
-def _named(entries: Sequence[Any], part: str) -> int | None:
-    """The entry of an array that has a name, or a law of that name; None if there is none."""
-    for name in ("name", "law"):
-        met = [i for i, e in enumerate(entries) if isinstance(e, Mapping) and e.get(name) == part]
-        if len(met) == 1:
-            return met[0]
-    return None
-
-
-def _index(entries: Sequence[Any], part: str) -> int:
-    """Which entry of an array a part of a key means.
+    """The key and what stands there; of a table with a value and a source, the value.
 
     Raises:
-        ValueError: None, or more than one.
+        ValueError: The key leads to no entry of an array.
     """
-    if part.isdigit():
-        if int(part) >= len(entries):
-            raise ValueError(f"there is no entry {part}; 0 to {len(entries) - 1}")
-        return int(part)
-    index = _named(entries, part)
-    if index is not None:
-        return index
-    having = [i for i, e in enumerate(entries) if isinstance(e, Mapping) and part in e]
-    if len(having) == 1:
-        return having[0]
-    if len(entries) == 1 and "law" in entries[0]:
-        return 0
-    words = [
-        str(e[n]) for e in entries for n in ("name", "law") if isinstance(e, Mapping) and n in e
-    ]
-    if having:
-        laws = choices(str(entries[i].get("law", i)) for i in having)
-        raise ValueError(f"several have {part} ({laws}); put one of them before it")
-    raise ValueError(
-        f"'{part}' is no entry; there are {choices(words)}{units.nearest(part, words)}"
-    )
+    if why := dotted_keys.lost(document, key):
+        raise ValueError(why)
+    value = dotted_keys.value_at(document, key)
+    if isinstance(value, Mapping) and "value" in value and not isinstance(value["value"], list):
+        return f"{key}.value", value["value"]
+    return key, value

@@ -8,6 +8,7 @@ import tomllib
 
 import pytest
 
+from castfem.api import load
 from castfem.case import Adaptive, Contact, from_document, load_case
 from castfem.case.shipped_cases import shipped
 from castfem.errors import InputError
@@ -371,6 +372,36 @@ def test_overrides_take_bare_names(write, sound):
     assert case.casting.speed == pytest.approx(0.05)
     with pytest.raises(InputError, match=r"--set: sped: .* did you mean casting\.speed\?"):
         load_case(write(sound), ("sped=3 m/min",))
+
+
+@pytest.mark.parametrize(
+    ("short", "value", "full"),
+    [
+        ("cooling.mould.coefficient", "1200 W/(m^2 K)", "cooling.mould.surface.0.coefficient"),
+        ("cooling.0.contact.wall", "90 degC", "cooling.0.surface.0.wall"),
+        ("cooling.mould.gap", "0.1 mm", "cooling.mould.surface.0.gap"),  # of its default
+        ("cooling.spray 1.emissivity", "0.7", "cooling.spray 1.surface.1.emissivity"),
+        ("cooling.spray 1.spray.water", "5 L/(m^2 s)", "cooling.spray 1.surface.0.water"),
+        ("cooling.spray 1.to", "2 m", "cooling.spray 1.to"),  # the zone's own
+    ],
+)
+def test_the_heat_law_of_a_zone_may_be_left_out(short, value, full):
+    short_case, full_case = (load("billet125/thermal").with_({k: value}) for k in (short, full))
+    assert short_case.document() == full_case.document()
+    assert short_case.document() != load("billet125/thermal").document()
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("cooling.air.ambient", r"several heat laws of zone air have it \(radiation, convection\)"),
+        ("cooling.air.watr", "unknown key .*; allowed: name, to, surface"),
+        ("cooling.moud.coefficient", "'moud' is no entry of cooling"),
+    ],
+)
+def test_a_heat_law_that_is_not_clear_is_asked_for(key, text):
+    with pytest.raises(InputError, match=text):
+        load("billet125/thermal").with_({key: "20 degC"})
 
 
 def test_the_title_says_what_was_changed(write, sound):
