@@ -111,7 +111,7 @@ COMPARED = {
     "thickness": ("thickness at mid-face, at the end", "mm", ".3f"),
     "width": ("width, at the end", "mm", ".2f"),
     "slice": ("thickness of the slice", "%", ".4f"),
-    "roll_force": ("force on #48", "kN/m", ".1f"),
+    "roll_force": ("force on #47", "kN/m", ".1f"),
     "heat": ("heat removed", "MJ/m", ".2f"),
     "peak": ("largest von Mises stress", "MPa", ".2f"),
 }

@@ -36,13 +36,13 @@ def surface() -> SurfaceLine:
     return SurfaceLine.of(mesh)
 
 
-def write_maps(folder: Path, *, ended: bool = True) -> SurfaceLine:
+def write_maps(folder: Path, *, ended: bool = True, alike: float = 0.0) -> SurfaceLine:
     """Write them.
 
     The surface cools down from 1300 to 700 degC and warms up by 80 K at mid-width of the intrados.
     I1 has 30 MPa at the corner of the intrados at 2.125 m (roll 8), 28 and 29 MPa beside it, 24 MPa
     at the corner of the extrados at 1.1 m (roll 4); I2 has 2e-4 1/s in the middle of the intrados
-    at 2.0 m.
+    at 2.0 m and `alike` on all of the extrados at 1.1 m.
     """
     line = surface()
     heading = Heading(line, MAPS, BAND, columns_of(rolls()), THICK, 0.3)
@@ -60,6 +60,8 @@ def write_maps(folder: Path, *, ended: bool = True) -> SurfaceLine:
         (2, (0.0, 0.5 * THICK), 2.0, 2e-4),
     ):
         values[int(np.argmin(np.abs(position - at))), map_, line.at(*place)] = value
+    extrados = line.face == line.faces.index("extrados")
+    values[int(np.argmin(np.abs(position - 1.1))), 2, extrados] = alike
     writer = MapWriter(folder, heading)
     for z, row in zip(position, values, strict=True):
         writer.append(float(z) / SPEED, float(z), row)

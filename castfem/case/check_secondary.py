@@ -135,12 +135,19 @@ def _models(table: Secondary) -> Iterator[Problem]:
 
 
 def _contacts_apart(table: Secondary, rolls: Rolls) -> Iterator[Problem]:
-    """Yield an angle of contact at which the strand would touch two rolls at once."""
+    """Yield an angle of contact at which the strand would touch two rolls at once.
+
+    Rolls that overlap, or are not in casting order, have been told by themselves.
+    """
     if table.contact is None or table.contact.angle is None:
         return
-    contacts = table.contacts(rolls)
+    contacts, pairs = table.contacts(rolls), rolls.pairs
     for i in range(1, len(contacts)):
-        if contacts[i][0] <= contacts[i - 1][1]:
+        both = 0.5 * (pairs[i].diameter + pairs[i - 1].diameter)
+        if (
+            both < pairs[i].position - pairs[i - 1].position
+            and contacts[i][0] <= contacts[i - 1][1]
+        ):
             yield Problem(
                 (*_TABLE, "contact", "angle"),
                 f"({format(table.contact.angle, 'rad', 'deg')}) makes contact with rolls {i} and "
@@ -224,6 +231,8 @@ def _between(
     contacts = table.contacts(rolls) if table.contact is None or table.contact.angle else None
     for number in range(*given):
         gap = gap_below(rolls, number, thickness)
+        if gap.clear <= 0.0:  # the rolls overlap: told with them
+            continue
         where = f"between rolls {number} and {number + 1}"
         if circuit.wide and 2.0 * circuit.stand_off <= gap.diameter:
             yield Problem(

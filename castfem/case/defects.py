@@ -26,7 +26,9 @@ if TYPE_CHECKING:
     from castfem.values.types import Array
 
 Offset = Annotated[float, Kind("m", "mm", label="distance", sample="2 mm")]
-WaterShare = Annotated[float, Kind("1", "percent", least=0.0, label="share", sample="66 percent")]
+WaterShare = Annotated[  # no nozzle has ten times its water: 66 is meant as 66 percent
+    float, Kind("1", "percent", least=0.0, most=10.0, label="share", sample="66 percent")
+]
 ExtraForce = Annotated[float, Kind("N", "kN", least=0.0, label="force", sample="120 kN")]
 
 

@@ -11,8 +11,10 @@ import numpy as np
 from castfem.machine.stations import Stations
 from castfem.output.summary import Summary, from_si
 from castfem.output.surface_maps import SurfaceMaps
+from castfem.values.types import Array
 
 _SMALL = 1e-2
+_EQUAL = 1e-6  # relative: the maps have single precision
 _LITTLE = 0.05  # of the largest value; what is less is not told
 _ALONG = 0.5  # m: places closer than that are one where no rolls are known
 _RANKS = 4  # of an index: the worst places of so many faces and phases
@@ -89,7 +91,7 @@ class CrackReport:
                 vertices = np.flatnonzero(line.face == face)
                 part = values[np.ix_(rows, vertices)]
                 if part.size and part.max() > 0.0:
-                    i, j = np.unravel_index(int(np.argmax(part)), part.shape)
+                    i, j = _peak(part, line.place[vertices])
                     place = int(rows[i]), int(vertices[j])
                     found.append(Maximum(float(part.max()), *place, str(phase), label))
         found.sort(key=lambda one: -one.value)
@@ -149,6 +151,19 @@ class CrackReport:
                 less = f"{100.0 * (found.value / ranked[0].value - 1.0):.0f} %" if rank else "worst"
                 value = f"{_rounded(from_si(found.value, one.shown))} {one.shown}"
                 yield one.name if not rank else "", value, less, self.words(found)
+
+
+def _peak(values: Array, places: Array) -> tuple[int, int]:
+    """Row and column of the largest of values (rows, places), which are not negative.
+
+    Of equal ones, as on a face that is strained alike all over, it is the earliest and there the
+    place (x, y) of largest x, then y, which the summary names, too.
+    """
+    equal = values >= (1.0 - _EQUAL) * values.max()
+    row = int(np.argmax(equal.any(axis=1)))
+    columns = np.flatnonzero(equal[row])
+    x, y = places[columns].T
+    return row, int(columns[np.lexsort((y, x))[-1]])
 
 
 def _rounded(value: float) -> str:

@@ -134,11 +134,12 @@ def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
 
 
 def _print_cracks(out: Console, path: Path, summary: Summary | None) -> None:
-    """Where the strand may crack, what reheats, and where its pool ends; of a run with maps."""
+    """Where the strand may crack, which roll carries most, reheat, end of the pool; with maps."""
     if not any((path / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
         return
     from castfem.output.surface_maps import SurfaceMaps
     from castfem.report.cracks import CrackReport, pool_end
+    from castfem.report.roll_load import heaviest_roll
 
     report = CrackReport.of(SurfaceMaps(path))
     ranking = list(report.ranking())
@@ -149,9 +150,10 @@ def _print_cracks(out: Console, path: Path, summary: Summary | None) -> None:
             start = f"{name:<{wide[0]}}  {value:>{wide[1]}}  {less:>{wide[2]}}  "
             print_list(out, start, [where])
         out.print()
-    lines = [*report.reheats(), *([] if summary is None else pool_end(summary, report.stations))]
+    pool = [] if summary is None else pool_end(summary, report.stations)
+    lines = [*heaviest_roll(path, report.stations), *report.reheats(), *pool]
     if lines:
-        print_line(out, "Reheat and end of the pool", "bold")
+        print_line(out, "Rolls, reheat, end of the pool", "bold")
         widest = max(len(what) for what, _ in lines)
         for what, where in lines:
             print_list(out, f"{what:<{widest}}  ", [where])

@@ -135,7 +135,8 @@ class Kind(Notation):
 
     def _text(self, bound: float) -> str:
         if self.unit == "1":
-            return f"{bound:g}"
+            percent = self.shown == "percent" and bound
+            return f"{bound:g}" + (f" ({100.0 * bound:g} percent)" if percent else "")
         shown = self.shown or self.unit
         number = units.convert(bound, self.unit, shown, difference=self.difference)
         return f"{round(number, 9) + 0.0:g} {shown}"

@@ -77,6 +77,21 @@ def test_contacts_that_overlap() -> None:
     assert "contact with rolls 1 and 2 overlap" in told
 
 
+@pytest.mark.parametrize(
+    ("segment", "roll"),
+    [
+        ([("600 mm", "150 mm"), ("120 mm", "150 mm")], "roll 2"),
+        ([("600 mm", "150 mm"), ("200 mm", "150 mm"), ("200 mm", "260 mm")], "roll 3"),
+    ],
+)
+def test_rolls_that_overlap_are_told_alone(segment: list[tuple[str, str]], roll: str) -> None:
+    # Neither as contacts that overlap nor as sprays in a gap of less than nothing.
+    parts = [{"rolls": 1, "pitch": pitch, "diameter": size} for pitch, size in segment]
+    machine = {"first": "600 mm", "segment": parts}
+    told = problem(machine=machine, secondary=secondary(circuit=[circuit(rolls=[1, len(parts)])]))
+    assert roll in told and "overlaps" in told
+
+
 def test_what_it_needs_besides() -> None:
     data = rolled().document()
     del data["machine"]

@@ -358,6 +358,8 @@ def test_nozzles_of_a_circuit_between_two_rolls() -> None:
         sprays.with_({"machine.defect": [given | {"rolls": [50, 52]}]})
     with pytest.raises(InputError, match=r'defect\.0\.circuit.*is not there; the case has "top"'):
         sprays.with_({"machine.defect": [given | {"circuit": "arc"}]})
+    with pytest.raises(InputError, match=r"share: must not be above 10 \(1000 percent\) \(66\)"):
+        sprays.with_({"machine.defect": [given | {"share": 66}]})
 
 
 def test_a_case_without_defects_is_the_case_that_it_was(tmp_path: Path) -> None:

@@ -5,15 +5,21 @@ from __future__ import annotations
 import io
 from pathlib import Path
 
+from mpi4py import MPI
+
+import numpy as np
 import pytest
 from rich.console import Console
 from synthetic_maps import THICK, WIDE, rolls, write_maps
 
+from castfem.fem.reductions import peak
 from castfem.machine.stations import Stations
 from castfem.output.folder import OutputFolder
+from castfem.output.history import HISTORY_NAME
 from castfem.output.summary import Quantity, Summary
 from castfem.output.surface_maps import SurfaceMaps
 from castfem.report.cracks import CrackReport
+from castfem.report.roll_load import heaviest_roll
 from castfem.report.show import show
 
 
@@ -44,6 +50,42 @@ def test_a_place_beside_a_worse_one_is_the_same(report: CrackReport) -> None:
     """28 MPa on the narrow face 10 mm beside it, 29 MPa on the straight strand 75 mm below it."""
     places = [report.words(one) for one in report.maxima("I1")]
     assert not any("narrow" in place or "2.20 m" in place for place in places)
+
+
+def test_of_equal_values_the_place_is_that_of_the_summary(tmp_path: Path) -> None:
+    """A face that is strained alike all over: the largest x, as `reductions.peak` has it."""
+    line = write_maps(tmp_path, alike=2.5e-4)
+    found = CrackReport.of(SurfaceMaps(tmp_path)).maxima("I2")[0]
+    assert line.words(found.vertex) == "extrados, corner"
+    x, y = line.place[found.vertex]
+    rows = np.full(len(line.nodes), 0.0)
+    rows[line.face == line.faces.index("extrados")] = 2.5e-4
+    assert (x, y) == peak(MPI.COMM_SELF, rows, line.place)[1:]
+
+
+@pytest.mark.parametrize(
+    ("forces", "told"),
+    [
+        ((5.0, 8.0, 8.0, 3.0), "0.65 m (roll 2), vertical"),  # of the pitch below it
+        ((5.0, 6.0, 7.0, 9.0), "1.15 m (roll 4), bending"),
+        ((0.0, 0.0, 0.0, 0.0), ""),
+        (None, ""),
+    ],
+)
+def test_which_roll_carries_most(
+    tmp_path: Path, report: CrackReport, forces: tuple[float, ...] | None, told: str
+) -> None:
+    header = "time [s],position [m]" + (",roll_force [kN/m]" if forces else "")
+    places = (0.65, 0.8, 0.9, 1.2)  # at roll 2, between 2 and 3, at 3, below 4
+    lines = [
+        f"{z / 0.02},{z}" + (f",{force}" if forces else "")
+        for z, force in zip(places, (forces or places), strict=True)
+    ]
+    (tmp_path / HISTORY_NAME).write_text("\n".join([header, *lines, ""]))
+    found = list(heaviest_roll(tmp_path, report.stations))
+    assert [where for _, where in found] == ([told] if told else [])
+    if told and forces:
+        assert found[0][0] == f"largest force on a roll, {max(forces):g} kN/m of width"
 
 
 def test_what_reheats(report: CrackReport) -> None:
