@@ -12,7 +12,7 @@ import numpy as np
 from castfem.case.machine import thickness_of
 from castfem.case.problems import Path, Problem
 from castfem.case.section import Rectangle
-from castfem.case.water import Supply, largest
+from castfem.case.water import Supply
 from castfem.support.messages import choices
 from castfem.values.units import format, nearest
 
@@ -319,7 +319,7 @@ def _ranges(case: Case, circuit: Circuit, model: NozzleModel, path: Path) -> Ite
         if not gaps or not shared:
             continue
         its = table.model_of(other)
-        each = WATER_DENSITY * largest(supply.flow(other)) / other.nozzles()
+        each = WATER_DENSITY * supply.most(other) / other.nozzles()
         total += each / footprint(other.stand_off, its.angle_along) * _water(places, other, its)
     most, known = float(total.max()), model.most_water()
     if math.isfinite(known) and most > known:

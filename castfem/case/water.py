@@ -81,9 +81,18 @@ class Supply:
             return _times(told.share, whole)
         return self._of(told.flow, told.specific)
 
+    def most(self, told: Watered) -> float:
+        """Return the largest flow, m3/s: over the casting speed, of the speeds that are cast."""
+        flow = self.flow(told)
+        if not isinstance(flow, Table) or flow.over != "speed":
+            return largest(flow)
+        slowest, fastest = self.travel.slowest, self.travel.fastest
+        within = (speed for speed in flow.arguments if slowest < speed < fastest)
+        return max(float(flow(speed)) for speed in (slowest, *within, fastest))
+
     def specific(self, told: Watered) -> float:
         """Return the water per mass of steel, m3/kg, of the largest flow at the fastest speed."""
-        return largest(self.flow(told)) / (self.mass * self.travel.fastest)
+        return self.most(told) / (self.mass * self.travel.fastest)
 
     def _of(self, flow: Flow | None, specific: float | None) -> Flow:
         if flow is not None:

@@ -82,7 +82,7 @@ def _sprays(case: Case, rolls: Rolls, thickness: float) -> list[Spray]:
 
 def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) -> list[str]:
     """Return the table of the circuits of water, at their largest flows."""
-    from castfem.case.water import PER_LITRE_AND_KG, Supply, largest, steel_per_length
+    from castfem.case.water import PER_LITRE_AND_KG, Supply, steel_per_length
     from castfem.cli.drawing import build_mesh
     from castfem.machine.sprays import footprint, gap_below, longest_spray
     from castfem.materials import load_steel
@@ -100,7 +100,7 @@ def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
     )  # fmt: skip
     rows = [head]
     for circuit in table.circuit:
-        model, flow = table.model_of(circuit), 6e4 * largest(supply.flow(circuit))
+        model, flow = table.model_of(circuit), 6e4 * supply.most(circuit)
         gaps = [gap_below(rolls, number, thickness) for number in range(*circuit.rolls)]
         free = min(longest_spray(g.clear, circuit.stand_off, g.diameter) for g in gaps) if (
             circuit.wide

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from castfem.case.check_cooling import law_groups
 from castfem.case.spray import Spray
-from castfem.case.water import PER_LITRE_AND_KG, Supply, largest, steel_per_length
+from castfem.case.water import PER_LITRE_AND_KG, Supply, steel_per_length
 from castfem.thermal.sprays import WATER_DENSITY
 
 if TYPE_CHECKING:
@@ -35,13 +35,13 @@ def water_flows(case: Case, supply: Supply, mesh: SectionMesh) -> list[tuple[str
             found.append((zone.name, sum(flows)))
         start = end
     circuits = () if case.secondary is None else case.secondary.circuit
-    return [*found, *((c.name, largest(supply.flow(c))) for c in circuits)]
+    return [*found, *((c.name, supply.most(c)) for c in circuits)]
 
 
 def _flow(case: Case, supply: Supply, mesh: SectionMesh, law: Spray, length: float) -> float:
     """Water of a spray in its whole zone, m3/s."""
     if law.water is None:
-        return largest(supply.flow(law))
+        return supply.most(law)
     perimeter = mesh.perimeter(law_groups(case.section, law))
     return law.water / WATER_DENSITY * perimeter * length
 

@@ -22,6 +22,10 @@ class Travel(Protocol):
     def fastest(self) -> float:
         """Largest casting speed, m/s."""
 
+    @property
+    def slowest(self) -> float:
+        """Smallest casting speed, m/s; 0 where the strand stands for a while."""
+
     def position(self, time: float) -> float:
         """Position below the meniscus at `time` (s), m."""
 
@@ -50,7 +54,7 @@ class Steady:
     def __init__(self, speed: float) -> None:
         if not 0.0 < speed < math.inf:
             raise ValueError(f"the casting speed must be positive, not {speed:g} m/s")
-        self._speed = self.fastest = speed
+        self._speed = self.fastest = self.slowest = speed
 
     def position(self, time: float) -> float:
         """See `Travel`."""
@@ -106,6 +110,11 @@ class Changing:
     def fastest(self) -> float:
         """See `Travel`."""
         return max(self._speeds)
+
+    @property
+    def slowest(self) -> float:
+        """See `Travel`."""
+        return min(self._speeds)
 
     def position(self, time: float) -> float:
         """See `Travel`."""

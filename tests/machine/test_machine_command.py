@@ -73,7 +73,7 @@ def test_sprays_are_listed_and_drawn(
     draw_machine(load_case(CASES / "slab1200" / "sprays.toml"), tmp_path / "m.png", "slab")
     told = capsys.readouterr().out
     row = next(line for line in told.splitlines() if "bender" in line and "wide_face" in line)
-    assert row.split()[-6:] == ["580", "0.251", "13.8", "600", "59.0", "63.2"]
+    assert row.split()[-6:] == ["445", "0.193", "10.6", "600", "59.0", "63.2"]  # at 1.2 m/min
     (sprays,) = drawn
     # 66 gaps of which each has a row on both wide faces; the narrow ones are not seen.
     assert len(sprays) == 2 * 66

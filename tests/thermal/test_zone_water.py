@@ -133,6 +133,21 @@ def test_the_check_tells_litres_per_kilogram() -> None:
     assert lines[-1].split()[:2] == ["in", "all"]
 
 
+@pytest.mark.parametrize(
+    ("speed", "most"),
+    [
+        ("1.5 m/min", 150.0),  # not the 300 L/min of a speed that is never cast
+        ({"time": [0, 9], "time_unit": "s", "value": [1, 3.5], "unit": "m/min"}, 300.0),
+        ({"time": [0, 9], "time_unit": "s", "value": [3.5, 5], "unit": "m/min"}, 250.0),
+    ],
+)
+def test_the_most_water_is_that_of_the_speeds_that_are_cast(speed: Any, most: float) -> None:
+    table = {"speed": [1, 3, 4], "speed_unit": "m/min", "value": [100, 300, 200], "unit": "L/min"}
+    case = small({SURFACE: [SPRAY | {"flow": table}], **TO, "casting.speed": speed})
+    lines = water_lines(case, case_steel(case), build_mesh(**case.mesh_parameters()))
+    assert lines[1].split()[1] == f"{most:g}"
+
+
 def test_a_total_needs_the_end_of_its_zone() -> None:
     """Else the water of a place would change with the length that a run follows."""
     for law in ({"specific": "2 L/kg"}, {"flow": "9 L/min"}):
