@@ -117,6 +117,7 @@ def test_mould_head_and_friction_follow_through_a_stop(tmp_path: Path) -> None:
     assert np.ptp(table["mould_pull"].to_numpy()[1:][stands]) == 0.0
     # Where there is no gap the flux is h (T - T_wall(z)): the wall's temperature stands, too.
     touches = (table["gap_mid_face"].to_numpy() < 1e-6) & (time > 0.0)
+    touches[1:] &= touches[:-1] | (time[:-1] == 0.0)  # a window has the mean of its gaps
     surface = table["surface_temperature_mid_face"].to_numpy()
     expected = 1.6 * (surface - np.interp(position, [0.0, 0.24], [100.0, 340.0]))
     assert touches[1:][~stands].any()
