@@ -231,6 +231,18 @@ def test_what_is_told_and_not_refused(tmp_path: Path) -> None:
     assert read_case(SLAB).warnings == ()
 
 
+def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
+    """The last one stands at 26.4 m, 0.32 m below the one before."""
+    bulging = SLAB.parent / "reference.toml"
+    for length, key, told in (
+        ("26.9 m", "mechanics.bulging=elastic", True),
+        ("26.6 m", "mechanics.bulging=elastic", False),
+        ("26.9 m", "mechanics.bulging=none", False),
+    ):
+        found = read_case(bulging, [f"casting.length={length}", key]).warnings
+        assert any("beyond the last roll, at 26.4" in text for text in found) == told, length
+
+
 def test_a_case_without_rolls_does_not_import_them() -> None:
     code = (
         "import sys; from castfem.case import load_case; "
