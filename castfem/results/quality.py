@@ -29,7 +29,7 @@ TimedStrains = tuple[float, float, float, float]
 """Time (s), and the generalized strains a0 - 1, a1, a2."""
 _NEAR = 1e-9  # of the section's size: a place that is a vertex of the surface
 LEAST_RATED = 0.2
-"""Of a coupling window of the case: a rate is a mean over no less.
+"""Of a coupling window of the case, or of the longest pitch: a rate is a mean over no less.
 
 Where two events lie close together, a roll and the end of a zone 14 um below it, there is a window
 of milliseconds between them. What jumps there, as does the bed of a pitch by 4e-7 of strain, would
@@ -129,6 +129,8 @@ class QualitySampler:
         ends = sorted(self._levels[f] for f in self.settings.brittle)
         self._brittle = ends[0], ends[1]
         window = 0.0 if simulation.coupling is None else simulation.coupling.window
+        if caster.longest_pitch:  # windows end where the rolls bear or bend
+            window = min(window, simulation.machine.window_time(caster.longest_pitch))
         self._least = LEAST_RATED * window
         none = np.zeros(section.owned)
         self.state = QualityState(

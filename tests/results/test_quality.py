@@ -257,6 +257,16 @@ def test_no_rate_is_told_of_a_window_of_no_length(tmp_path: Path) -> None:
         assert (broken / name).read_bytes() == (whole / name).read_bytes(), name
 
 
+def test_rates_go_by_the_windows_that_are_taken(tmp_path: Path) -> None:
+    """An interval longer than all of them, for they end where the rolls bend, blurs no rate."""
+    rates = []
+    for interval in ("0.8 m", "20 m"):
+        folder = tmp_path / interval
+        loop.run(judged(WIDE, coupling__interval=interval), folder, comm=MPI.COMM_SELF)
+        rates.append(SurfaceMaps(folder)["I2"])
+    assert rates[0].max() > 0.0 and (rates[0] == rates[1]).all()
+
+
 def test_windows_grow_where_the_strain_goes_on_evenly(tmp_path: Path) -> None:
     """From each kink of the curvature on; with less error allowed they do so less.
 
