@@ -200,7 +200,8 @@ class SnesSolver:
         options: PETSc options without prefix, without a leading dash.
         watch: Charged with "petsc" for what SNES does itself; the problem charges its own part.
         shorten: Called with the unknowns and Newton's correction before each step (SNES takes the
-            correction off the unknowns); may scale the correction, and tells whether it did.
+            correction off the unknowns); may scale the correction, and tells whether it did, or
+            None to give up at the unknowns as they are.
         asked: Names of the options the user has written, of which those that PETSc never reads are
             told; all if None.
 
@@ -216,7 +217,7 @@ class SnesSolver:
         prefix: str,
         options: Options,
         watch: Stopwatch | None = None,
-        shorten: Callable[[PETSc.Vec, PETSc.Vec], bool] | None = None,
+        shorten: Callable[[PETSc.Vec, PETSc.Vec], bool | None] | None = None,
         asked: Collection[str] | None = None,
     ) -> None:
         self.problem = problem
@@ -236,6 +237,7 @@ class SnesSolver:
         self._names = _reason_names()
         self._history: list[dict[str, float]] = []
         self._raised: BaseException | None = None
+        self._given_up = False
 
     @contextmanager
     def _called_back(self) -> Iterator[None]:
@@ -260,7 +262,11 @@ class SnesSolver:
     def _precheck(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
         assert self._shorten is not None
         with self._called_back():
-            return self._shorten(x, correction)
+            shortened = self._shorten(x, correction)
+            if shortened is None:
+                self._given_up = True
+                correction.set(0.0)  # which SNES takes for convergence: see `solve`
+            return shortened is not False
 
     def _converged(
         self, snes: PETSc.SNES, its: int, norms: tuple[float, float, float]
@@ -269,6 +275,8 @@ class SnesSolver:
         with self._called_back():
             sizes = self.problem.norms(snes.getSolution(), snes.getFunction()[0])
         self._history.append(sizes)
+        if self._given_up:
+            return int(reasons.DIVERGED_LINE_SEARCH)
         worst = float(np.max(list(sizes.values())))  # of which a NaN comes out, unlike of max()
         if not np.isfinite(worst):
             return int(reasons.DIVERGED_FNORM_NAN)
@@ -281,7 +289,7 @@ class SnesSolver:
     def solve(self) -> SolveResult:
         """Solve from the values in `x`, in place; never raises for a lack of convergence."""
         self._history = []
-        self._raised = None
+        self._raised, self._given_up = None, False
         with self.watch.section("petsc"), self._options.given():
             try:
                 self.snes.solve(None, self.x)
@@ -290,6 +298,8 @@ class SnesSolver:
                     raise
                 raise self._raised from None  # Ctrl-C in the midst of a solve, say
         reason = self.snes.getConvergedReason()
+        if self._given_up:
+            reason = int(PETSc.SNES.ConvergedReason.DIVERGED_LINE_SEARCH)
         name = self._names.get(reason, str(reason))
         if self.snes.getIterationNumber() > 0:
             self._options.tell_unread()

@@ -67,6 +67,7 @@ class MechanicalProblem:
         liquid: Where the liquid is fed; None where it is an elastic body.
         planes: Equilibrium along the free generalized strains.
         iterations: Newton iterations since the start.
+        farthest: Of a Newton correction, over the section's extent: one beyond it ends the solve.
 
     Raises:
         InputError: If a motion of the planes is excluded by symmetry, a group does not exist, or
@@ -100,6 +101,7 @@ class MechanicalProblem:
         self._material = Material(slice_.law, self.active)
         self._build_solver(options or {})
         self.iterations, self._slack = 0, 1.0
+        self.farthest = np.inf
         self.residual_state: ResidualState | None = None
         self._integrated: Array | None = None
         self._solid: Flags = np.zeros(0, bool)
@@ -380,13 +382,21 @@ class MechanicalProblem:
             nodal[springs.dofs] += springs.force(local)
         return self.bordered.join(nodal, self.residual_state.balance)
 
-    def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool:
-        """Scale Newton's correction where a full one would overshoot by far."""
+    def shorten(self, x: PETSc.Vec, correction: PETSc.Vec) -> bool | None:
+        """Scale Newton's correction where a full one would overshoot by far.
+
+        Returns:
+            Whether it was scaled; None where it would move the strand beyond `farthest`: the
+            tangent knows nothing of the way there, and what is found from there is no shell.
+        """
         local, step = x.getArray(readonly=True), correction.getArray(readonly=True)
         dofs = self.constraints.fixed
         if self.constraints.moving and self._anywhere(local[dofs] - self._target[dofs]):
             return False  # supports must get to where they belong first
 
+        far = reductions.largest(self.section.comm, np.abs(step)) / self.scales.length
+        if not far <= self.farthest:
+            return None
         iteration = self.solver.snes.getIterationNumber()
         share = self._search.share(local, step, iteration, self._left)
         if share < 1.0:

@@ -14,6 +14,8 @@ from castfem.mechanics.state import Balance, MechanicalResult, MechanicalState
 from castfem.mechanics.validity import NO_SHELL, Validity
 from castfem.values.types import Array
 
+FARTHEST = 1.0  # of the section's extent: what a correction may move a slice that is judged as it
+# is, at large strain; at small strain one that flows without hardening comes back from farther
 STEADY = 0.3  # relative change of the rates up to which they are trusted
 
 
@@ -33,8 +35,10 @@ class MechanicalStepper:
         self.problem, self.extrapolate = problem, extrapolate
         self.comm = problem.section.comm
         self._validity: Validity | None = None
+        problem.farthest = np.inf
         if judge:
             law, large = problem.slice.law, problem.slice.large_strain
+            problem.farthest = FARTHEST if large else np.inf
             self._validity = Validity(
                 problem.points, problem.fields, law, large, problem.interactions
             )

@@ -52,6 +52,24 @@ def test_it_solves_and_says_how() -> None:
     snes.destroy()
 
 
+def test_a_correction_that_is_hopeless_ends_the_solve() -> None:
+    """Where it was, and the next solve begins anew."""
+    problem, hopeless = Square(4.0), [False]
+
+    def shorten(x: PETSc.Vec, correction: PETSc.Vec) -> bool | None:
+        return None if hopeless[0] else False
+
+    one = SnesSolver(problem, problem.vector, problem.matrix, "square_", {}, shorten=shorten)
+    one.x.set(5.0)
+    hopeless[0] = True
+    result = one.solve()
+    assert not result.converged and result.reason == "DIVERGED_LINE_SEARCH"
+    assert np.array_equal(one.x.getArray(), [5.0] * 3) and result.iterations <= 1
+    hopeless[0] = False
+    assert one.solve().converged
+    assert one.x.getArray() == pytest.approx([2.0] * 3, rel=1e-12)
+
+
 def test_every_option_reaches_snes_ksp_and_pc() -> None:
     snes = solver(
         Square(2.0),

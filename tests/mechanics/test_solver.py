@@ -18,6 +18,7 @@ from castfem.contact.settings import Contact
 from castfem.errors import InputError
 from castfem.mechanics.line_search import LineSearch, step_share
 from castfem.mechanics.planes import PlainPlanes
+from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import PrescribedDisplacement, SurfacePressure
 from castfem.mould.wall import PlaneWall
 from castfem.values.tables import Constant
@@ -256,6 +257,29 @@ def test_collapse_of_a_tube_is_reached_and_not_passed() -> None:
     beyond = setup.stepper.step(setup.state, 1.01, setup.state.temperature)
     assert not beyond.converged
     assert "DIVERGED" in beyond.reason
+
+
+def test_a_correction_beyond_the_section_ends_a_solve_at_large_strain() -> None:
+    """A tube without stiffness against its pressure: Newton's way leads out of all proportion."""
+    ends = []
+    for large in (True, False):
+        setup = SliceSetup(
+            mapped(4, 4, ring(0.02, 0.04), "quadrilateral", 2, RING_GROUPS),
+            elastic(1e3, 0.3),
+            given={
+                "planes": PlainPlanes(()),
+                "loads": (SurfacePressure(("inner",), lambda t: 500.0 * t),),
+                "large_strain": large,
+            },
+        )
+        problem = setup.problem
+        assert problem.farthest == np.inf  # equations that are solved as they are written
+        MechanicalStepper(problem)
+        assert problem.farthest == (1.0 if large else np.inf)
+        ends.append(setup.stepper.step(setup.state, 1.0, setup.state.temperature))
+    astray, linear = ends
+    assert not astray.converged and "DIVERGED_LINE_SEARCH" in astray.reason
+    assert linear.converged and linear.newton == 1
 
 
 def test_line_search_takes_full_steps_where_they_are_good() -> None:
