@@ -99,6 +99,17 @@ def print_rows(rows: list[tuple[str, str]]) -> None:
         print(f"{label:{width}}  {text}")
 
 
+def check_picture(picture: Path) -> None:
+    """Refuse a picture whose ending names no format, before anything is computed for it.
+
+    Raises:
+        InputError: Naming the formats.
+    """
+    formats = (".png", ".pdf", ".svg")
+    if picture.suffix.lower() not in formats:
+        raise InputError(f"{picture}: a picture ends in {', '.join(formats)}")
+
+
 @contextmanager
 def drawing(picture: Path) -> Iterator[None]:
     """Say where the picture is, or why it cannot be there.
@@ -106,9 +117,7 @@ def drawing(picture: Path) -> Iterator[None]:
     Raises:
         InputError: It cannot be written, or its ending names no format.
     """
-    formats = (".png", ".pdf", ".svg")
-    if picture.suffix.lower() not in formats:
-        raise InputError(f"{picture}: a picture ends in {', '.join(formats)}")
+    check_picture(picture)
     try:
         yield
     except OSError as error:

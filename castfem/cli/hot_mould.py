@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import Case
-from castfem.cli.drawing import aligned, drawing, print_rows
+from castfem.cli.drawing import aligned, check_picture, drawing, print_rows
 from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
     from castfem.mould_fit.coupled import drawing as drawn
     from castfem.plots.hot_mould import draw
 
+    check_picture(picture)
     table, comm = table_of(case, origin), MPI.COMM_WORLD
     first = comm.rank == 0
 

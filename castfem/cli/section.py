@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import Case
-from castfem.cli.drawing import drawing
+from castfem.cli.drawing import check_picture, drawing
 from castfem.errors import InputError
 from castfem.support.atomic_files import replacing
 from castfem.values.quantities import Kind
@@ -34,6 +34,7 @@ def find(case: Case, picture: Path, origin: str, at: str | None) -> None:
     from castfem.mould_fit.section import find_section, natural_wall, sides_of_section
     from castfem.plots.section_shape import draw
 
+    check_picture(picture)
     try:
         position = None if at is None else Kind("m", "mm", above=0.0).read(at)
     except ValueError as error:

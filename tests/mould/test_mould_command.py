@@ -70,3 +70,21 @@ def test_mistakes(words, message, castfem, write):
     assert status == 1
     assert message in err
     assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("command", "work"),
+    [
+        (("mould", "case.toml", "--hot"), "castfem.mould_fit.coupled.hot_mould_of"),
+        (("section", "billet125/idealised"), "castfem.mould_fit.section.find_section"),
+    ],
+)
+def test_a_picture_of_no_format_is_refused_before_a_run(command, work, castfem, write, monkeypatch):
+    write('taper = "1 %/m"')
+
+    def run(*_: object) -> None:
+        raise AssertionError("run for nothing")
+
+    monkeypatch.setattr(work, run)
+    status, _, err = castfem(*command, "-o", "m.doc")
+    assert (status, err.strip()) == (1, "castfem: m.doc: a picture ends in .png, .pdf, .svg")
