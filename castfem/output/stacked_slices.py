@@ -4,7 +4,7 @@ The strand is a mesh of hexahedra or wedges, its slices where the caster has the
 mould, across the strand and up from the meniscus, m. Between two slices that were written values
 are linear in the position, while the strand bends with its rolls, however few they are. What is
 known on the surface alone, as the crack indexes, is that of the maps, which have a row a step;
-inside it is NaN.
+inside it is NaN. Where one of these is largest there is a row: the file has the largest value.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 _CORNERS = {"triangle": 3, "quadrilateral": 4}
 _SOLIDS = {"triangle": "wedge", "quadrilateral": "hexahedron"}
 _AXIAL = 8  # zz of a tensor
+_SAME = 1e-6  # m: rows nearer than this would have cells of no length
 
 
 def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[int, int]:
@@ -52,14 +53,16 @@ def write_strand(folder: Path, target: Path, side: Side, every: float) -> tuple[
         if len(times) < 2:
             raise InputError(f"{folder}: has {len(times)} slices on its way; two are needed")
         slices = fields.positions[times]
+        maps = SurfaceMaps(folder) if SurfaceMaps.exist(folder) else None
         rows = between(slices, every)
+        if maps is not None:
+            rows = np.unique(np.concatenate([rows, peaks(maps, rows)]))
         corners = _CORNERS[fields.cell]
         table = fields.cells[:, :corners].astype(np.int64)
         nodes, cells = np.unique(table, return_inverse=True)
         cells = cells.reshape(-1, corners)
         place = fields.points[nodes, :2]
         data = _fields(fields, times, nodes, slices, rows, side)
-    maps = SurfaceMaps(folder) if SurfaceMaps.exist(folder) else None
     if maps is not None:
         data |= _mapped(maps, nodes, rows)
     data["position"] = np.repeat(rows, len(nodes))
@@ -80,6 +83,22 @@ def between(slices: Array, every: float) -> Array:
         count = max(1, int(np.ceil((after - before) / every - 1e-9)))
         found.append(before + (after - before) / count * np.arange(1, count + 1))
     return np.concatenate(found)
+
+
+def peaks(maps: SurfaceMaps, rows: Array) -> Array:
+    """Positions beside those of the rows at which what the maps have is largest (n,), m."""
+    onward = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
+    found = []
+    for name in _indexes(maps):
+        worst = np.nan_to_num(maps[name][onward], nan=-np.inf).max(axis=1)
+        found.append(maps.position[onward][int(np.argmax(worst))])
+    apart = (one for one in found if np.abs(rows - one).min() > _SAME)
+    return np.array([one for one in apart if rows[0] < one < rows[-1]])
+
+
+def _indexes(maps: SurfaceMaps) -> list[str]:
+    """What the maps have that the fields lack."""
+    return [name for name in maps.names() if name != "temperature"]
 
 
 def stacked(cells: Indices, nodes: int, rows: int) -> Indices:
@@ -122,9 +141,7 @@ def _mapped(maps: SurfaceMaps, nodes: Indices, rows: Array) -> dict[str, Array]:
     found: dict[str, Array] = {}
     at = np.searchsorted(nodes, maps.heading.line.nodes)
     onward = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
-    for name in maps.names():
-        if name == "temperature":
-            continue
+    for name in _indexes(maps):
         values = np.full((len(rows), len(nodes)), np.nan)
         values[:, at] = _over(rows, maps.position[onward], maps[name][onward])
         found[name] = values.ravel()

@@ -124,10 +124,12 @@ def test_values_are_those_of_the_slices_and_straight_between_them(tmp_path: Path
         assert moved[:, 5, 2 * i] == pytest.approx(1e-3 * inward[:, i], abs=1e-9)
 
 
-def test_indexes_lie_on_the_surface_alone(tmp_path: Path) -> None:
+@pytest.mark.parametrize("every", [0.025, 0.4])
+def test_indexes_lie_on_the_surface_alone(tmp_path: Path, every: float) -> None:
+    """Their largest value is in the file however far apart its rows are."""
     mesh = section()
     line = write_maps(tmp_path)
-    found, _ = strand(tmp_path, mesh, every=0.025)
+    found, _ = strand(tmp_path, mesh, every)
     values = found.point_data["I1"].reshape(-1, len(mesh.points))
     inside = np.setdiff1d(np.arange(len(mesh.points)), line.nodes)
     assert np.isnan(values[:, inside]).all() and np.isfinite(values[:, line.nodes]).all()
