@@ -219,7 +219,8 @@ class StaggeredCoupling:
         strained, begun = old.mechanical, self.gap_of(old.mechanical)
         given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
         repeats = begun is not None and self.order == "thermal_first"
-        gap = self._expected_gap(strained, begun, end) if repeats else begun
+        again = repeats and self.max_iterations > 1
+        gap = self._expected_gap(strained, begun, end) if again else begun
         learnt = self.thermal.control.step
         relaxed = self._relaxation()
         taken = self._iterate(old, end, gap)

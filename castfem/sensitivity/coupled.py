@@ -93,13 +93,12 @@ class FollowedCoupling(StaggeredCoupling):
         assert old.mechanical is not None
         self._old, self._duration = old, end - old.time
         if self.gap is not None:
-            self._begun = self._gaps_at_start(old.mechanical)
+            self._begun = self.gap_slopes = self._gaps_at_start(old.mechanical)
         return super().take(old, end, allowed)
 
     def _expected_gap(self, old: MechanicalState, begun: Array | None, end: float) -> Array | None:
         """See `StaggeredCoupling`."""
         found = super()._expected_gap(old, begun, end)
-        self.gap_slopes = self._begun
         if found is not begun:
             ahead = self.mechanics.stepper.going_on(old, end)
             ended = self._gaps(ahead, self._mechanical.going_on(old, end))
