@@ -12,6 +12,7 @@ from typing import Any
 from pydantic.fields import FieldInfo
 
 from castfem.case.base import TableModel
+from castfem.case.dotted_keys import step_into
 from castfem.case.problems import below, model_at, submodels
 from castfem.support.messages import dotted
 from castfem.values.units import nearest
@@ -25,9 +26,9 @@ _NOT_MEANT = ("reference", "optimise")  # of what a run gives: no settings of it
 def full_key(root: type[TableModel], data: Mapping[str, Any], key: str) -> str:
     """Return the dotted key that `key` stands for in a case.
 
-    A key with dots in it is returned as it is, known or not, but for the heat law of a zone, which
-    it may leave out or name. Of one of the top level that holds as well. Any other is looked for in
-    all tables the case has, written or not: [output], of which every key has its default, is there
+    A key of the top level, or with dots in it, is returned as it is, known or not; the heat law of
+    a zone, which the latter may leave out or name, is put into it. Any other is looked for in all
+    tables the case has, written or not: [output], of which every key has its default, is there
     where the file leaves it out. A key that has its default, or of which another one takes the
     place, counts too.
 
@@ -68,10 +69,8 @@ def _with_law(root: type[TableModel], data: Mapping[str, Any], parts: list[str])
     zones = data.get("cooling")
     if parts[0] != "cooling" or len(parts) < 3 or not isinstance(zones, list):
         return ""
-    called = [str(i) for i in range(len(zones))]
-    names = [z.get("name") if isinstance(z, Mapping) else None for z in zones]
-    index = next((i for i in range(len(zones)) if parts[1] in (called[i], names[i])), None)
-    if index is None:
+    index = step_into(zones, parts[1])
+    if not isinstance(index, int):
         return ""
     zone, model = zones[index], model_at(root, ("cooling", index), data)
     laws = zone.get("surface") if isinstance(zone, Mapping) else None

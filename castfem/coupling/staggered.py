@@ -219,8 +219,9 @@ class StaggeredCoupling:
         strained, begun = old.mechanical, self.gap_of(old.mechanical)
         given, old = old, replace(old, thermal=self.thermal.stepper.feed(old.thermal))
         repeats = begun is not None and self.order == "thermal_first"
-        again = repeats and self.max_iterations > 1
-        gap = self._expected_gap(strained, begun, end) if again else begun
+        gap = begun
+        if begun is not None and repeats and self.max_iterations > 1:
+            gap = self._expected_gap(strained, begun, end)
         learnt = self.thermal.control.step
         relaxed = self._relaxation()
         taken = self._iterate(old, end, gap)
@@ -246,7 +247,7 @@ class StaggeredCoupling:
             self.thermal.control.step = learnt
         return taken if taken.converged else replace(taken, state=given)
 
-    def _expected_gap(self, old: MechanicalState, begun: Array | None, end: float) -> Array | None:
+    def _expected_gap(self, old: MechanicalState, begun: Array, end: float) -> Array:
         """Mean gap of a window if the slice goes on moving as before (owned,), m (collective).
 
         That of its begin where the slice moved otherwise in the step before the last.
@@ -256,7 +257,7 @@ class StaggeredCoupling:
             begun: Its gap (owned,), m.
             end: Of the window, s.
         """
-        if begun is None or not old.unsteadiness < EVEN:
+        if not old.unsteadiness < EVEN:
             return begun
         ended = self.gap_of(self.mechanics.stepper.going_on(old, end))
         assert ended is not None

@@ -394,9 +394,10 @@ class MechanicalProblem:
         if self.constraints.moving and self._anywhere(local[dofs] - self._target[dofs]):
             return False  # supports must get to where they belong first
 
-        far = reductions.largest(self.section.comm, np.abs(step)) / self.scales.length
-        if not far <= self.farthest:
-            return None
+        if self.farthest < np.inf:
+            far = reductions.largest(self.section.comm, np.abs(step)) / self.scales.length
+            if not far <= self.farthest:
+                return None
         iteration = self.solver.snes.getIterationNumber()
         share = self._search.share(local, step, iteration, self._left)
         if share < 1.0:

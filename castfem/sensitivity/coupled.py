@@ -96,7 +96,7 @@ class FollowedCoupling(StaggeredCoupling):
             self._begun = self.gap_slopes = self._gaps_at_start(old.mechanical)
         return super().take(old, end, allowed)
 
-    def _expected_gap(self, old: MechanicalState, begun: Array | None, end: float) -> Array | None:
+    def _expected_gap(self, old: MechanicalState, begun: Array, end: float) -> Array:
         """See `StaggeredCoupling`."""
         found = super()._expected_gap(old, begun, end)
         if found is not begun:

@@ -203,7 +203,15 @@ class MechanicalDerivatives:
         self, variation: Variation, old: MechanicalState, state: MechanicalState, start: Slopes,
         slopes: Slopes,
     ) -> Slopes:  # fmt: skip
-        """Derivatives of the rates of a step: see `step`."""
+        """Derivatives of the rates over a step, whose length may depend on the parameter.
+
+        Args:
+            variation: The parameter.
+            old: The state the step began with.
+            state: At its end.
+            start: Derivatives of the old state.
+            slopes: Of the state, its displacement and scalars among them.
+        """
         dt, longer = state.time - old.time, lengthened(variation, old.time, state.time)
         owned = slice(0, self._problem.owned)
         moved = slopes["displacement"][owned] - start["displacement"][owned]

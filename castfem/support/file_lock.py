@@ -11,13 +11,15 @@ if TYPE_CHECKING:
 def taken(lock: FileLock) -> bool:
     """Whether the lock was taken; False where the file system has none, as on some network mounts.
 
-    There processes cannot be kept apart, and what they write has to do.
+    There processes cannot be kept apart, and what they write has to do. flock() answers ENOSYS,
+    for which filelock 3 raises NotImplementedError; all other errors pass. filelock 4 goes by a
+    file of its own instead, and raises nothing.
 
     Raises:
         filelock.Timeout: Another process has it.
     """
     try:
         lock.acquire()
-    except NotImplementedError:  # filelock 3 where flock() answers ENOSYS; 4 goes by a file instead
+    except NotImplementedError:  # no flock() on this file system, see above
         return False
     return True
