@@ -109,7 +109,7 @@ def _values(
     moved = None
     known = found.numerical
     if found.model is not None and known is not None and known.checked:
-        moved = vicinity.moved_best(found.model, known)
+        moved = vicinity.moved_best(found.model, found.noise, known)
     values = []
     for number, (axis, value, place, share) in enumerate(
         zip(found.question.axes, found.best.values, places, shares, strict=True)

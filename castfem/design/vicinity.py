@@ -120,13 +120,15 @@ def intervals(model: Quadratic, scatter: Array, error: Numerical) -> list[Interv
     ]  # fmt: skip
 
 
-def moved_best(model: Quadratic, error: Numerical) -> Array:
-    """Return the best place near an optimum with the margins as another level has them.
+def moved_best(model: Quadratic, scatter: Array, error: Numerical) -> Array:
+    """Return the place nearest to an optimum that is as good as any with moved margins.
 
     Args:
         model: Of the runs near it.
-        error: Of them. That of the cost is left out: along what bounds leave free it would lead
-            to where the quadratics end.
+        scatter: Of cost and margins (1 + m,), SI: costs that differ by less, and by less than what
+            the quadratic leaves, are one. Of these places the nearest moves the optimum by no more
+            than the margins ask for; the least cost may lie where the quadratics end.
+        error: Of them, whose margins are those of another level. That of the cost is left out.
 
     Returns:
         Shares of the ranges (n,).
@@ -135,7 +137,10 @@ def moved_best(model: Quadratic, error: Numerical) -> Array:
     values = model(places)
     shift = error.moved[1:]
     allowed = nearest_to_allowed(values[:, 1:] + shift, np.maximum(np.abs(shift), model.misfit[1:]))
-    return np.asarray(places[allowed][np.argmin(values[allowed, 0])])
+    places, cost = places[allowed], values[allowed, 0]
+    alike = places[cost <= np.min(cost) + scatter[0] + model.misfit[0]]
+    far = np.linalg.norm((alike - model.centre) / model.step, axis=1)
+    return np.asarray(alike[np.argmin(far)])
 
 
 def binding(model: Quadratic, scatter: Array) -> list[bool]:
