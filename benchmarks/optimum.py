@@ -106,16 +106,13 @@ def answer(name: str, found: Optimum, seconds: float | None) -> dict[str, Any]:
 
 
 def best_single(found: Optimum) -> dict[str, Any]:
-    """What the page says of the best single taper: its errors, steps away from it, its corner.
+    """What the page says of the errors of the best single taper, and of steps away from it.
 
-    Heat in MJ/m and per cent of the idealised mould's, stress in MPa, places and gaps in mm.
+    Heat in MJ/m and per cent of the idealised mould's, stress in MPa.
     """
     (kept,), (value,) = found.constraints, found.values
     less = max((a for a in found.away if a.value < value.value), key=lambda a: a.value)
     more = min((a for a in found.away if a.value > value.value), key=lambda a: a.value)
-    table = read_history(folder("single") / found.best / HISTORY_NAME)
-    gap = table["gap_corner"].to_numpy()
-    off = table["position"].to_numpy()[gap > OFF]
     lost = kept.left - less.left[0]
     assert found.objective is not None
     return {
@@ -127,10 +124,31 @@ def best_single(found: Optimum) -> dict[str, Any]:
         "share_less": 100.0 * lost / (kept.bound / 0.99),
         "step_more": more.value - value.value,
         "stress_more": 1e-6 * more.objective,
-        "opens": 1e3 * float(off[0]) if len(off) else None,
+    }
+
+
+def at_work(name: str, found: Optimum) -> dict[str, Any]:
+    """The best run of a search in its mould, by the level of the search.
+
+    Stress and pressure in MPa, places and gaps in mm, temperature in degC, contact in per cent of
+    the surface. `hollow` is by how much a face lies behind its ends, by width and diagonal.
+    """
+    table = read_history(folder(name) / found.best / HISTORY_NAME)
+    columns = {key: table[key].to_numpy() for key in table}
+    place, stress, gap = 1e3 * columns["position"], columns["von_mises_max"], columns["gap_corner"]
+    off, worst = place[gap > OFF], int(stress.argmax())
+    middle, across = columns["size_mid_face"], columns["size_corner"]
+    return {
+        "mould": name,
+        "opens": float(off[0]) if len(off) else None,
         "gap_most": float(gap.max()),
         "gap_exit": float(gap[-1]),
-        "pressure_exit": float(table["mean_contact_pressure_max"].to_numpy()[-1]),
+        "pressure_exit": float(columns["mean_contact_pressure_max"][-1]),
+        "contact_exit": float(columns["contact_share"][-1]),
+        "corner_exit": float(columns["surface_temperature_corner"][-1]),
+        "hollow_exit": 0.5 * float(across[-1] * middle[0] / across[0] - middle[-1]),
+        "way_stress": float(stress[worst]),
+        "way_place": float(place[worst]),
     }
 
 
@@ -197,7 +215,7 @@ def ordered(name: str, study: Study, found: Optimum) -> dict[str, Any]:
 def main(output: Output, quick: bool) -> None:
     """Search and grid; quick: the single taper alone, on a grid of five."""
     sizes = _QUICK if quick else _GRID
-    answers, grids, orders = [], [], []
+    answers, grids, orders, working = [], [], [], []
     for name in ("single",) if quick else CASES:
         study, found, seconds = search(name)
         answers.append(answer(name, found, seconds))
@@ -206,6 +224,8 @@ def main(output: Output, quick: bool) -> None:
         orders.append(ordered(name, study, found))
         print(f"  {orders[-1]}", flush=True)
         output.csv("optimum_ordered", orders)
+        working.append(at_work(name, found))
+        output.csv("optimum_at_work", working)
         if name == "single":
             output.csv("optimum_single", [best_single(found)])
             figures = output.folder / "figures"

@@ -70,6 +70,7 @@ class Setting:
 
 DEFAULT = Setting(5.0, 50.0)
 FINE_CELLS, FINE_WINDOWS = Setting(2.5, 50.0), Setting(5.0, 25.0)
+AS_THESIS = Setting(5.0, 5.0)  # its steps, on about its number of cells
 GROWING = ("coupling.growth=8",)
 SETTINGS = (
     Setting(7.5, 100.0),
@@ -77,6 +78,7 @@ SETTINGS = (
     Setting(5.0, 100.0),
     DEFAULT,
     FINE_WINDOWS,
+    AS_THESIS,
     FINE_CELLS,
     Setting(5.0, 25.0, "growing", GROWING),
     Setting(5.0, 25.0, "growing, 3e-5", (*GROWING, "coupling.strain_error=3e-5")),
@@ -306,7 +308,7 @@ def show(output: Output) -> None:
 
 
 COLOURS = {7.5: "#d55e00", 5.0: "#0072b2", 2.5: "#009e73"}
-MARKERS = {100.0: "v", 50.0: "o", 25.0: "^"}
+MARKERS = {100.0: "v", 50.0: "o", 25.0: "^", 5.0: "D"}
 DRAWN = {
     "bending_I1": "I1, bending [MPa]",
     "bending_I2": "I2, bending [1e-5 1/s]",
