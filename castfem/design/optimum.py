@@ -23,8 +23,8 @@ class Value:
         high: Likewise.
         open_low: Whether it may lie lower still.
         open_high: Likewise.
-        checked: Where the optimum is with the constraints as the level of the check has them; None
-            where that failed.
+        checked: Where the optimum is with the constraints as the level of the check has them, by
+            runs of that level; None where that failed.
         range: In which it was looked for.
         at_end: What it lies at: the "lowest" or "highest" of its range, or where "runs fail"; ""
             for none.
@@ -167,6 +167,19 @@ class Away:
 
 
 @dataclass(frozen=True, slots=True)
+class ByCheck:
+    """What the level of the check gives where the optimum is with its constraints.
+
+    Attributes:
+        objective: In SI.
+        left: What the constraints have left, SI.
+    """
+
+    objective: float
+    left: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Optimum:
     """What a search has found: the best values, what they give, and how sure they are.
 
@@ -190,6 +203,7 @@ class Optimum:
         spread: By inputs that are not known exactly; None where that was not asked for, or where
             too many of its runs have failed.
         front: Of the objective and what it is weighed against; None where that was not asked for.
+        by_check: Results of the run with the values `checked`; None where there are none.
     """
 
     title: str
@@ -209,6 +223,7 @@ class Optimum:
     best: str = ""
     front: Front | None = None
     spread: Spreading | None = None
+    by_check: ByCheck | None = None
 
     @property
     def binding(self) -> tuple[Kept, ...]:
@@ -257,9 +272,18 @@ class Optimum:
             "spent": self.spent,
             "seconds": self.seconds,
             "best": self.best,
+            **self._by_check(),
             **({} if self.spread is None else {"spread": asdict(self.spread)}),
             **({} if self.front is None else {"front": self.front.to_json()}),
         }
+
+    def _by_check(self) -> dict[str, Any]:
+        found, objective = self.by_check, self.objective
+        if found is None or objective is None:
+            return {}
+        left = zip(self.constraints, found.left, strict=True)
+        of_all = [kept.known.shown_difference(value) for kept, value in left]
+        return {"by_check": {"objective": objective.shown(found.objective), "left": of_all}}
 
     def _away(self, step: Away) -> dict[str, Any]:
         known = self.objective

@@ -166,6 +166,13 @@ class Outputs:
             return np.full(1 + self.count, np.nan)
         return np.array([self.cost(wanted), *(m.left for m in self.margins(wanted))])
 
+    def vector_or_nan(self, wanted: Wanted) -> Array:
+        """The same, NaN also where the run in the idealised mould has failed."""
+        try:
+            return self.vector(wanted)
+        except InputError:
+            return np.full(1 + self.count, np.nan)
+
     def _ideal(self, wanted: Wanted, name: str) -> float:
         given = self._look(self.question.ideal(wanted))
         assert given is not None

@@ -20,6 +20,7 @@ from castfem.accuracy.levels import DEFAULT, LEVELS
 from castfem.api import Result
 from castfem.case.result_names import unit_of
 from castfem.design import vicinity
+from castfem.design.checked import Checked, best_by
 from castfem.design.evaluator import Evaluator, Watcher, lean, variant
 from castfem.design.front import Tracer
 from castfem.design.numerical import Numerical, Tilt, next_of
@@ -244,7 +245,8 @@ class Study:
                 break
             step = np.where(ends, np.minimum(2.0 * step, _WIDEST), step)
             model = self._model(outputs, best, step)
-        found = Findings(question, outputs, search, best, model, error, self._told)
+        there = self._checked(search, best, model, error)
+        found = Findings(question, outputs, search, best, model, error, self._told, there)
         spread_by = None
         if question.inputs:
             self._follows("spread by the inputs")
@@ -293,7 +295,7 @@ class Study:
         others = " and ".join(word for word in able if word != best.fidelity)
         self._follows(f"numerical error: the best run on {others} cells, the last the dearest")
         search.outputs.fetch(list(able.values()))
-        vectors = {word: self._vector(search.outputs, one) for word, one in able.items()}
+        vectors = {word: search.outputs.vector_or_nan(one) for word, one in able.items()}
         found = Numerical.of(best.fidelity, vectors)
         assert search.noise is not None
         shares, last = self.question.shares(best), AT_END * search.radius
@@ -303,6 +305,15 @@ class Study:
             return found
         return found.with_tilt(best.fidelity, self._tilt(search.outputs, best, model.step))
 
+    def _checked(
+        self, search: Search, best: Wanted, model: vicinity.Quadratic, error: Numerical
+    ) -> Checked | None:
+        """The optimum by the level of the check."""
+        assert search.noise is not None
+        self._follows(f"the best with the constraints as {error.checked or 'no'} cells have them")
+        binds = vicinity.binding(model, search.noise.sigma)
+        return best_by(error.checked, search.outputs, best, model, binds, search.radius)
+
     def _tilt(self, outputs: Outputs, best: Wanted, step: Array) -> Tilt:
         """How the cost by the next level, less its own, changes about a best run."""
         shares = self.question.shares(best)
@@ -310,16 +321,9 @@ class Study:
         there = [replace(one, fidelity=next_of(best.fidelity)) for one in own]
         outputs.fetch([*own, *there])
         pairs = zip(own, there, strict=True)
-        change = [self._vector(outputs, b)[0] - self._vector(outputs, a)[0] for a, b in pairs]
+        change = [outputs.vector_or_nan(b)[0] - outputs.vector_or_nan(a)[0] for a, b in pairs]
         places = np.array([self.question.shares(one) for one in own])
         return Tilt.fit(shares, places, np.array(change))
-
-    def _vector(self, outputs: Outputs, wanted: Wanted) -> Array:
-        """Cost and margins (1 + m,), NaN also where the run in the idealised mould has failed."""
-        try:
-            return outputs.vector(wanted)
-        except InputError:
-            return np.full(1 + outputs.count, np.nan)
 
     def _sound(self, wanted: Wanted) -> bool:
         """Whether a case can be computed so: larger cells may not fit into its faces."""

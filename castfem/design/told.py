@@ -218,6 +218,23 @@ def _steps(optimum: Optimum) -> Table:
     return found
 
 
+def _by_check(optimum: Optimum) -> Iterator[str]:
+    """What the level of the check gives with its own best values."""
+    found, objective = optimum.by_check, optimum.objective
+    if found is None or objective is None or not optimum.constraints:
+        return
+    values = ", ".join(f"{v.key} = {v.checked:g} {v.unit}".rstrip() for v in optimum.values)
+    left = zip(optimum.constraints, found.left, strict=True)
+    kept = "; ".join(
+        f"{one.text}: {_number(one.known, value)} {_difference_unit(one.known)} left".rstrip()
+        for one, value in left
+    )
+    value = shown(value_in(objective, found.objective), scale(objective).unit)
+    unit = unit_name(scale(objective).unit)
+    by = f"{optimum.checked}, {values}"
+    yield f"by {by}: {objective.name} {value} {unit}".rstrip() + f"; {kept}"
+
+
 def _remarks(optimum: Optimum) -> Iterator[str]:
     runs = optimum.runs
     failed = f", {runs['failed']} of them failed" if runs["failed"] else ""
@@ -226,6 +243,7 @@ def _remarks(optimum: Optimum) -> Iterator[str]:
         f"{runs['search']} runs ({optimum.fidelity}{failed}), {runs['all']} in all; {checked}; "
         f"{optimum.seconds:.0f} s of runs; best run: {optimum.best or 'told by others'}"
     )
+    yield from _by_check(optimum)
     if optimum.spent:
         yield "the search has had its runs before it was done: raise optimise.most_runs"
     if optimum.elsewhere:

@@ -10,10 +10,12 @@ import numpy as np
 from castfem.accuracy.levels import LEVELS
 from castfem.case.result_names import SMOOTH
 from castfem.design import vicinity
+from castfem.design.checked import Checked
 from castfem.design.front import Front
 from castfem.design.numerical import Numerical, error
 from castfem.design.optimum import (
     Away,
+    ByCheck,
     Kept,
     Known,
     Optimum,
@@ -40,6 +42,7 @@ class Findings:
         best: The best run. model: Of what lies about it; None where no run has come through.
         numerical: The error by the other levels; None where no run has come through.
         told: All runs.
+        there: The optimum by the level of the check; None where that failed.
     """
 
     question: Question
@@ -49,6 +52,7 @@ class Findings:
     model: vicinity.Quadratic | None
     numerical: Numerical | None
     told: Mapping[Wanted, Evaluation]
+    there: Checked | None = None
 
     @property
     def noise(self) -> Array:
@@ -92,7 +96,16 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
         best="" if given.folder is None else given.folder.name,
         front=front,
         spread=None if spread is None else _spread(found, spread),
+        by_check=_by_check(found),
     )
+
+
+def _by_check(found: Findings) -> ByCheck | None:
+    """What the run by the level of the check has given where the optimum is by that level."""
+    if found.there is None:
+        return None
+    cost, *left = (float(v) for v in found.there.vector)
+    return ByCheck(found.outputs.sense * cost, tuple(left))
 
 
 def _intervals(found: Findings) -> list[vicinity.Interval]:
@@ -106,10 +119,8 @@ def _values(
     found: Findings, places: list[vicinity.Interval], spread: Spread | None
 ) -> tuple[Value, ...]:
     shares, last = found.question.shares(found.best), AT_END * found.search.radius
-    moved = None
-    known = found.numerical
-    if found.model is not None and known is not None and known.checked:
-        moved = vicinity.moved_best(found.model, found.noise, known)
+    moved = found.there
+    finer = moved is not None and found.numerical is not None and found.numerical.better
     values = []
     for number, (axis, value, place, share) in enumerate(
         zip(found.question.axes, found.best.values, places, shares, strict=True)
@@ -121,7 +132,9 @@ def _values(
         end = "lowest" if share <= last else "highest" if share >= 1.0 - last else ""
         if not end and (share - below <= last or above - share <= last):
             end = "runs fail"
-        low, high = min(low, value), max(high, value)
+        checked = None if moved is None else moved.wanted.values[number]
+        known = [value] if checked is None or not finer else [value, checked]
+        low, high = min(low, *known), max(high, *known)
         open_low, open_high, drawn, safe = place.open_low, place.open_high, None, None
         if spread is not None:  # errors that know nothing of one another
             drawn = _drawn(spread, axis, number)
@@ -129,7 +142,6 @@ def _values(
             high = min(value + float(np.hypot(high - value, max(drawn[1] - value, 0.0))), axis.high)
             open_low, open_high = (flag or spread.open[number] for flag in (open_low, open_high))
             safe = None if spread.safe is None else axis.value(float(spread.safe[number]))
-        checked = None if moved is None else axis.value(float(moved[number]))
         values.append(
             Value(
                 axis.key, axis.unit, value, low, high, open_low, open_high,

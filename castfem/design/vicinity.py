@@ -14,6 +14,7 @@ So the place of the optimum is as sure as
 from __future__ import annotations
 
 import itertools
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -120,27 +121,50 @@ def intervals(model: Quadratic, scatter: Array, error: Numerical) -> list[Interv
     ]  # fmt: skip
 
 
-def moved_best(model: Quadratic, scatter: Array, error: Numerical) -> Array:
-    """Return the place nearest to an optimum that is as good as any with moved margins.
+def nearest(model: Quadratic, off: Array, binds: Sequence[bool]) -> Array:
+    """Return the place nearest to an optimum where what binds is just met, and all else is met.
+
+    Near an optimum every way that meets a moved bound costs the same, to first order: the nearest
+    place is as good as any, and there the quadratics hold best.
 
     Args:
-        model: Of the runs near it.
-        scatter: Of cost and margins (1 + m,), SI: costs that differ by less, and by less than what
-            the quadratic leaves, are one. Of these places the nearest moves the optimum by no more
-            than the margins ask for; the least cost may lie where the quadratics end.
-        error: Of them, whose margins are those of another level. That of the cost is left out.
+        model: Of the runs about the optimum.
+        off: What its margins have too little (m,), SI.
+        binds: Which of them bind.
 
     Returns:
-        Shares of the ranges (n,).
+        Shares of the ranges (n,). Where no place within reach meets all, that which misses least.
     """
+    if not len(off):
+        return model.centre
+    from scipy.optimize import minimize
+
+    scale = np.max(np.abs(model.weights[1:, 1:]), axis=0)  # of a step; of bounds that move, theirs
+    scale = np.maximum(np.where(scale > 0.0, scale, 1.0), 1e-9 * np.abs(off))
+    ends = (np.clip(model.centre + e * REACH * model.step, 0.0, 1.0) for e in (-1.0, 1.0))
+    low, high = ((end - model.centre) / model.step for end in ends)
+
+    def margins(steps: Array) -> Array:
+        place = model.centre + steps * model.step
+        return np.asarray((model(place[None])[0, 1:] + off) / scale)
+
+    kinds = {"eq": np.flatnonzero(binds), "ineq": np.flatnonzero(np.logical_not(binds))}
+    with warnings.catch_warnings():  # of rounding at the ends of the box
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found = minimize(
+            lambda steps: float(steps @ steps), np.zeros(len(low)), jac=lambda steps: 2.0 * steps,
+            method="SLSQP", bounds=list(zip(low, high, strict=True)),
+            constraints=[
+                {"type": kind, "fun": lambda steps, which=which: margins(steps)[which]}
+                for kind, which in kinds.items() if len(which)
+            ],
+        )  # fmt: skip
+    if found.success:
+        return np.asarray(np.clip(model.centre + found.x * model.step, 0.0, 1.0))
     places, _, _ = _places(model)
-    values = model(places)
-    shift = error.moved[1:]
-    allowed = nearest_to_allowed(values[:, 1:] + shift, np.maximum(np.abs(shift), model.misfit[1:]))
-    places, cost = places[allowed], values[allowed, 0]
-    alike = places[cost <= np.min(cost) + scatter[0] + model.misfit[0]]
-    far = np.linalg.norm((alike - model.centre) / model.step, axis=1)
-    return np.asarray(alike[np.argmin(far)])
+    places = places[nearest_to_allowed(model(places)[:, 1:] + off, scale)]
+    far = np.linalg.norm((places - model.centre) / model.step, axis=1)
+    return np.asarray(places[np.argmin(far)])
 
 
 def binding(model: Quadratic, scatter: Array) -> list[bool]:
