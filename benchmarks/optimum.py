@@ -131,15 +131,20 @@ def at_work(name: str, found: Optimum) -> dict[str, Any]:
     """The best run of a search in its mould, by the level of the search.
 
     Stress and pressure in MPa, places and gaps in mm, temperature in degC, contact in per cent of
-    the surface. `hollow` is by how much a face lies behind its ends, by width and diagonal.
+    the surface, tapers in %/m. `hollow` is by how much a face lies behind its ends, by width and
+    diagonal.
     """
     table = read_history(folder(name) / found.best / HISTORY_NAME)
     columns = {key: table[key].to_numpy() for key in table}
     place, stress, gap = 1e3 * columns["position"], columns["von_mises_max"], columns["gap_corner"]
     off, worst = place[gap > OFF], int(stress.argmax())
     middle, across = columns["size_mid_face"], columns["size_corner"]
+    tapers = {f"taper_{i}": v.value for i, v in enumerate(found.values, 1)}
+    tapers |= {f"checked_{i}": v.checked for i, v in enumerate(found.values, 1)}
     return {
         "mould": name,
+        **dict.fromkeys(f"{what}_{i}" for what in ("taper", "checked") for i in (1, 2, 3)),
+        **tapers,
         "opens": float(off[0]) if len(off) else None,
         "gap_most": float(gap.max()),
         "gap_exit": float(gap[-1]),

@@ -91,13 +91,14 @@ def front(output: Output) -> None:
     percent = 0.01 * ideal_heat(study, found)
     rows = [
         {
+            "point": number,
             "taper": point.values[0],
             "heat": point.second / percent,
             "stress": 1e-6 * point.first,
             "price": None if point.price is None else 1e-6 * point.price * percent,
             "runs": found.front.runs,
         }
-        for point in found.front.points
+        for number, point in enumerate(found.front.points, 1)
     ]
     output.csv("optimum_front", rows)
     draw_front(found.front, output.folder / "figures" / "optimum_front.png")
