@@ -78,8 +78,8 @@ SETTINGS = (
     Setting(5.0, 100.0),
     DEFAULT,
     FINE_WINDOWS,
-    AS_THESIS,
     FINE_CELLS,
+    AS_THESIS,
     Setting(5.0, 25.0, "growing", GROWING),
     Setting(5.0, 25.0, "growing, 3e-5", (*GROWING, "coupling.strain_error=3e-5")),
 )
