@@ -45,7 +45,7 @@ def best_by(
     """Return the optimum by another level; None where the best run has not come through there.
 
     Args:
-        level: Of the check; "" for none.
+        level: Of the check.
         outputs: What the runs mean; gets those that are missing.
         best: The optimum by the level of the search.
         model: Quadratics of the runs about it.
@@ -54,7 +54,7 @@ def best_by(
     """
     found, question = None, outputs.question
     tried = replace(best, fidelity=level)
-    for _ in range(1 + _TURNS if level else 0):
+    for _ in range(1 + _TURNS):
         outputs.fetch([tried])
         vector = outputs.vector_or_nan(tried)
         if np.isnan(vector).any():

@@ -310,7 +310,9 @@ class Study:
     ) -> Checked | None:
         """The optimum by the level of the check."""
         assert search.noise is not None
-        self._follows(f"the best with the constraints as {error.checked or 'no'} cells have them")
+        if not error.checked:
+            return None
+        self._follows(f"the best with the constraints as {error.checked} cells have them")
         binds = vicinity.binding(model, search.noise.sigma)
         return best_by(error.checked, search.outputs, best, model, binds, search.radius)
 

@@ -129,7 +129,7 @@ def nearest(model: Quadratic, off: Array, binds: Sequence[bool]) -> Array:
 
     Args:
         model: Of the runs about the optimum.
-        off: What its margins have too little (m,), SI.
+        off: By how much margins are larger than it says (m,), SI.
         binds: Which of them bind.
 
     Returns:
@@ -139,7 +139,7 @@ def nearest(model: Quadratic, off: Array, binds: Sequence[bool]) -> Array:
         return model.centre
     from scipy.optimize import minimize
 
-    scale = np.max(np.abs(model.weights[1:, 1:]), axis=0)  # of a step; of bounds that move, theirs
+    scale = np.max(np.abs(model.weights[1:, 1:]), axis=0)  # what a step does
     scale = np.maximum(np.where(scale > 0.0, scale, 1.0), 1e-9 * np.abs(off))
     ends = (np.clip(model.centre + e * REACH * model.step, 0.0, 1.0) for e in (-1.0, 1.0))
     low, high = ((end - model.centre) / model.step for end in ends)

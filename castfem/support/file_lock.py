@@ -11,8 +11,8 @@ if TYPE_CHECKING:
 def taken(lock: FileLock) -> bool:
     """Whether the lock was taken; False where the file system has none, as on some network mounts.
 
-    There processes cannot be kept apart, and what they write has to do. flock() answers ENOSYS,
-    for which filelock 3 raises NotImplementedError; all other errors pass. filelock 4 goes by a
+    There processes cannot be kept apart, and what they write has to do. flock() answers ENOSYS
+    there, for which filelock 3 has an error of its own; all other errors pass. filelock 4 goes by a
     file of its own instead, and raises nothing.
 
     Raises:
@@ -20,6 +20,6 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NotImplementedError:  # no flock() on this file system, see above
+    except NotImplementedError:  # filelock's answer to ENOSYS: this file system has no locks
         return False
     return True

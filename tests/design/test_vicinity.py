@@ -59,7 +59,6 @@ def test_an_optimum_that_keeps_its_margins_stays():
 def test_a_bound_out_of_reach_is_missed_least():
     found = nearest(quadratic((0.0, 1.0, 0.0)), np.array([-100.0]), [True])
     assert in_steps(found)[0] == pytest.approx(REACH, abs=0.01)
-    assert abs(in_steps(found)[1]) <= REACH
 
 
 def kinked(wanted: Wanted) -> dict[str, float]:
