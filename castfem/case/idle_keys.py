@@ -20,6 +20,7 @@ _REPEATED = ("passes", "settled", "window_error")
 def idle_keys(case: Case) -> Iterator[Problem]:
     """Yield keys that were given and have no effect, with the reason."""
     yield from _coupling(case)
+    yield from _liquid(case)
     yield from _extraction(case)
     yield from _clock(case)
     yield from _longest_step(case)
@@ -83,6 +84,19 @@ def _coupling(case: Case) -> Iterator[Problem]:
         else:
             continue
         yield Problem(("coupling", name), f"has no effect {reason}")
+
+
+def _liquid(case: Case) -> Iterator[Problem]:
+    """Yield a modulus of liquid that is fed, where no mushy zone is stiffer than it."""
+    table = case.mechanics
+    if table is None or "liquid_stiffness" not in _given(table):
+        return
+    if table.liquid == "fed" and table.mushy_zone == "none":
+        yield Problem(
+            ("mechanics", "liquid_stiffness"),
+            "has no effect: liquid that is fed is as soft as its pressure allows; what has this "
+            'modulus is liquid = "elastic", or a mushy zone that stiffens (mush)',
+        )
 
 
 def _extraction(case: Case) -> Iterator[Problem]:

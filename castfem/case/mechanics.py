@@ -184,8 +184,8 @@ class Mechanics(TableModel):
     )
     liquid_stiffness: Ratio = Field(
         1e-5,
-        description="Young's modulus over that of the solid of what is liquid in a cell that "
-        "freezes; of all liquid where it is elastic",
+        description="Young's modulus over that of the solid of liquid that is elastic, and of what "
+        "a mushy zone begins with (mush)",
     )
     liquid: Literal["fed", "elastic"] = Field(
         "fed",
@@ -229,6 +229,12 @@ class Mechanics(TableModel):
     solver: dict[str, PetscOption] = Field(
         default_factory=dict, description="PETSc options of the nonlinear solver, merged over ours"
     )
+
+    @property
+    def mushy_zone(self) -> Literal["none", "geometric", "linear"]:
+        """How the modulus of the mushy zone goes with the solid fraction, `mush` or its default."""
+        soft = self.liquid == "fed" and not self.coherency
+        return self.mush or ("none" if soft else "geometric")
 
 
 @dataclass(frozen=True, slots=True)

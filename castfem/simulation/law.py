@@ -31,13 +31,12 @@ def build_law(
     Raises:
         InputError: With all problems found, one line each.
     """
-    fed = table.liquid == "fed"
     solidity = Solidity.of(
         steel,
         stiffness_ratio=table.liquid_stiffness,
-        mushy_zone=table.mush or ("none" if fed and not table.coherency else "geometric"),
+        mushy_zone=table.mushy_zone,
         coherency=table.coherency,
-        memory=not fed,
+        memory=table.liquid != "fed",
     )
     delta = None if steel.diagram is None else DeltaShare(steel.diagram)
     problems: list[str] = []

@@ -334,6 +334,7 @@ SLABS = TAPERED.parents[1] / "slab1200"
         (SLABS / "bulging.toml", ("coupling.passes=3",), "passes: has no effect without [mould]"),
         (SLABS / "bulging.toml", ("coupling.strain_error=1e-6",), "without coupling.growth"),
         (SLABS / "thermal.toml", ("coupling.interval=1 s",), "no effect without [mechanics]"),
+        (TAPERED, ("mechanics.liquid_stiffness=1e-3",), "liquid_stiffness: has no effect: liquid"),
         (
             SLABS / "reference.toml",
             ("machine.extraction.friction_axis=0.02",),
