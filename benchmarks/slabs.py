@@ -24,6 +24,7 @@ CASES = {
     "reference": "in order", "locked_48": "#48 locked", "locked_48_52": "#48, #52 locked",
     "misaligned_48": "#48 off 2 mm", "warm_edges": "warm edges", "nozzles_47_52": "nozzles 66 %",
 }  # fmt: skip
+IMPOSED = "imposed_axis"
 BASE = {"nozzles_47_52": "warm_edges"}  # what a case is compared with, if not with the reference
 SHARES = {"I1": 1e-6, "I2": 1e5}  # MPa, 1e-5 1/s
 FACES = ("intrados", "extrados")
@@ -45,7 +46,28 @@ def main(output: Output, quick: bool) -> None:
             row["thicker"] = None
     if rows:
         output.csv("slab_defects", rows)
+    if imposed := _imposed(RUNS / IMPOSED):
+        output.csv("slab_imposed_axis", [imposed])
     show(output)
+
+
+def _imposed(folder: Path) -> dict[str, Any]:
+    """How far a neutral axis on the faces stretches the strand, %, and the largest force, kN."""
+    summary = _finished(folder)
+    if summary is None:
+        return {}
+    history, stations = read_history(folder / "history.csv"), _stations(folder)
+    force = history["axial_force"].to_numpy()
+    at = int(np.abs(force).argmax())
+    near = stations.nearest(float(history["position"].iloc[at]))
+    assert near is not None and history.attrs["units"]["axial_force"] == "kN"
+    stretched = 100.0 * summary.quantities["axial_strain"].value
+    whole = 2.0 * force[at]  # what is run is half the slab
+    return {"case": folder.name, "stretched": stretched, "force": whole, "roll": near + 1}
+
+
+def _stations(folder: Path) -> Stations:
+    return Stations.of_columns(**SurfaceMaps(folder).heading.caster())
 
 
 def _finished(folder: Path) -> Summary | None:
@@ -62,8 +84,7 @@ def _case(folder: Path) -> dict[str, Any] | None:
     if summary is None:
         return None
     thesis = {c.reference.quantity: c.reference.value for c in summary.references}
-    maps = SurfaceMaps(folder)
-    stations = Stations.of_columns(**maps.heading.caster())
+    maps, stations = SurfaceMaps(folder), _stations(folder)
     history = read_history(folder / "history.csv")
     row: dict[str, Any] = {"case": folder.name}
     for phase in ("bending", "straightening"):
