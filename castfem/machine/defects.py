@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,9 +36,14 @@ def with_radii(rolls: Rolls) -> Rolls:
     three rolls changes by (329); it stays where the rolls stay, straightener or not. A lost pair
     leaves the strand to those beside it, between which the curvature is linear.
     """
-    pairs = list(rolls.pairs)
-    if not any(pair.offset or pair.lost for pair in pairs):
+    if not any(pair.offset or pair.lost for pair in rolls.pairs):
         return rolls
+    return replace(rolls, pairs=_with_radii(rolls))
+
+
+@lru_cache(maxsize=16)  # a case is asked for its rolls again and again
+def _with_radii(rolls: Rolls) -> tuple[Pair, ...]:
+    pairs = list(rolls.pairs)
     held = rolls.there
     moved = {i for i in held if pairs[i].offset}
     if moved:
@@ -53,7 +59,7 @@ def with_radii(rolls: Rolls) -> Rolls:
     for i, pair in enumerate(pairs):
         if pair.lost:
             pairs[i] = _curved(pair, float(np.interp(pair.position, places, chi)))
-    return replace(rolls, pairs=tuple(pairs))
+    return tuple(pairs)
 
 
 def out_of_line(normal: Rolls, rolls: Rolls) -> Array:
