@@ -51,6 +51,8 @@ PROPERTY_FILES: tuple[tuple[str, str], ...] = (
     ("tensile", "material"),
     ("tensile", "elasticity"),
 )
+SET = "--set"
+"""Origin of a key that the command line has changed."""
 
 
 @dataclass
@@ -304,8 +306,8 @@ def override(
         except ValueError as error:
             document.faults.append(f"--set: {key.strip()}: {error}")
             continue
-        put(document, full, value, "--set")
-    end_layer(document, before, {"--set"})
+        put(document, full, value, SET)
+    end_layer(document, before, {SET})
     entitle(document)
 
 

@@ -89,13 +89,14 @@ def _coupling(case: Case) -> Iterator[Problem]:
 def _liquid(case: Case) -> Iterator[Problem]:
     """Yield a modulus of liquid that is fed, where no mushy zone is stiffer than it."""
     table = case.mechanics
-    if table is None or "liquid_stiffness" not in _given(table):
+    if table is None or table.liquid_has_modulus:
         return
-    if table.liquid == "fed" and table.mushy_zone == "none":
+    if "liquid_stiffness" in _given(table):
         yield Problem(
             ("mechanics", "liquid_stiffness"),
             "has no effect: liquid that is fed is as soft as its pressure allows; what has this "
             'modulus is liquid = "elastic", or a mushy zone that stiffens (mush)',
+            inherited=False,  # the case above may be of another liquid
         )
 
 

@@ -173,7 +173,9 @@ def _validate(written: document.Document) -> Reading:
     )
     odd = plausibility.warnings(case) if isinstance(case, Case) and not lines else ()
     left_out = () if lines else tuple(written.left_out)
-    warnings = (*left_out, *(_line(written, problem) for problem in odd))
+    own = written.label, document.SET
+    told = (p for p in odd if p.inherited or written.origin(p.path) in own)
+    warnings = (*left_out, *(_line(written, problem) for problem in told))
     line = partial(_line, written)
     return Reading(
         case, tuple(dict.fromkeys(lines)), steel, law, elasticity, warnings, line, written.origin

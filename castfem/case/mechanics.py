@@ -236,6 +236,11 @@ class Mechanics(TableModel):
         soft = self.liquid == "fed" and not self.coherency
         return self.mush or ("none" if soft else "geometric")
 
+    @property
+    def liquid_has_modulus(self) -> bool:
+        """Whether `liquid_stiffness` is of anything: liquid that is fed has no modulus."""
+        return self.liquid == "elastic" or self.mushy_zone != "none"
+
 
 @dataclass(frozen=True, slots=True)
 class Way:

@@ -29,11 +29,13 @@ class Problem:
         path: Keys and indices down to what is wrong; () for the whole case.
         text: What is wrong, what is allowed.
         kind: pydantic's name of the error, empty for what castfem's own checks find.
+        inherited: Whether it is told of a case that has not written the key itself, too.
     """
 
     path: Path
     text: str
     kind: str = ""
+    inherited: bool = True
 
 
 def at(data: Any, path: Path) -> Any:

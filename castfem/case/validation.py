@@ -253,7 +253,7 @@ def _mechanics(case: Case) -> Iterator[Problem]:
             'it freezes; give ferrostatic = "full", or liquid = "elastic"',
         )
     soft = table.liquid_stiffness is not None and table.liquid_stiffness < _SOFTEST
-    if soft and table.strain == "large" and case.mould is not None:
+    if soft and table.liquid_has_modulus and table.strain == "large" and case.mould is not None:
         yield Problem(
             ("mechanics", "liquid_stiffness"),
             f"({table.liquid_stiffness:g}): liquid this soft folds in a mould, and at large strain "
