@@ -101,7 +101,15 @@ def from_document(data: Mapping[str, Any], label: str = "case") -> Case:
     Raises:
         InputError: As `load_case`.
     """
-    return _or_raise(_validate(document.Document(copy.deepcopy(dict(data)), label)))
+    sound = _without_none(dict(data))
+    return _or_raise(_validate(document.Document(copy.deepcopy(sound), label)))
+
+
+def _without_none(given: Any) -> Any:
+    """Return tables without the keys that are None, which stands for leaving out, at any depth."""
+    if isinstance(given, dict):
+        return {key: _without_none(value) for key, value in given.items() if value is not None}
+    return [_without_none(value) for value in given] if isinstance(given, list) else given
 
 
 def changed(
@@ -164,7 +172,7 @@ def _validate(written: document.Document) -> Reading:
     """Validate a document, check across keys, and collect the problems with their files."""
     kind = _kind(written)
     case, found = _build(kind, written.data)
-    found += list(tensile.check(case) if isinstance(case, TensileCase) else validation.check(case))
+    found = [*found, *_together(case, faulty=bool(found))]
     lines = [*written.faults, *(_line(written, problem) for problem in found)]
     table, name = ("steel", "name") if kind is Case else (tensile.TABLE, "material")
     steel = f"{written.origin((table, name))}: {table}"
@@ -180,6 +188,24 @@ def _validate(written: document.Document) -> Reading:
     return Reading(
         case, tuple(dict.fromkeys(lines)), steel, law, elasticity, warnings, line, written.origin
     )
+
+
+def _together(case: AnyCase, faulty: bool) -> list[problems.Problem]:
+    """Return the problems of keys taken together; where some are faulty, as many as can be told.
+
+    Args:
+        case: The case, its faulty values None.
+        faulty: Whether there are any: a check that trips over one of them, or over what another
+            check has found, has nothing to add.
+    """
+    checks = tensile.check(case) if isinstance(case, TensileCase) else validation.check(case)
+    found: list[problems.Problem] = []
+    try:
+        found.extend(checks)
+    except (ArithmeticError, AssertionError, AttributeError, LookupError, TypeError, ValueError):
+        if not faulty and not found:
+            raise
+    return found
 
 
 def _kind(written: document.Document) -> type[AnyCase]:

@@ -84,7 +84,7 @@ class AxisMark(Notation):
             if any(place is None or place == FREE for place in found.values()):
                 raise ValueError(f'"{FREE}" goes with the whole way of the strand, or not at all')
             return found
-        if given is None or given == FREE or given in AXES:
+        if given is None or given == FREE or (isinstance(given, str) and given in AXES):
             return given
         try:
             return _DISTANCE.read(given)
