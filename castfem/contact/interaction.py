@@ -198,16 +198,16 @@ class Interaction(ABC):
 
 
 class DifferentiableInteraction(Interaction):
-    """One whose residual can be asked for with other numbers: derivatives are carried through it.
+    """One that can be begun with other numbers: derivatives are carried through it.
 
     A kind of support that is none of these runs, but has no derivatives.
     """
 
     @abstractmethod
     def of_slice(self, given: Any, solid: Solid) -> DifferentiableInteraction:
-        """The same for another slice on the same mesh, to be asked for its residual alone.
+        """The same for another slice on the same mesh, which begins its steps and is not evaluated.
 
-        It shares forms and what they see: use the two in turn. What acts here does so there.
+        What is liquid here is so there.
 
         Args:
             given: Its settings.

@@ -34,6 +34,11 @@ class Met:
     near: Array
     found: GapFunction
 
+    @property
+    def facing(self) -> Array:
+        """Cosine between the normals of wall and strand (n,)."""
+        return np.einsum("ni,ni->n", np.asarray(self.found.normal), self.strand)
+
 
 class StrandSurface:
     """The points of some facets, as the slice moves.
@@ -67,6 +72,12 @@ class StrandSurface:
         moved: Array = (self._moves @ u).reshape(-1, 2)
         moved[:, 1] += generalized_strains[3] * self._facets.position[:, 1]
         return moved
+
+    def changes(self, u: Array, generalized_strains: Array) -> Array:
+        """The same of k motions (dofs, k) and (4, k): (n, 2, k)."""
+        found = (self._moves @ u).reshape(len(self._facets.position), 2, -1)
+        found[:, 1] += np.outer(self._facets.position[:, 1], generalized_strains[3])
+        return np.asarray(found)
 
     def facing(self, u: Array, generalized_strains: Array) -> tuple[Array, Array]:
         """Outward normal of the strand (n, 2), and length of surface over undeformed length.
@@ -103,7 +114,7 @@ class StrandSurface:
         near = np.round((start + moved) / raster) * raster
         return Met(wall, position, moved, strand, near, wall.gap_function(near, strand, position))
 
-    def gap_to(self, met: Met, shift: Array | None = None) -> tuple[Array, Array, Array]:
+    def gap_to(self, met: Met) -> tuple[Array, Array, Array]:
         """Normal of a wall, distance to it along that (n,), m, and its curvature (n,), 1/m.
 
         The rest of the way is added to what was met from the raster: the distance then is as exact
@@ -111,19 +122,14 @@ class StrandSurface:
 
         Args:
             met: Where the wall is met.
-            shift: By which the points have moved beside that (n, 2), m, so little that rounding
-                their displacement would lose it; None for not at all.
         """
-        start, moved, strand = self._facets.position, met.moved, met.strand
-        n = np.asarray(met.found.normal)
-        rest = (start - met.near) + moved
-        facing = np.einsum("ni,ni->n", n, strand)
-        gap = np.asarray(met.found.gap)
-        if shift is not None and shift.any():
-            gap = gap - np.einsum("ni,ni->n", n, shift) / facing
-            turned = met.wall.gap_function(start + moved + shift, strand, met.position)
-            n = np.asarray(turned.normal)
-            facing = np.einsum("ni,ni->n", n, strand)
-        gap = gap * facing - np.einsum("ni,ni->n", n, rest)
+        n, facing = np.asarray(met.found.normal), met.facing
+        rest = (self._facets.position - met.near) + met.moved
+        gap = np.asarray(met.found.gap) * facing - np.einsum("ni,ni->n", n, rest)
         open_ = np.isfinite(gap)
         return n, np.where(open_, gap, np.inf), np.where(open_, met.found.curvature, 0.0)
+
+    def forces(self, tractions: Array) -> Array:
+        """What tractions (n, 2, k), Pa, do to this rank's nodes, ghosts included, N/m (dofs, k)."""
+        loads = self._facets.weight[:, None, None] * tractions
+        return np.asarray(self._moves.T @ loads.reshape(-1, loads.shape[2]))

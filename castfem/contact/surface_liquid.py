@@ -79,15 +79,18 @@ class SurfaceLiquid:
         old, new = (np.asarray(self.at_vertices @ local) for local in self._local)
         self.temperatures, self._end, self._gap = (old, new), end, gap
         solidity = self._solid.law.elasticity.solidity
-        if self._has_friction:
-            backed = np.maximum(new, self._below()) if self.fed else new
-            self.molten = backed > solidity.solidus
-        if self.fed:
-            self._fluid = solidity.weight(new) == 0.0
         if self._run is not None:
             self.molten, self._fluid = self._run.molten, self._run._fluid
+        else:
+            if self._has_friction:
+                backed = np.maximum(new, self._below()) if self.fed else new
+                self.molten = backed > solidity.solidus
+            if self.fed:
+                self._fluid = solidity.weight(new) == 0.0
         if self.fed:
-            self.pool = np.where(self._fluid, self._pressure(new), 0.0)
+            self.pool = np.zeros(len(new))
+            if self._fluid.any():
+                self.pool = np.where(self._fluid, self._pressure(new), 0.0)
             self._opened = self._fluid & (old <= solidity.solidus) & (gap > LEAK)
 
     def breakout(self) -> str:

@@ -33,6 +33,7 @@ class SurfaceStress:
 
     Attributes:
         response: What the law answered last. strain: Increments it was asked about (n, 4).
+        liquid: Ferrostatic pressure at the points at the end of the step (n,), Pa.
     """
 
     def __init__(
@@ -73,7 +74,7 @@ class SurfaceStress:
         self._thermal = np.asarray(strain(after)) - np.asarray(strain(before))
         self._old, self._temperatures, self._dt = old, temperatures, dt
         self._coefficients = self._law.coefficients(before, after)
-        self._liquid = liquid
+        self.liquid = liquid
 
     def of_law(self, law: Law) -> SurfaceStress:
         """The same for another law, with a response of its own."""
@@ -91,12 +92,16 @@ class SurfaceStress:
             strain = np.ascontiguousarray(found[:, :4])
             return strain, turned(old.stress, angle), self._law.turned(old.internal, angle)
         motion = self._motion
-        change = motion.u.x.array - motion.u_old.x.array
-        g = (self._gradients @ change).reshape(-1, 4)
-        generalized_strains = (
-            motion.generalized_strains.value - motion.generalized_strains_old.value
+        strain = self.increments(
+            motion.u.x.array - motion.u_old.x.array,
+            motion.generalized_strains.value - motion.generalized_strains_old.value,
         )
-        strain = np.column_stack(
+        return strain, old.stress, old.internal
+
+    def increments(self, change: Array, generalized_strains: Array) -> Array:
+        """Strain at the points (n, 4) of small changes of displacement and generalized strains."""
+        g = (self._gradients @ change).reshape(-1, 4)
+        return np.column_stack(
             [
                 g[:, 0],
                 g[:, 3] + generalized_strains[3],
@@ -104,7 +109,14 @@ class SurfaceStress:
                 (g[:, 1] + g[:, 2]) / SQRT2,
             ]
         )
-        return strain, old.stress, old.internal
+
+    def integrate(self, strain: Array, stress_old: Array, internal: Array) -> Response:
+        """What the law answers to increments (n, 4) from an old stress and state."""
+        step = MaterialStep(strain, self._thermal, *self._temperatures, self._dt)
+        self._law.integrate(
+            step, stress_old, internal, coefficients=self._coefficients, out=self.response
+        )
+        return self.response
 
     def evaluate(self, normal: Array) -> tuple[Array, Array, Array]:
         """Stress along `normal` (n, 2) and its derivatives.
@@ -114,18 +126,10 @@ class SurfaceStress:
             by the angle at which the stress turns (n,).
         """
         self.strain, stress_old, internal = self._increments()
-        step = MaterialStep(self.strain, self._thermal, *self._temperatures, self._dt)
-        response = self.response
-        self._law.integrate(
-            step,
-            stress_old,
-            internal,
-            coefficients=self._coefficients,
-            out=response,
-        )
+        response = self.integrate(self.strain, stress_old, internal)
         x, y = normal.T
         along = np.column_stack([x * x, y * y, np.zeros_like(x), SQRT2 * x * y])
-        found = np.einsum("ni,ni->n", along, response.stress) - self._liquid
+        found = np.einsum("ni,ni->n", along, response.stress) - self.liquid
         by_strain = np.einsum("ni,nij->nj", along, response.tangent)
         xx, yy, _, shear = response.stress.T
         turning = (y * y - x * x) * SQRT2 * shear + 2.0 * x * y * (xx - yy)

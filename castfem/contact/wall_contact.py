@@ -21,7 +21,7 @@ from castfem.contact.interaction import DifferentiableInteraction
 from castfem.contact.interfaces import Motion, Solid
 from castfem.contact.settings import Contact
 from castfem.contact.state import OPEN, SLIP, STICK, ContactEvaluation, ContactState
-from castfem.contact.strand_surface import Met, StrandSurface
+from castfem.contact.strand_surface import StrandSurface
 from castfem.contact.surface_liquid import SurfaceLiquid
 from castfem.contact.surface_stress import SurfaceStress
 from castfem.fem import reductions
@@ -52,6 +52,9 @@ class WallContact(DifferentiableInteraction):
         at_vertices: Operator from vertex values to the points.
         liquid: What of the surface is solid in the step, and what its liquid does.
         stiffness: K_p of the step at the points (n,), Pa/m.
+        position: Of the slice at its end, below the meniscus, m. duration: Of the step, s.
+        slip: Along the strand, over the step, m.
+        stress: Of the solid at the points, for Nitsche's method; None with the penalty.
         now: What was evaluated last.
 
     Raises:
@@ -71,7 +74,7 @@ class WallContact(DifferentiableInteraction):
         self.at_vertices = self.liquid.at_vertices
         self._large = solid.large_strain
         self.strand = StrandSurface(section, facets, motion, solid.large_strain)
-        self._surface, self._stress = self._geometry(mesh)
+        self._surface, self.stress = self._geometry(mesh)
         self._given = FacetFields(facets, WIDTH)
         self._action = self._wall_action()
         self._travel = fem.Constant(mesh, np.float64(0.0))
@@ -81,34 +84,21 @@ class WallContact(DifferentiableInteraction):
         # One for all points: uniform pressure is then a uniform penetration (patch test).
         self._height = area / length
         self.now: ContactEvaluation | None = None
-        self._run: WallContact | None = None
-        self._shift: tuple[Array, Array] | None = None
-        self._met: Met | None = None
 
     def of_slice(self, given: Contact, solid: Solid) -> WallContact:
-        """See `DifferentiableInteraction`: what touches, slides, is liquid here does so there."""
-        self._work_form()
+        """See `DifferentiableInteraction`: what is liquid here is so there."""
         other = copy.copy(self)
-        other.contact, other._solid, other._run, other.now = given, solid, self, None
-        other._met = None
+        other.contact, other._solid, other.now = given, solid, None
+        other._travel = fem.Constant(self.section.mesh, np.float64(0.0))
         other.liquid = self.liquid.of_solid(solid)
-        if self._stress is not None:
-            other._stress = self._stress.of_law(solid.law)
+        if self.stress is not None:
+            other.stress = self.stress.of_law(solid.law)
         return other
 
     @property
-    def travelled(self) -> Array:
-        """How far the strand goes down in a step, m, as the forms see it: written to, it is so."""
-        return self._travel.value
-
-    def shifted(self, base: Array, shift: Array) -> None:
-        """Tell how far the points have moved (n, 2), m, in two parts that are not to be added.
-
-        Contact is so stiff that what rounding leaves of the smaller one shows in its pressure.  As
-        long as `base` is the same array the wall is not met anew: along the normal the strand had,
-        whose turning changes the distance by the gap alone, next to nothing where it is pressed.
-        """
-        self._shift = base, shift
+    def travel(self) -> float:
+        """How far the strand goes down in the step, m."""
+        return float(self._travel.value)
 
     def _geometry(self, mesh: ufl.Mesh) -> tuple[forms.Surface, SurfaceStress | None]:
         """Geometry the forms see, and Nitsche's stress."""
@@ -140,7 +130,7 @@ class WallContact(DifferentiableInteraction):
 
     def _wall_action(self) -> forms.WallAction:
         """What the forms see."""
-        f, nitsche = self._given.function, self._stress is not None
+        f, nitsche = self._given.function, self.stress is not None
         return forms.WallAction(
             traction=_part(f, TRACTION),
             by_pressure=_part(f, BY_PRESSURE),
@@ -157,7 +147,7 @@ class WallContact(DifferentiableInteraction):
     def initial(self) -> ContactState:
         """Of a strand that has never touched anything."""
         n, law = self.facets.count, self._solid.law
-        rows = 0 if self._stress is None else n
+        rows = 0 if self.stress is None else n
         return ContactState(
             friction=np.zeros((n, 2)),
             withdrawal_resistance=np.zeros(3),
@@ -176,12 +166,12 @@ class WallContact(DifferentiableInteraction):
     ) -> None:
         """See `Interaction`."""
         contact, solid = self.contact, self._solid
-        self._old, self._dt = old, end - start
+        self._old, self.duration = old, end - start
         self._kept_closed: Flags = np.zeros(self.facets.count, dtype=bool)
-        self._position = contact.position(end)
-        travelled = self._position - contact.position(start)
+        self.position = contact.position(end)
+        travelled = self.position - contact.position(start)
         self._travel.value = travelled
-        self._slip = travelled - (contact.stroke(end) - contact.stroke(start))
+        self.slip = travelled - (contact.stroke(end) - contact.stroke(start))
         self.liquid.begin(old.gap, before, after, end)
         # Not the tangent's, which of a point that freezes within the step has a share alone.
         # Liquid presses with what its depth gives, not with its stiffness: it is met as the solid
@@ -191,8 +181,8 @@ class WallContact(DifferentiableInteraction):
         self.stiffness = contact.strength * bulk / self._height
         stiffest = reductions.largest(self.section.comm, self.stiffness)
         self._rounding = 8 * np.finfo(float).eps * max(stiffest, 0.0)
-        if self._stress is not None:
-            self._stress.begin(old, *self.liquid.of_stress(), self._dt, solid)
+        if self.stress is not None:
+            self.stress.begin(old, *self.liquid.of_stress(), self.duration, solid)
 
     def gap(self, position: float, displacement: Array, generalized_strains: Array) -> Array:
         """Distance to the wall along its normal at the points (n,), m; inf where none is met.
@@ -221,33 +211,28 @@ class WallContact(DifferentiableInteraction):
         moved = surface.moved(motion.u.x.array, motion.generalized_strains.value)
         before = surface.moved(motion.u_old.x.array, motion.generalized_strains_old.value)
         strand, stretch = surface.facing(motion.u.x.array, motion.generalized_strains.value)
-        base, shift = (moved, None) if self._shift is None else self._shift
-        if self._met is None or self._met.moved is not base:
-            self._met = surface.meet(self.contact.wall, self._position, base, strand)
-        n, gap, curvature = surface.gap_to(self._met, shift)
+        n, gap, curvature = surface.gap_to(
+            surface.meet(self.contact.wall, self.position, moved, strand)
+        )
         near = np.minimum(gap, surface.size)
         stress: Array | float = 0.0
-        if self._stress is not None:
-            stress, by_strain, by_turn = self._stress.evaluate(n)
+        if self.stress is not None:
+            stress, by_strain, by_turn = self.stress.evaluate(n)
             pressure = forms.nitsche_pressure(self.stiffness, near, stress)
         else:
             pressure = forms.penalty_pressure(self.stiffness, near)
         drawn = -stress - self.stiffness * near
         pool = np.where(np.isfinite(gap), self.liquid.pool, 0.0)
         wets = pool > 0.0
-        status = None if self._run is None else self._run.status
-        if self._stress is not None:
+        if self.stress is not None:
             drawn[wets] = -self.stiffness[wets] * near[wets]
             by_strain[wets], by_turn[wets] = 0.0, 0.0
         pressure = np.where(self._kept_closed | wets, drawn, pressure)
         # What just touches holds, too: a block laid on a wall would have no support at first.
         closed = (drawn >= 0.0) | self._kept_closed | wets
-        if status is not None:
-            closed = status[0]
-            pressure = np.where(closed, drawn, 0.0)
         coefficients: Array = np.zeros((self.facets.count, WIDTH))
         coefficients[:, NORMAL], coefficients[:, STIFFNESS] = n, self.stiffness * closed
-        if self._stress is not None:
+        if self.stress is not None:
             coefficients[:, BY_STRAIN] = by_strain * closed[:, None]
             coefficients[:, BY_TURN] = by_turn * closed
         # The pool's pressure along the strand's own normal balances that inside to the last digit:
@@ -262,12 +247,11 @@ class WallContact(DifferentiableInteraction):
         slides: Flags = closed
         friction: Array = np.zeros((self.facets.count, 2))
         if self.contact.friction is not None:
-            slip = base - before if shift is None else base - before + shift
-            slides, friction = self._with_friction(coefficients, along, slip, pressure, status)
+            slides, friction = self._with_friction(coefficients, along, moved - before, pressure)
         self._given.fill(coefficients)
         if wets.any():
             pressure, n = _directed(borne, n, wets, pressure)
-        strain = np.zeros((0, 4)) if self._stress is None else self._stress.strain
+        strain = np.zeros((0, 4)) if self.stress is None else self.stress.strain
         place = self.facets.position + moved
         self.now = ContactEvaluation(
             place, n, gap, pressure, friction, closed, slides, stretch, coefficients, strain
@@ -281,7 +265,6 @@ class WallContact(DifferentiableInteraction):
         along: Array,
         slip: Array,
         pressure: Array,
-        status: tuple[Flags, Flags] | None,
     ) -> tuple[Flags, Array]:
         """Add friction to what the forms see; whether points slide, and their friction.
 
@@ -290,11 +273,11 @@ class WallContact(DifferentiableInteraction):
         """
         assert self.contact.friction is not None
         moved = np.column_stack(
-            [np.einsum("ni,ni->n", along, slip), np.full(len(along), self._slip)]
+            [np.einsum("ni,ni->n", along, slip), np.full(len(along), self.slip)]
         )
         trial = self._old.friction - self.stiffness[:, None] * moved
         answer = return_friction(
-            self.contact.friction, trial, pressure, self.stiffness, self._dt, status
+            self.contact.friction, trial, pressure, self.stiffness, self.duration
         )
         for part in (answer.traction, answer.by_pressure, answer.by_trial):
             part[self.liquid.molten] = 0.0
@@ -317,7 +300,7 @@ class WallContact(DifferentiableInteraction):
         self._kept_closed = np.zeros(self.facets.count, dtype=bool)
         if on:
             before = self._motion.u_old.x.array, self._motion.generalized_strains_old.value
-            gap = self.gap(self._position, *before)
+            gap = self.gap(self.position, *before)
             self._kept_closed = (self._old.pressure > 0.0) & (gap < HOLDING_GAP * self._height)
         return reductions.largest(self.section.comm, self._kept_closed.astype(float)) > 0.0
 
@@ -391,7 +374,7 @@ class WallContact(DifferentiableInteraction):
         assert now is not None
         closed = now.pressure > 0.0
         weight = self.facets.weight * now.stretch
-        stress = None if self._stress is None else self._stress.response
+        stress = None if self.stress is None else self.stress.response
         return ContactState(
             friction=now.friction.copy(),
             withdrawal_resistance=self._old.withdrawal_resistance - self._step_resistance(now),

@@ -69,6 +69,11 @@ class BentPlanes:
     parts: int = 1
 
     @property
+    def steady(self) -> bool:
+        """See `Planes`: the strand is bent as it goes."""
+        return False
+
+    @property
     def free(self) -> tuple[str, ...]:
         """See `Planes`."""
         return ("a0",) if self.neutral_axis is None else ()

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from castfem.constitutive.base import Law
 from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.mechanics.ferrostatic import Ferrostatic
@@ -45,3 +47,12 @@ class Slice:
     integration: Integration | None = None
     interactions: tuple[SurfaceInteraction, ...] = ()
     liquid: Literal["fed", "elastic"] = "elastic"
+
+    def head(self, time: float) -> float:
+        """Largest pressure of the liquid at `time` (s), Pa."""
+        return 0.0 if self.ferrostatic is None else self.ferrostatic.head(time)
+
+    def young_at_solidus(self) -> float:
+        """Young's modulus of what has just become coherent, Pa."""
+        elasticity = self.law.elasticity
+        return float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])

@@ -9,7 +9,6 @@ import numpy as np
 from castfem.constitutive.base import Law, MaterialStep, Response, turned
 from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.constitutive.kernel import constants
-from castfem.mechanics.quadrature import ActivePoints
 from castfem.values.types import Array, Flags
 
 STAND_IN = 30.0  # modulus of fed liquid in cells that carry stress, over its pressure
@@ -63,17 +62,18 @@ class Material:
 
     Args:
         law: Constitutive law.
-        points: Quadrature points it is integrated at.
+        count: Quadrature points it is integrated at.
+        deviators: Of them, those of the deviator's rule, which come first.
 
     Attributes:
         response: At these points; written to by each `integrate`.
     """
 
-    def __init__(self, law: Law, points: ActivePoints) -> None:
+    def __init__(self, law: Law, count: int, deviators: int) -> None:
         self._law = law
-        self.response = Response.empty(points.count, len(law.state_names))
-        self.response.state[:] = law.initial_state(points.count)
-        rows = (slice(0, points.deviator_points), slice(points.deviator_points, None))
+        self.response = Response.empty(count, len(law.state_names))
+        self.response.state[:] = law.initial_state(count)
+        rows = (slice(0, deviators), slice(deviators, None))
         laws = (law, ThermoElastic(law.elasticity))
         self._parts = [(m, r, self.response.part(r)) for m, r in zip(laws, rows, strict=True)]
 

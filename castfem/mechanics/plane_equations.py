@@ -5,7 +5,6 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 
 import numpy as np
@@ -39,6 +38,10 @@ class PlaneEquations:
         kinematics: Has the compiled forms.
         interactions: What acts on the surface.
         scales: Sizes of the slice.
+
+    Attributes:
+        scaled: Free degrees of freedom in the step. begun: Unknowns at its start (free,), m.
+        drag: What holds the planes, N/m per m. rest: Work of the cells without stress (4,), N/m.
     """
 
     def __init__(
@@ -51,23 +54,21 @@ class PlaneEquations:
     ) -> None:
         self._planes, self._fields, self._kinematics = planes, fields, kinematics
         self._interactions, self._scales = interactions, scales
-        self._comm, self._drag = scales.comm, 0.0
+        self._comm, self.drag = scales.comm, 0.0
         self.rest: Array = np.zeros(4)
-
-    def of_slice(self, planes: Planes, interactions: Interactions) -> PlaneEquations:
-        """Those of another slice on the same mesh, which share the compiled forms."""
-        other = copy.copy(self)
-        other._planes, other._interactions = planes, interactions
-        return other
 
     def begin(self, old: MechanicalState, time: float) -> None:
         """Prepare a step from the committed state `old` to `time` (s)."""
         self.scaled = ScaledPlanes.of(self._planes, old.bending, time, self._scales.length)
-        self._from = old.scalars / self.scaled.scaling
+        self.begun = old.scalars / self.scaled.scaling
 
     def hold(self, young: float) -> None:
         """Hold the planes where they are, with a section of this Young's modulus, Pa; 0 for no."""
-        self._drag = DRAG * (young * self._scales.area / self._scales.length**2)
+        self.drag = self.drag_by(young)
+
+    def drag_by(self, young: float) -> float:
+        """What holds them, N/m per m, with a section of this Young's modulus, Pa."""
+        return DRAG * (young * self._scales.area / self._scales.length**2)
 
     def work_on(self, directions: Array) -> Array:
         """Work of the stress along directions (4, k) of the generalized strains, N/m each."""
@@ -86,7 +87,7 @@ class PlaneEquations:
         """Residual along the test directions at these scaled scalars (free,), N/m."""
         found = self.work_on(self.scaled.test_directions) - self.scaled.load
         found += self._interactions.work_on(self.scaled.test_directions)
-        return np.asarray(found + self._drag * (scalars - self._from))
+        return np.asarray(found + self.drag * (scalars - self.begun))
 
     def fill(
         self,
@@ -121,5 +122,5 @@ class PlaneEquations:
                 fields.other.value[:] = other
                 corner[i, j] = fem.assemble_scalar(compiled.corner) + volume.corner(test, other)
         if free:
-            bordered.corner[:] = reductions.totals(self._comm, corner) + self._drag * np.eye(free)
+            bordered.corner[:] = reductions.totals(self._comm, corner) + self.drag * np.eye(free)
         bordered.updated()

@@ -85,6 +85,10 @@ class Planes(Protocol):
     def free(self) -> tuple[str, ...]:
         """Names of the free scalars."""
 
+    @property
+    def steady(self) -> bool:
+        """Whether all this is the same at any time."""
+
     def at(self, time: float) -> tuple[Array, Array, Array]:
         """Offset (4,), directions (4, free) and test directions (4, free) at `time` (s).
 
@@ -225,6 +229,12 @@ class PlainPlanes:
         both = [n for n in self.free if n in self.imposed]
         if both or len(set(self.free)) < len(self.free):
             raise InputError(f"{', '.join(both or self.free)}: either free or imposed, once")
+
+    @property
+    def steady(self) -> bool:
+        """See `Planes`."""
+        loads = self.force, self.moment_x, self.moment_y
+        return not self.imposed and all(load is zero for load in loads)
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
         """See `Planes`."""

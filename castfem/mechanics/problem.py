@@ -20,7 +20,7 @@ from castfem.fem import dof_values, reductions
 from castfem.fem.bordered_system import BorderedSystem
 from castfem.fem.section import Section
 from castfem.fem.snes import Options, SnesSolver, SolveResult, try_options
-from castfem.mechanics.active_part import ActivePart, Rest
+from castfem.mechanics.active_part import ActivePart
 from castfem.mechanics.convergence import Criteria
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.fields import Fields
@@ -41,7 +41,7 @@ from castfem.mechanics.supports import SPRING, Constraints, symmetry_supports
 from castfem.mechanics.surface_loads import SurfaceLoads
 from castfem.mechanics.tangent import Tangent
 from castfem.support.stopwatch import Stopwatch
-from castfem.values.types import Array, Flags
+from castfem.values.types import Array
 
 AXIAL = np.array([0.0, 0.0, 1.0, 0.0])  # Mandel
 NEAR = 1e4  # times the tolerance: how near the solution contacts become free to open
@@ -65,6 +65,7 @@ class MechanicalProblem:
         interactions: What acts on the surface.
         owned: This rank's own displacement unknowns. free: Free generalized strains.
         liquid: Where the liquid is fed; None where it is an elastic body.
+        fed: Its points in the step that was begun; likewise. loads: On the surface.
         planes: Equilibrium along the free generalized strains.
         iterations: Newton iterations since the start.
         farthest: Of a Newton correction, over the section's extent: one beyond it ends the solve.
@@ -98,24 +99,24 @@ class MechanicalProblem:
         self._criteria = Criteria(section.comm, self.scales, self.constraints, tolerance)
         self._target = np.zeros_like(self.fields.u.x.array)
         self._work = fem.Function(self.space)
-        self._material = Material(slice_.law, self.active)
+        self._material = self._new_material()
         self._build_solver(options or {})
         self.iterations, self._slack = 0, 1.0
         self.farthest = np.inf
         self.residual_state: ResidualState | None = None
         self._integrated: Array | None = None
-        self._solid: Flags = np.zeros(0, bool)
+        self.fed: FedPoints | None = None
 
     def _build_forms(self, springs: float | None) -> None:
         section, slice_ = self.section, self.slice
         pressed = slice_.ferrostatic is not None
         self.fields = Fields.on(section, self.space, self.points, pressed)
         held_outside = slice_.ferrostatic is not None and slice_.ferrostatic.outside == "held"
-        self._loads = SurfaceLoads.on(section, list(slice_.loads), held_outside)
+        self.loads = SurfaceLoads.on(section, list(slice_.loads), held_outside)
         self.interactions = Interactions(section, slice_.interactions, slice_, self.fields)
         kind = LargeStrain if slice_.large_strain else SmallStrain
         self.kinematics = kind(
-            section, self.points, self.fields, self._loads, self.free > 0, self.interactions,
+            section, self.points, self.fields, self.loads, self.free > 0, self.interactions,
             slice_.law.symmetric,
         )  # fmt: skip
         held = [*symmetry_supports(section.groups), *slice_.held]
@@ -165,6 +166,9 @@ class MechanicalProblem:
         """Contact with the wall of a mould; None without one."""
         return self.interactions.wall
 
+    def _new_material(self) -> Material:
+        return Material(self.slice.law, self.active.count, self.active.deviator_points)
+
     def at_points(self, temperature: Array) -> Array:
         """Temperatures at the points from those of the owned vertices."""
         local = dof_values.with_ghosts(self.section.vertex_space, temperature)
@@ -175,7 +179,7 @@ class MechanicalProblem:
         fields, slice_ = self.fields, self.slice
         before, after = self.at_points(old.temperature), self.at_points(temperature)
         self.old, self.dt = old, time - old.time
-        fed = None if self.liquid is None else self._feed(self.liquid, after, time)
+        self.fed = None if self.liquid is None else self._feed(self.liquid, after, time)
         self.kinematics.volume.begin()
         with self.watch.section("law"):
             rows, strain = self.active.rows, slice_.thermal_strain
@@ -183,7 +187,7 @@ class MechanicalProblem:
             stiff = self.points.stiffness_temperature
             begun = old.stress[rows], old.internal[rows]
             self._material.begin(
-                stiff(before)[rows], stiff(after)[rows], thermal, self.dt, begun, fed
+                stiff(before)[rows], stiff(after)[rows], thermal, self.dt, begun, self.fed
             )
         fields.u_old.x.array[:] = old.displacement
         fields.generalized_strains_old.value[:] = old.generalized_strains
@@ -192,14 +196,14 @@ class MechanicalProblem:
         if slice_.ferrostatic is not None and fields.pressure is not None:
             self.pressure = slice_.ferrostatic.pressure(after[self.points.deviator_points :], time)
             fields.take_pressure(self.points, self.pressure)
-            if (liquid := self._loads.liquid) is not None:
+            if (liquid := self.loads.liquid) is not None:
                 pressure = slice_.ferrostatic.pressure(temperature, time)
                 liquid.x.array[: self.section.owned] = pressure
                 liquid.x.scatter_forward()
         self.interactions.begin(old, time, temperature)
         added = self.interactions.axial_strain(self.points.position)
         self._added = None if added is None else added[rows]
-        self._loads.set(time)
+        self.loads.set(time)
         self.constraints.set(time, self._target)
         if self.liquid is not None:
             deep = self.liquid.deep  # stays where it was: it follows the shell when that is found
@@ -209,13 +213,9 @@ class MechanicalProblem:
             young = slice_.law.elasticity.moduli(after)[2]
             springs.begin(old.displacement, reductions.largest(self.section.comm, young))
         with self.watch.section("assembly"):
-            self.rest = self._pressed_rest()
+            self.rest = self._part.rest(self.planes, self.pressure)
         self.planes.rest = self.rest.work
         self.residual_state, self._integrated, self._first = None, None, 0.0
-
-    def _pressed_rest(self) -> Rest:
-        """What the pressure of the cells without stress does in the step (collective)."""
-        return self._part.rest(self.planes, self.pressure)
 
     def solve(self, guesses: list[tuple[Array, Array]]) -> SolveResult:
         """Solve from the best of some guesses; what holds there is in `residual_state`.
@@ -261,21 +261,13 @@ class MechanicalProblem:
 
     def _feed(self, liquid: FedLiquid, temperature: Array, time: float) -> FedPoints:
         """Where there is liquid, and what stands in for its stiffness."""
-        elasticity, pressing = self.slice.law.elasticity, self.slice.ferrostatic
-        self._solid = solid = self._frozen(liquid, temperature)
-        head = 0.0 if pressing is None else pressing.head(time)
-        young = float(elasticity.young(np.array([elasticity.solidity.solidus]))[0])
-        self.planes.hold(0.0 if liquid.bears else young)
-        rows = self.active.rows
-        return FedPoints.of(liquid.carries[rows], ~solid[rows], young, head)
-
-    def _frozen(self, liquid: FedLiquid, temperature: Array) -> Flags:
-        """Where the points have frozen; what is liquid, and what has stress, follows that."""
         solid = self.slice.law.elasticity.solidity.weight(temperature) > 0.0
         liquid.begin(solid)
         if self._part.follow(liquid, self.bordered):
-            self._material = Material(self.slice.law, self.active)
-        return solid
+            self._material = self._new_material()
+        young, rows = self.slice.young_at_solidus(), self.active.rows
+        self.planes.hold(0.0 if liquid.bears else young)
+        return FedPoints.of(liquid.carries[rows], ~solid[rows], young, self.slice.head(time))
 
     def _start(self, guess: Array, scalars: Array) -> Array:
         """Local unknowns of a guess."""
@@ -417,6 +409,17 @@ class MechanicalProblem:
         """Take the consistent tangent at the solution that was found last (collective)."""
         self._tangent.fill(self.response, self._part.matrix)
         self.planes.fill(self.bordered, self._assemble, self.constraints.prescribed)
+
+    def lifted(self, missing: Array) -> Array:
+        """Forces by which supports that move the rest would do so, N/m (collective).
+
+        Args:
+            missing: How far they move, m, at `Constraints.fixed`.
+
+        Returns:
+            At this rank's own unknowns, at the solution that was found last.
+        """
+        return self._tangent.lifted(self.response, missing).copy()
 
     def solve_linearised(self, rights: Array) -> Array | None:
         """Local unknowns that the tangent makes of right-hand sides (n, local); None without."""

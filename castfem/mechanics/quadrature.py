@@ -147,13 +147,18 @@ class Points:
         strain[self.deviator_points :, :3] += ((self.linear(size) - size) / 3.0)[:, None]
         return strain
 
+    @cached_property
+    def whole(self) -> bool:
+        """Whether no point of this rank has a negative weight."""
+        return float(self.mean.volume.min(initial=0.0)) >= 0.0
+
     def stiffness_temperature(self, temperature: Array) -> Array:
         """Temperatures (count,) that moduli are to be taken at, given those of the points.
 
         Those of the points; where the rule of the mean stress has a negative weight, one for all
         its points in a cell.
         """
-        if self.mean.volume.min(initial=0.0) >= 0.0:
+        if self.whole:
             return temperature
         found = temperature.copy()
         by_cell = found[self.deviator_points :].reshape(-1, len(self.mean.points))
@@ -213,9 +218,12 @@ class Points:
 
         That is how dissipation (J/m3) enters the heat balance of the vertices (J/m).
         """
-        return self._summed(
-            self.vertex[: self.deviator_points].T @ (density * self.deviator.volume)
-        )
+        return self._summed(self._to_vertices @ (density * self.deviator.volume))
+
+    @cached_property
+    def _to_vertices(self) -> sparse.csr_matrix:
+        """From values at the deviator's points to their sums by the vertices' hat functions."""
+        return self.vertex[: self.deviator_points].T.tocsr()
 
     def _summed(self, local: Array) -> Array:
         """Contributions of all ranks to this rank's own vertices."""

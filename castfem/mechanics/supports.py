@@ -79,19 +79,33 @@ class Springs:
     Args:
         dofs: Degrees of freedom, of those this rank owns (k,).
         share: Stiffness over the largest Young's modulus in the section.
+
+    Attributes:
+        dofs: As given. share: Likewise.
     """
 
     def __init__(self, dofs: npt.NDArray[np.int64], share: float) -> None:
-        self.dofs, self._share, self._stiffness = dofs, share, 0.0
+        self.dofs, self.share, self._stiffness = dofs, share, 0.0
         self._old: Array = np.zeros(len(dofs))
 
     def begin(self, old: Array, young: float) -> None:
         """Prepare a step from displacements `old` (owned, ...), m, of steel of modulus `young`."""
-        self._old, self._stiffness = old[self.dofs], self._share * young
+        self._old, self._stiffness = old[self.dofs], self.share * young
 
     def force(self, local: Array) -> Array:
         """What must be out of balance for the springs to hold it (k,), N/m."""
         return np.asarray(self._stiffness * (local[self.dofs] - self._old))
+
+    def force_change(self, local: Array, young: Array, moved: Array) -> Array:
+        """Change of `force` (k, n), N/m.
+
+        Args:
+            local: Local unknowns.
+            young: Change of the modulus (n,), Pa.
+            moved: How far the points move beyond where they began (k, n), m.
+        """
+        drawn = np.outer(local[self.dofs] - self._old, self.share * young)
+        return np.asarray(drawn + self._stiffness * moved)
 
     def add_to(self, matrix: PETSc.Mat) -> None:
         """Add their stiffness to that of the slice (collective)."""

@@ -9,8 +9,6 @@ what the line through those of a facet says of its end.
 
 from __future__ import annotations
 
-import copy
-
 import numpy as np
 from scipy import sparse
 
@@ -41,12 +39,6 @@ class SurfaceGap:
         self.dofs = np.flatnonzero(self._length > shortest)
         self._ends = _ends(contact)
 
-    def to_wall(self, contact: WallContact) -> SurfaceGap:
-        """The gap of the same vertices to the wall of another contact on the same points."""
-        other = copy.copy(self)
-        other._contact = contact
-        return other
-
     def _gathered(self, density: Array) -> Array:
         """Sum of values at facet points by the vertices' hat functions (owned,)."""
         return dof_values.summed(self._space, self._contact.at_vertices.T @ density)
@@ -66,22 +58,20 @@ class SurfaceGap:
         Args:
             state: Has the displacement and the time.
         """
-        return self.of(state.time, state.displacement, state.generalized_strains)
-
-    def of(self, time: float, displacement: Array, generalized_strains: Array) -> Array:
-        """See `at`.
-
-        Args:
-            time: Which says where the slice is, s.
-            displacement: Of all nodes of this rank, m.
-            generalized_strains: Generalized strains (4,).
-        """
         contact = self._contact
-        gap = contact.gap(contact.contact.position(time), displacement, generalized_strains)
+        position = contact.contact.position(state.time)
+        return self.of_points(contact.gap(position, state.displacement, state.generalized_strains))
+
+    def of_points(self, gap: Array) -> Array:
+        """The same of the distances at the facets' points (points,), m (collective)."""
         none = np.isinf(gap)
-        at_ends = dof_values.summed(self._space, self._ends @ np.where(none, 0.0, gap))
-        found = at_ends[self.dofs] / self._length[self.dofs]
+        found = self.spread(np.where(none, 0.0, gap))
         return np.where(self.mean(none.astype(float)) > OFF, np.inf, found)
+
+    def spread(self, values: Array) -> Array:
+        """Values at the points (points,) at the vertices `dofs`, by what the facets' lines say."""
+        at_ends = dof_values.summed(self._space, self._ends @ values)
+        return at_ends[self.dofs] / self._length[self.dofs]
 
     def crossed(self, state: MechanicalState) -> Array:
         """The gap that heat crosses, at all owned vertices (owned,), m (collective).

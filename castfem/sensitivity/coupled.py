@@ -21,9 +21,10 @@ from castfem.coupling.staggered import (
     StrandState,
 )
 from castfem.fem import reductions
-from castfem.sensitivity.feedback import Feedback, ShapeSlopes
+from castfem.sensitivity.feedback import Feedback
 from castfem.sensitivity.mechanical import MechanicalDerivatives
-from castfem.sensitivity.moved_state import Slopes, motion
+from castfem.sensitivity.moved_state import Slopes, none_of
+from castfem.sensitivity.shape_change import ShapeChange
 from castfem.sensitivity.thermal import ThermalDerivatives
 from castfem.values.types import Array
 
@@ -46,27 +47,21 @@ class FollowedCoupling(StaggeredCoupling):
         assert simulation.coupling is not None
         vars(self).update(vars(simulation.coupling))  # solvers, surface and settings of the run
         self._derivatives, self._mechanical = thermal, mechanical
-        self._zones = simulation.zones
         count, owned = len(thermal.variations), simulation.section.owned
         nothing: Array = np.zeros((count, owned))
         self.gap_slopes = self.mean_slopes = self._begun = nothing
         self._ended: tuple[Sequence[Slopes], Array] = (), nothing
         self._warmed = self._warms_now = np.zeros((count, owned if self.dissipation else 0))
         self._filled = self._fed = np.zeros((count, owned))
-        problem = simulation.problem
-        self._shape: list[ShapeSlopes] = []
-        if problem.shape is not None:
-            self._shape = [
-                ShapeSlopes(problem.new_matrix(), [], np.zeros(owned)) for _ in range(count)
-            ]
-            self._spare = problem.new_matrix()
+        self._shape: ShapeChange | None = None
+        if simulation.problem.shape is not None:
+            steps = np.array([v.parameter.step for v in thermal.variations])
+            self._shape = ShapeChange(simulation.problem, simulation.zones.surface, steps)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for shape in self._shape:
-            shape.conduction.destroy()
-        if self._shape:
-            self._spare.destroy()
+        if self._shape is not None:
+            self._shape.destroy()
 
     def mark(self, state: StrandState) -> None:
         """Keep the derivatives of a committed state: a window that fails begins there again."""
@@ -100,8 +95,11 @@ class FollowedCoupling(StaggeredCoupling):
         """See `StaggeredCoupling`."""
         found = super()._expected_gap(old, begun, end)
         if found is not begun:
+            assert self.gap is not None
             ahead = self.mechanics.stepper.going_on(old, end)
-            ended = self._gaps(ahead, self._mechanical.going_on(old, end))
+            ended = self._mechanical.gaps_of_motion(
+                self.gap, self._mechanical.going_on(old, end), ahead
+            )
             self.gap_slopes = np.asarray(0.5 * (self._begun + ended))
         return found
 
@@ -109,15 +107,18 @@ class FollowedCoupling(StaggeredCoupling):
         """Those of a committed state, which the window before has ended with."""
         slopes, gaps = self._ended
         marked = self._mechanical.marked
-        return gaps if slopes is marked else self._gaps(state, marked)
-
-    def _gaps(self, state: MechanicalState, slopes: Sequence[Slopes]) -> Array:
+        if slopes is marked:
+            return gaps
         assert self.gap is not None
-        return np.array(self._mechanical.gaps(self.gap, state, slopes))
+        if all(marked):
+            return self._mechanical.gaps(self.gap, marked, state)
+        # Nothing has touched the strand as it begins, but a wall may stand off it.
+        none = none_of(state)
+        return self._mechanical.gaps_of_motion(self.gap, [its or none for its in marked], state)
 
     def _iterate(self, old: StrandState, end: float, gap: Array | None) -> CouplingWindow:
         """See `StaggeredCoupling`: one iteration, with its derivatives."""
-        if self.gap is not None or self.dissipation or self._shape:
+        if self.gap is not None or self.dissipation or self._shape is not None:
             self._derivatives.feedback = Feedback(self._duration, self._warmed, self._shape)
         if gap is not None:
             for variation, slope in zip(self._derivatives.variations, self.gap_slopes, strict=True):
@@ -128,7 +129,7 @@ class FollowedCoupling(StaggeredCoupling):
         if taken.converged and taken.state.mechanical is not None:
             if self.gap is not None:
                 slopes = self._mechanical.slopes
-                ended = self._gaps(taken.state.mechanical, slopes)
+                ended = self._mechanical.gaps(self.gap, slopes, taken.state.mechanical)
                 self.mean_slopes = np.asarray(0.5 * (self._begun + ended))
                 self._ended = slopes, ended
             if self.dissipation:
@@ -145,38 +146,21 @@ class FollowedCoupling(StaggeredCoupling):
         return FollowedRelaxation(self)
 
     def _follow_shape(self, state: MechanicalState) -> None:
-        """See `StaggeredCoupling`; the derivatives are differences of what is assembled."""
-        problem = self.thermal.stepper.problem
-        if problem.shape is not None:
-            for number in range(len(self._shape)):
-                self._differ(number, state)
+        """See `StaggeredCoupling`."""
         super()._follow_shape(state)
-
-    def _differ(self, number: int, state: MechanicalState) -> None:
-        """Derivatives of conduction, surface and volume by one parameter (collective)."""
-        problem, shape = self.thermal.stepper.problem, self._shape[number]
-        variation = self._derivatives.variations[number]
-        slopes = self._mechanical.marked[number]
-        volumes, weights = [], []
-        for sign in (1.0, -1.0):
-            by = sign * variation.parameter.step
-            assert problem.shape is not None
-            problem.shape.take(*motion(state, slopes, by))
-            problem.assemble_conduction(shape.conduction if sign > 0.0 else self._spare)
-            weights.append(self._zones.weights_now())
-            thermal = self._old.thermal
-            before = thermal.filled + by * self._fed[number]
-            volumes.append(problem.shape.filled(before, thermal.point.temperature))
-        span = variation.span
-        shape.conduction.axpy(-1.0, self._spare)
-        shape.conduction.scale(1.0 / span)
-        shape.weights = [
-            (patch, (one - other) / span) for (patch, one), (_, other) in zip(*weights, strict=True)
-        ]
-        shape.filled = np.asarray((volumes[0] - volumes[1]) / span)
-        filled = self._filled.copy()
-        filled[number] = shape.filled
-        self._filled = filled
+        if self._shape is None:
+            return
+        none = none_of(state)
+        known = [slopes or none for slopes in self._mechanical.marked]
+        motions, strains = (
+            np.array([slopes[name] for slopes in known])
+            for name in ("displacement", "generalized_strains")
+        )
+        thermal, shape = self._old.thermal, self.thermal.stepper.problem.shape
+        assert shape is not None
+        solid = thermal.point.temperature < shape.solidus
+        self._shape.follow(motions, strains, self._fed, solid)
+        self._filled = self._shape.filled
 
 
 class FollowedRelaxation(Relaxation):

@@ -5,39 +5,45 @@ the state it begins with (stress, what the law remembers, displacement), p a par
 
     J dx/dp = - dR/dp at held x,     dR/dp = dR/ds ds/dp + dR/dp,
 
-J the consistent tangent at the end of the step, factored once.  What stands on the right is one
-central difference of the residual, between slices on both sides of p that begin with the states on
-both sides: the law is integrated there at the same unknowns.  Integrated once more where x has
-moved with p it gives stress and memory on both sides, and so ds/dp at the end.  Points that flow go
-on flowing, elastic ones stay elastic, liquid stays liquid: where a point is nearer to its yield
-limit than the difference is wide, a narrower one is tried.  All parameters are solved for at once.
+J the consistent tangent at the end of the step, factored once.  On the right are the forces of
+derivatives of stress, pressure and traction (`castfem.sensitivity.linearised_step`).  Those of the
+law are central differences, integrated at the same unknowns on both sides of p with the states on
+both sides; integrated once more where x has moved with p they give stress and memory, and so ds/dp
+at the end.  Points that flow go on flowing, elastic ones stay elastic, liquid stays liquid: where a
+point is nearer to its yield limit than the difference is wide, a narrower one is tried.  All
+parameters are solved for at once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from castfem.case.build_machine import build_machine
+from castfem.contact.linearised import WallMet
 from castfem.contact.state import CONTACT
 from castfem.errors import RunFailure
 from castfem.fem import dof_values, reductions
 from castfem.mechanics.definition import Slice
+from castfem.mechanics.force_operators import ForceOperators
 from castfem.mechanics.state import MechanicalState
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.surface_gap import SurfaceGap
 from castfem.mechanics.varied_problem import VariedProblem
+from castfem.sensitivity.beginning import Beginning, Stressed
 from castfem.sensitivity.kinks import Kinks
-from castfem.sensitivity.moved_state import Slopes, apart, motion, moved, none_of
-from castfem.sensitivity.two_sides import Following, Side, Step
+from castfem.sensitivity.linearised_step import LinearisedStep
+from castfem.sensitivity.moved_state import Slopes, moved, none_of
+from castfem.sensitivity.parameters import Parameter
+from castfem.sensitivity.slice_sides import SIGNS, SliceSides
 from castfem.sensitivity.varied import Variation, Varied
 from castfem.simulation.mechanics import make_slice
 from castfem.simulation.simulation import Simulation, case_steel
 from castfem.values.types import Array
 
-NARROW = (5e-2, 5e-4)  # of the step of a parameter: differences of the residual to try
+NARROW = (5e-2, 5e-4)  # of the step of a parameter: differences to try
 UNEVEN = 1e-3  # of a difference: how far its two halves may be apart
 EXACT = 1e-4  # of the largest derivative of stress or of pressure: what may be out of balance
 AT_ONCE = 1e-5  # the same, before anything is corrected
@@ -49,6 +55,27 @@ SOLVES = 5  # with the tangent, at most
 def lengthened(variation: Variation, begin: float, end: float) -> float:
     """Derivative of the time between two times of the run (s), s per unit."""
     return variation.lateness(end) - variation.lateness(begin)
+
+
+@dataclass(slots=True)
+class Following:
+    """A parameter's part in a step, while its derivatives are sought.
+
+    Attributes:
+        right: What is out of balance per unit of it, with the sign of a load (local,), N/m.
+        whole: Largest of it at held unknowns.
+        bend: Of the difference, how far its halves are apart.
+        left: What was out of balance after the last solution; without bounds before one.
+        rounding: What of `right` may be that, N/m.
+        slopes: Where nothing is out of balance, of what is carried.
+    """
+
+    right: Array
+    whole: float
+    bend: float
+    left: float = np.inf
+    rounding: float = 0.0
+    slopes: Slopes = field(default_factory=dict)
 
 
 class MechanicalDerivatives:
@@ -66,8 +93,10 @@ class MechanicalDerivatives:
         assert simulation.mechanics is not None
         self._simulation, self.variations = simulation, tuple(variations)
         self._problem = simulation.mechanics.problem
-        self._still = VariedProblem(self._problem, self._problem.slice)
-        self._sides = [self._sides_of(v) for v in self.variations]
+        self._forces = ForceOperators(self._problem)
+        self._sides: dict[tuple[int, int], SliceSides] = {}
+        for number in range(len(self.variations)):
+            self._sides_of(number, 0)
         for variation in self.variations:
             for end, sign in ((variation.above, 1.0), (variation.below, -1.0)):
                 self._give_mechanics(variation, end, sign * variation.parameter.step)
@@ -84,54 +113,77 @@ class MechanicalDerivatives:
         simulation, parameter = self._simulation, variation.parameter
         value = parameter.value + by
         case = parameter.case_at(simulation.case, value)
-        assert case.mechanics is not None
         alike = case.steel == simulation.case.steel
         steel = parameter.steel_at(simulation.steel if alike else case_steel(case), value)
-        machine = build_machine(case)
-        made = make_slice(
-            case, case.mechanics, machine, steel, simulation.section, simulation.probes
-        )
-        return replace(made, law=parameter.law_at(made.law, value))
+        its = replace(simulation, case=case, machine=build_machine(case), steel=steel)
+        return self._made(its, parameter, by)
 
-    def _sides_of(self, variation: Variation) -> list[tuple[Side, Side]]:
-        """Pairs of sides, above and below, from wide to narrow."""
-        found = []
-        for share in NARROW:
-            by = share * variation.parameter.step
-            pair = (Side(s * by, VariedProblem(self._problem, self._slice(variation, s * by)))
-                    for s in (1.0, -1.0))  # fmt: skip
-            found.append(tuple(pair))
-        return found  # type: ignore[return-value]
+    def _sides_of(self, number: int, width: int) -> SliceSides:
+        """The slice on both sides of a parameter, by `NARROW[width]` of its step."""
+        if (number, width) not in self._sides:
+            variation, case = self.variations[number], self._simulation.case
+            by = NARROW[width] * variation.parameter.step
+            above, below = (self._slice(variation, sign * by) for sign in SIGNS)
+            its = variation.above.simulation.case
+            same = its.mould == case.mould and its.section == case.section
+            self._sides[number, width] = SliceSides(self._problem, (above, below), by, same)
+        return self._sides[number, width]
 
     def _give_mechanics(self, variation: Variation, end: Varied, by: float) -> None:
         """Let results be read off the slice on one side."""
-        problem = VariedProblem(self._problem, self._slice(variation, by))
-        stepper = MechanicalStepper(problem, judge=False)
-        end.simulation = replace(end.simulation, mechanics=stepper)
+        its, parameter = end.simulation, variation.parameter
+        problem = VariedProblem(self._problem, self._made(its, parameter, by))
+        end.simulation = replace(its, mechanics=MechanicalStepper(problem, judge=False))
 
-    def gaps(
-        self, gap: SurfaceGap, state: MechanicalState, slopes: Sequence[Slopes]
-    ) -> list[Array]:
-        """Derivatives of the gap that heat crosses by each parameter (owned,), m (collective).
+    def _made(self, its: Simulation, parameter: Parameter, by: float) -> Slice:
+        """The slice of a simulation in which a parameter is moved."""
+        assert its.case.mechanics is not None
+        made = make_slice(
+            its.case, its.case.mechanics, its.machine, its.steel, its.section, its.probes
+        )
+        return replace(made, law=parameter.law_at(made.law, parameter.value + by))
+
+    def gaps(self, gap: SurfaceGap, slopes: Sequence[Slopes], state: MechanicalState) -> Array:
+        """Derivatives of the gap that heat crosses by each parameter (k, owned), m (collective).
 
         Args:
             gap: Measures it.
+            slopes: Of a state that a step has come to, by each parameter.
             state: Whose gap it is.
-            slopes: Of that state, by each parameter.
         """
-        here, found = gap.at(state), []
-        open_ = (here > 0.0) & np.isfinite(here)
-        for variation, its, pairs in zip(self.variations, slopes, self._sides, strict=True):
-            pair, ends = pairs[0], []
-            for side in pair:
-                time = state.time + side.by * variation.lateness(state.time)
-                contact = side.problem.contact
-                assert contact is not None
-                ends.append(gap.to_wall(contact).of(time, *motion(state, its, side.by)))
-            slope = np.zeros(self._simulation.section.owned)
-            change = apart(ends[0], ends[1]) / (pair[0].by - pair[1].by)
-            slope[gap.dofs] = np.where(open_, change, 0.0)
-            found.append(slope)
+        assert state.contact is not None
+        name, none = f"{CONTACT}gap", np.zeros_like(state.contact.gap)
+        changes = np.array([its.get(name, none) for its in slopes])
+        return self._crossed(gap, state.contact.gap, changes)
+
+    def gaps_of_motion(
+        self, gap: SurfaceGap, slopes: Sequence[Slopes], state: MechanicalState
+    ) -> Array:
+        """The same of a state of which the motion alone is known, as `going_on` gives it."""
+        wall = self._problem.contact
+        assert wall is not None
+        position = wall.contact.position(state.time)
+        motion = state.displacement, state.generalized_strains
+        place = WallMet(wall.strand, wall.contact.wall, position, motion)
+        moved = (np.array([its[name] for its in slopes]).T
+                 for name in ("displacement", "generalized_strains"))  # fmt: skip
+        changes = place.change(wall.strand.changes(*moved))[1].T.copy()
+        for number, variation in enumerate(self.variations):
+            sides, late = self._sides_of(number, 0), variation.lateness(state.time)
+            positions = [
+                side.contact.position(state.time + sign * sides.by * late)
+                for side, sign in zip(sides.walls, SIGNS, strict=True)
+            ]
+            changes[number] += sides.wall_moved(place, positions)[1]
+        return self._crossed(gap, place.gap, changes)
+
+    def _crossed(self, gap: SurfaceGap, here: Array, changes: Array) -> Array:
+        """From changes of the gap at the points (k, n) to those of what heat crosses (k, owned)."""
+        now = gap.of_points(here)
+        open_ = (now > 0.0) & np.isfinite(now)
+        found = np.zeros((len(changes), self._simulation.section.owned))
+        for number in range(len(changes)):
+            found[number, gap.dofs] = np.where(open_, gap.spread(changes[number]), 0.0)
         return found
 
     def look(self, state: MechanicalState) -> None:
@@ -165,39 +217,85 @@ class MechanicalDerivatives:
         Raises:
             RunFailure: The tangent cannot be factored.
         """
-        problem, count = self._problem, len(self._sides)
+        problem = self._problem
         assert problem.residual_state is not None
-        local = problem.residual_state.local.copy()
         problem.linearise()
-        self._still.begin(old, state.time, state.temperature)
-        left = self._still.residual_at(local, np.zeros_like(local))
-        begun = []
-        for number, pairs in enumerate(self._sides):
-            start = self.marked[number] or none_of(old)
-            temperatures = before[number], after[number]
-            step = Step(self.variations[number], old, state, start, temperatures, local)
-            begun.append(self._begun(pairs, step, left))
-        moves: Array = np.zeros((count, len(local)))
-        following = [number for number, one in enumerate(begun) if one.whole > 0.0]
+        begun = self._begun(old, state, before, after)
+        step, following = self._held(begun)
+        moves: Array = np.zeros((len(following), len(problem.residual_state.local)))
+        found = [one.slopes for one in following]
+        asked = [number for number, one in enumerate(following) if one.whole > 0.0]
         for _ in range(SOLVES):
-            if not following:
+            if not asked:
                 break
-            more = problem.solve_linearised(np.array([begun[n].right for n in following]))
+            more = problem.solve_linearised(np.array([following[n].right for n in asked]))
             if more is None:
                 raise RunFailure("the derivative of a mechanical step cannot be solved for")
-            moves[following] += more
-            following = [n for n in following if self._out_of_balance(begun[n], moves[n])]
-        for one, move in zip(begun, moves, strict=True):
-            if not one.slopes:  # nothing is out of balance
-                one.moved(np.asarray(move))
-        found = [one.slopes for one in begun]
-        changes = self._displacements(begun, moves)
-        for variation, start, slopes, change in zip(
-            self.variations, self.marked, found, changes, strict=True
+            moves[asked] += more
+            left = step.evaluate(moves[asked], asked)
+            for i, number in enumerate(asked):
+                following[number].right, found[number] = left.rights[i], left.slopes[i]
+                following[number].rounding = float(left.rounding[i])
+            asked = [n for n in asked if self._out_of_balance(following[n], found[n])]
+        changes = self._displacements(step, moves)
+        for variation, its, slopes, change in zip(
+            self.variations, begun, found, changes, strict=True
         ):
             slopes["displacement"] = change
-            slopes |= self._rates(variation, old, state, start or none_of(old), slopes)
+            slopes |= self._rates(variation, old, state, its.start, slopes)
         self.slopes = found
+
+    def _begun(
+        self, old: MechanicalState, state: MechanicalState, before: Sequence[Array],
+        after: Sequence[Array],
+    ) -> list[Beginning]:  # fmt: skip
+        """What a step begins with, by each parameter (collective)."""
+        problem, none, found = self._problem, none_of(old), []
+        points = problem.at_points(old.temperature), problem.at_points(state.temperature)
+        stressed = Stressed.of(problem, old, state, points)
+        warm = [problem.points.vertex @ self._at_vertices(one).T for one in (before, after)]
+        for number, variation in enumerate(self.variations):
+            late = variation.lateness(old.time), variation.lateness(state.time)
+            warming = warm[0][:, number].copy(), warm[1][:, number].copy()
+            start, vertices = self.marked[number] or none, (before[number], after[number])
+            found.append(Beginning(old, state, start, stressed, points, warming, vertices, late))
+        return found
+
+    def _at_vertices(self, owned: Sequence[Array]) -> Array:
+        """Values at this rank's vertices, ghosts included, of several (n, owned) (collective)."""
+        space = self._problem.section.vertex_space
+        return np.array([dof_values.with_ghosts(space, values) for values in owned])
+
+    def _held(self, begun: Sequence[Beginning]) -> tuple[LinearisedStep, list[Following]]:
+        """What each parameter puts out of balance at held unknowns, by its best difference."""
+        comm, every = self._simulation.section.comm, list(range(len(begun)))
+        best: dict[int, tuple[Following, int]] = {}
+        tried, step = every, self._step([0] * len(every), every, begun)
+        first = step
+        for width in range(len(NARROW)):
+            if width:
+                step = self._step([width] * len(tried), tried, begun)
+            found = step.evaluate(None, list(range(len(tried))))
+            for i, number in enumerate(tried):
+                right, bend = found.rights[i], float(found.bends[i])
+                whole = reductions.largest(comm, np.abs(right))
+                if number not in best or bend < best[number][0].bend:
+                    best[number] = Following(right, whole, bend, slopes=found.slopes[i]), width
+            bent = dict(zip(tried, found.bent, strict=True))
+            tried = [n for n in tried if bent[n] and best[n][0].bend > UNEVEN]
+            if not tried:
+                break
+        widths = [best[n][1] for n in every]
+        if any(widths):
+            first = self._step(widths, every, begun)
+        return first, [best[n][0] for n in every]
+
+    def _step(
+        self, widths: Sequence[int], numbers: Sequence[int], begun: Sequence[Beginning]
+    ) -> LinearisedStep:
+        """A step with the sides of some parameters, by widths of `NARROW`."""
+        sides = [self._sides_of(n, width) for n, width in zip(numbers, widths, strict=True)]
+        return LinearisedStep(self._problem, self._forces, sides, [begun[n] for n in numbers])
 
     def _rates(
         self, variation: Variation, old: MechanicalState, state: MechanicalState, start: Slopes,
@@ -242,51 +340,27 @@ class MechanicalDerivatives:
             )
         return found
 
-    def _begun(self, pairs: Sequence[tuple[Side, Side]], step: Step, left: Array) -> Following:
-        """What a parameter puts out of balance at held unknowns, by the best pair (collective).
-
-        Args:
-            pairs: Of sides, from wide to narrow.
-            step: The step as it is there.
-            left: What is out of balance where the parameter is.
-        """
-        comm, still = self._simulation.section.comm, np.zeros_like(step.local)
-        found = []
-        for pair in pairs:
-            one, other = (step.begun(side).residual_at(step.local, still) for side in pair)
-            halves = np.abs(one + other - 2.0 * left), np.abs(one - other)
-            uneven, whole = (reductions.largest(comm, h) for h in halves)
-            right = np.asarray((other - one) / (pair[0].by - pair[1].by))
-            share = uneven / whole if whole > 0.0 else np.inf  # too narrow to show anything
-            found.append((share, Following(pair, step, right, whole)))
-            if uneven <= UNEVEN * whole:
-                break
-        return min(found, key=lambda one: one[0])[1]
-
-    def _out_of_balance(self, following: Following, move: Array) -> bool:
-        """Take what the next step takes up; whether the unknowns are to be corrected (collective).
+    def _out_of_balance(self, following: Following, slopes: Slopes) -> bool:
+        """Whether the unknowns are to be corrected (collective).
 
         Newton's tangent may leave something out, as the turn of friction round an arc does: what
         is out of balance where they have moved corrects them. Where the wall is met it is so stiff
         that an error of displacement that nothing else shows is one of its pressure.
         """
-        comm, one, other = self._simulation.section.comm, *following.moved(move)
-        following.right = np.asarray((other - one) / following.span)
+        left = reductions.largest(self._simulation.section.comm, np.abs(following.right))
+        if left <= following.rounding:
+            return False
         if not self._touches:
-            left = reductions.largest(comm, np.abs(one - other))
             return left > OF_ALL * following.whole
         before, first = following.left, np.isinf(following.left)
-        following.left = now = self._unbalanced(following.right, following.slopes)
+        following.left = now = self._unbalanced(following.right, slopes)
         return now > AT_ONCE if first else EXACT < now <= STALE * before
 
-    def _displacements(self, begun: Sequence[Following], moves: Array) -> list[Array]:
+    def _displacements(self, step: LinearisedStep, moves: Array) -> list[Array]:
         """Derivatives of the displacements of this rank's nodes, ghosts included (collective)."""
         problem = self._problem
         found, held = np.array(moves[:, : problem.owned]), problem.constraints.fixed
-        if problem.constraints.moving:
-            for number, one in enumerate(begun):
-                above, below = one.supports()
-                found[number, held] = ((above - below) / one.span)[held]
+        found[:, held] = step.given.fixed.T[:, held]
         if problem.liquid is not None:
             found = problem.liquid.followed(found)
         return [dof_values.with_ghosts(problem.space, change) for change in found]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,26 +27,6 @@ def none_of(state: MechanicalState) -> Slopes:
     return found
 
 
-def apart(above: Array, below: Array) -> Array:
-    """One less the other; 0 where both are without bounds, as the gap to no wall."""
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.nan_to_num(above - below, nan=0.0), dtype=np.float64)
-
-
-def motion(state: MechanicalState, slopes: Slopes, by: float) -> tuple[Array, Array]:
-    """Displacement and generalized strains as they would be with a parameter moved.
-
-    Args:
-        state: As it is.
-        slopes: Its derivatives; empty where it depends on no parameter.
-        by: By how much the parameter is moved, in its unit.
-    """
-    if not slopes:
-        return state.displacement, state.generalized_strains
-    displacement = state.displacement + by * slopes["displacement"]
-    return displacement, state.generalized_strains + by * slopes["generalized_strains"]
-
-
 def moved(state: MechanicalState, slopes: Slopes, by: float) -> MechanicalState:
     """A state as it would be with a parameter moved by `by`, in its unit."""
     if not slopes:
@@ -71,9 +50,3 @@ def with_numbers(state: MechanicalState, numbers: Slopes) -> MechanicalState:
             contact if one is state.contact else one for one in state.interactions
         )
     return replace(state, **changed)
-
-
-def between(ends: Sequence[Slopes], span: float) -> Slopes:
-    """Derivatives of what is carried, above and below a parameter, `span` apart."""
-    above, below = ends
-    return {n: np.asarray(apart(above[n], below[n]) / span) for n in above}

@@ -114,8 +114,7 @@ class ThermalDerivatives:
             self.removed = reductions.totals(comm, (self._start - found) @ problem.volume)
             return
         share, change = step.span / feedback.duration, result.state.enthalpy - old.enthalpy
-        beside = [feedback.gained(i, share, change, problem) for i in range(len(found))]
-        lost = (started - found) @ problem.volume + np.array(beside)
+        lost = (started - found) @ problem.volume + feedback.gained(share, change, problem)
         self.removed = self.removed + reductions.totals(comm, lost)
 
     def _enter(self, time: float) -> None:
@@ -137,13 +136,13 @@ class ThermalDerivatives:
         slope = surface_heat(problem.cooling, point.temperature, stage.time)[1]
         self._tangent.factor(point, slope, stage.tau)
         right = problem.volume * base
+        if self.feedback is not None:
+            right += self.feedback.of_stage(stage, problem)
         fixed = np.zeros((len(base), len(problem.fixed)))
         for i, v in enumerate(self.variations):
             change = self._change(v, stage, step, i, slope)
             if change is not None:
                 right[i] -= change
-            if self.feedback is not None:
-                right[i] += self.feedback.of_stage(i, stage, problem)
             if not fixed.size:
                 continue
             above, below = (end.simulation.problem for end in (v.above, v.below))

@@ -107,10 +107,6 @@ class Zones:
         """Cool the surface as it is now (collective)."""
         self._surface.follow_shape()
 
-    def weights_now(self) -> list[tuple[Patch, Array]]:
-        """Shares of the perimeter that patches would have as the surface is now (collective)."""
-        return self._surface.weights_now()
-
     def flux_across(self, gap: Array, temperature: Array, time: float) -> Array:
         """Heat flux at the owned vertices (owned,), W/m2, if these were the gaps that change it.
 

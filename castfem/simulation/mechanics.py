@@ -23,7 +23,7 @@ from castfem.mechanics.bent_planes import BentPlanes
 from castfem.mechanics.definition import Slice
 from castfem.mechanics.ferrostatic import Ferrostatic
 from castfem.mechanics.imposed_axis import ImposedAxis
-from castfem.mechanics.planes import PlainPlanes, Planes, TimeHistory, allowed_strains
+from castfem.mechanics.planes import PlainPlanes, Planes, TimeHistory, allowed_strains, zero
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.mechanics.stepper import MechanicalStepper
 from castfem.mechanics.supports import PrescribedDisplacement
@@ -133,6 +133,8 @@ def _wall(table: Mould, strand: Strand, machine: Machine, section: Section) -> C
 
 def _shared(value: float | Table, machine: Machine, parts: int) -> TimeHistory:
     """What each of the equal parts of the section bears over time of a load on the whole."""
+    if value == 0.0:
+        return zero
     whole = over_time(value, machine)
     return lambda time: whole(time) / parts
 

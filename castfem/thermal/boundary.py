@@ -5,6 +5,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,7 +48,8 @@ class Surface:
         self._shares: dict[int, Array] = {}
         self._forms: dict[int, fem.Form] = {}
 
-    def _compile(self) -> dict[int, fem.Form]:
+    def forms(self) -> dict[int, tuple[str, ufl.Form]]:
+        """By tag of a group the name and the form of its shares of the perimeter."""
         section, shape = self.section, self._shape
         curved = section.order == 2 or shape is not None
         ds = surface_measure(section.mesh, section.facet_tags, curved)
@@ -58,7 +60,7 @@ class Surface:
             kind = "heat.surface.moved"
             stretch = surface_stretch(shape.gradient, shape.thickness, normal)
         return {
-            i: section.compile(f"{kind}.{name}", surface_heat(stretch, v, ds(i)))
+            i: (f"{kind}.{name}", surface_heat(stretch, v, ds(i)))
             for i, name in enumerate(section.groups)
             if name in section.outer_groups
         }
@@ -66,7 +68,8 @@ class Surface:
     def _share(self, tag: int) -> Array:
         """Share of the perimeter of group `tag` that belongs to each owned vertex (owned,), m."""
         if not self._forms:
-            self._forms = self._compile()
+            forms = self.forms()
+            self._forms = {i: self.section.compile(*form) for i, form in forms.items()}
         if tag not in self._shares:
             self._shares[tag] = assemble_owned(self._forms[tag], self.section.owned)
         return self._shares[tag]
@@ -77,15 +80,12 @@ class Surface:
         for key, patch in self._patches.items():
             patch.weights[:] = np.sum([self._share(t) for t in key], axis=0)[patch.dofs]
 
-    def weights_now(self) -> list[tuple[Patch, Array]]:
-        """What `follow_shape` would give the patches, which keep what they have (collective)."""
-        kept, self._shares = self._shares, {}
-        found = [
-            (patch, np.sum([self._share(t) for t in key], axis=0)[patch.dofs])
+    def spread(self, shares: Mapping[int, Array]) -> list[tuple[Patch, Array]]:
+        """Shares of groups, by tag (..., owned), at the vertices of each patch (..., n)."""
+        return [
+            (patch, np.sum([shares[t] for t in key], axis=0)[..., patch.dofs])
             for key, patch in self._patches.items()
         ]
-        self._shares = kept
-        return found
 
     def whole(self) -> Patch:
         """The whole surface of the strand, without the lines of symmetry."""

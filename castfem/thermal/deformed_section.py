@@ -29,14 +29,16 @@ class Shape:
         gradient: In-plane deformation gradient F (2, 2).
         thickness: e, over the undeformed one.
         area: Of each owned vertex (owned,), undeformed, m2.
+        displacement: Of the slice. generalized_strains: Likewise (4,).
+        volume: Form of what the slice encloses at each vertex.
     """
 
     def __init__(self, section: Section, space: fem.FunctionSpace, solidus: float) -> None:
         mesh = section.mesh
         self.solidus = solidus
-        self._displacement = fem.Function(space)
-        self._generalized_strains = fem.Constant(mesh, np.zeros(4))
-        moved = deformation(self._displacement, self._generalized_strains, mesh)
+        self.displacement = fem.Function(space)
+        self.generalized_strains = fem.Constant(mesh, np.zeros(4))
+        moved = deformation(self.displacement, self.generalized_strains, mesh)
         sound = ufl.gt(ufl.det(moved.gradient), FOLDED)
         still = ufl.Identity(2)
         self.gradient = ufl.as_tensor(
@@ -50,7 +52,9 @@ class Shape:
         dx = storage_measure(mesh, section.order == 2)
         now = self.thickness * ufl.det(self.gradient)
         self._owned = section.owned
-        self._volume = section.compile("heat.volume.moved", storage(now, v, dx))
+        self._enclosed: Array | None = None
+        self.volume = storage(now, v, dx)
+        self._volume = section.compile("heat.volume.moved", self.volume)
         one = fem.Constant(mesh, np.float64(1.0))
         area = section.compile("heat.storage", storage(one, v, dx))
         self.area = assemble_owned(area, section.owned)
@@ -65,8 +69,14 @@ class Shape:
             before: The same before (owned,).
             temperature: At the vertices (owned,), K.
         """
-        now = assemble_owned(self._volume, self._owned) / self.area
+        now = self.enclosed() / self.area
         return np.where(temperature < self.solidus, before, now)
+
+    def enclosed(self) -> Array:
+        """Volume that the slice encloses now at each vertex (owned,), m2 (collective)."""
+        if self._enclosed is None:
+            self._enclosed = assemble_owned(self._volume, self._owned)
+        return self._enclosed
 
     def take(self, displacement: Array, generalized_strains: Array) -> None:
         """Move the slice.
@@ -75,5 +85,6 @@ class Shape:
             displacement: Of this rank's nodes, ghosts included, x and y by turns, m.
             generalized_strains: Generalized strains [a0 - 1, a1, a2, across] (4,).
         """
-        self._displacement.x.array[:] = displacement
-        self._generalized_strains.value[:] = generalized_strains
+        self._enclosed = None
+        self.displacement.x.array[:] = displacement
+        self.generalized_strains.value[:] = generalized_strains

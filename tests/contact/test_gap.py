@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -174,7 +175,8 @@ def of_field(setup: SliceSetup, moved: Callable[[Array], Array]) -> Array:
     """Gap at the vertices of the surface when the nodes have moved by a function of (2, n)."""
     field = fem.Function(setup.problem.space)
     field.interpolate(lambda x: moved(x[:2]))
-    return SurfaceGap(setup.problem.contact).of(0.0, field.x.array, np.zeros(4))
+    moves = replace(setup.state, displacement=field.x.array, generalized_strains=np.zeros(4))
+    return SurfaceGap(setup.problem.contact).at(moves)
 
 
 @pytest.mark.parametrize("large", [False, True])

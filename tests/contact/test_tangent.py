@@ -142,24 +142,6 @@ def test_jacobian_at_a_round_wall(large: bool) -> None:
     assert np.abs(exact - found).max() < 5e-6 * np.abs(found).max()
 
 
-def test_a_little_motion_told_apart_meets_the_wall_as_the_whole_does() -> None:
-    """To first order, where the strand faces it askew too: derivatives tell motion in two parts."""
-    contact = at_a_round_wall(large=False).problem.contact
-    assert contact is not None
-    facets, size = contact.facets, 1e-7
-    askew = np.array([[np.cos(0.2), np.sin(0.2)], [-np.sin(0.2), np.cos(0.2)]])
-    strand, place = facets.normal @ askew, 1e-4 * facets.normal
-    shift = size * np.random.default_rng(0).standard_normal(place.shape)
-    here, there = (
-        contact.strand.meet(contact.contact.wall, 0.0, at, strand) for at in (place, place + shift)
-    )
-    met = [contact.strand.gap_to(*one) for one in ((here,), (there,), (here, shift))]
-    (_, before, _), (turned, gap, _), (its, found, _) = met
-    assert np.abs(found - gap).max() < 1e-5 * np.abs(gap - before).max()
-    assert np.abs(its - turned).max() < 1e-2 * size
-    assert np.abs(turned - met[0][0]).max() > size
-
-
 class RoundWall:
     """A wall that is one arc."""
 

@@ -134,7 +134,7 @@ def test_liquid_is_held_on_the_deformed_surface() -> None:
     local = np.concatenate([0.3 * places.ravel(), [0.0]])
     pressed = problem._evaluate(local).forces.reshape(-1, 2)
     problem.points.mean.fill(problem.fields.pressure, 0.0 * problem.pressure)
-    problem._loads.liquid.x.array[:] = 0.0
+    problem.loads.liquid.x.array[:] = 0.0
     free = problem._evaluate(local).forces.reshape(-1, 2)
     inner = (places > 1e-9).all(axis=1)
     assert np.abs(pressed - free)[inner].max() < 1e-10 * HEAD * 0.1

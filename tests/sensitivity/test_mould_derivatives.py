@@ -21,7 +21,6 @@ from castfem.case import Case
 from castfem.case.load import from_document
 from castfem.cli.sensitivity import remarks
 from castfem.errors import InputError
-from castfem.mechanics.varied_problem import VariedProblem
 from castfem.results.registry import columns_of
 from castfem.results.run_state import RunState
 from castfem.sensitivity import mechanical
@@ -277,32 +276,6 @@ def test_a_followed_billet_is_the_plain_one_bit_by_bit() -> None:
     assert one.mechanical is not None and other.mechanical is not None
     assert np.array_equal(one.thermal.enthalpy, other.thermal.enthalpy)
     assert np.array_equal(one.mechanical.displacement, other.mechanical.displacement)
-
-
-def test_a_step_that_is_gone_on_with_stands_as_it_was_begun(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The residual is that of a slice begun anew, bit by bit, whatever the other side has done."""
-    arguments: dict[VariedProblem, tuple[Any, ...]] = {}
-    begin, residual_at = VariedProblem.begin, VariedProblem.residual_at
-    apart: list[float] = []
-
-    def noted(self: VariedProblem, *given: Any) -> None:
-        arguments[self] = given
-        begin(self, *given)
-
-    def twice(self: VariedProblem, local: Any, move: Any) -> Any:
-        found = residual_at(self, local, move)
-        if move.any():
-            begin(self, *arguments[self])
-            apart.append(float(np.abs(found - residual_at(self, local, move)).max()))
-        return found
-
-    monkeypatch.setattr(VariedProblem, "begin", noted)
-    monkeypatch.setattr(VariedProblem, "residual_at", twice)
-    two = billet().with_({"coupling.settled": "5 K"})
-    castfem.sensitivities(two, "steel.density,casting.speed", "heat_removed")
-    assert len(apart) > 4 and not any(apart)
 
 
 @pytest.mark.mpi
