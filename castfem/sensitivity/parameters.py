@@ -39,7 +39,8 @@ LEVELS = {"degC", "degF", "°C", "°F"}
 _BY_CARBON = "name steel.composition.C instead"
 _SHIFT = 1e-3  # of a unit of temperature: half the distance of the difference quotients
 _SHARE = 1e-5  # of anything else
-_OF_WALL = 1e-4  # of sizes of the mould: taper moves the wall by less than its place is rounded
+_OF_MOULD = 1e-4  # of its numbers: taper moves the wall by less than its place is rounded
+_OF_LENGTH = 1e-6  # of its lengths, which move it by a part of themselves
 _HELD = {
     "section": "it changes the mesh",
     "mesh": "it changes the mesh",
@@ -235,9 +236,15 @@ def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
         raise ValueError("by how much it may differ must be above 0")
     if not wide > 0.0:
         raise ValueError(f"it is 0; say by how much it may differ: {name}=SPREAD")
-    share = _OF_WALL if parameter.key.startswith("mould.") else _SHARE
-    size = share * max(abs(parameter.value), wide)
+    size = _share(parameter) * max(abs(parameter.value), wide)
     return replace(parameter, spread=wide, step=_SHIFT if temperature else size)
+
+
+def _share(parameter: Parameter) -> float:
+    """Half the distance of the difference quotients, over the number."""
+    if not parameter.key.startswith("mould."):
+        return _SHARE
+    return _OF_LENGTH if units.parse_any(f"1 {parameter.unit}")[1] == "m" else _OF_MOULD
 
 
 def _spread(text: str, parameter: Parameter, temperature: bool) -> float:

@@ -192,6 +192,34 @@ def test_a_billet_in_its_mould_has_the_differences_of_runs() -> None:
         assert found().gradient[result][name] == pytest.approx(known, rel=1e-4), result
 
 
+@pytest.mark.parametrize(
+    ("changes", "name", "share", "near"),
+    [
+        ({"mould.taper": "4 %/m"}, "mould.taper", 1e-3, (1e-6, 1e-6, 1e-6)),
+        (
+            {"mould.width": "60.3 mm", "mould.height": "60.3 mm"}, "mould.width", 1e-6,
+            (1e-6, 5e-3, 1e-4),
+        ),
+    ],
+)  # fmt: skip
+def test_a_mould_that_closes_fast_or_stands_off(
+    changes: dict[str, str], name: str, share: float, near: tuple[float, ...]
+) -> None:
+    """Corners leave while faces are pushed in; a wall that nothing touches as the strand begins.
+
+    There stress is that of the liquid and hardly depends on the wall.
+    """
+    case = billet().with_(changes)
+    (parameter,) = read_parameters(case, case_steel(case), [name])
+    asked = ("heat_removed", "von_mises_max", "displacement_mid_face")
+    slopes = castfem.sensitivities(case, name, ",".join(asked)).gradient
+    by = share * parameter.value
+    ends = [results(parameter.case_at(case, parameter.value + s * by))[1] for s in (1.0, -1.0)]
+    for result, rel in zip(asked, near, strict=True):
+        known = (ends[0][result] - ends[1][result]) / (2.0 * by)
+        assert slopes[result][name] == pytest.approx(known, rel=rel), result
+
+
 def test_the_pressure_of_deep_liquid_goes_with_the_density() -> None:
     """That in the cells left out, too: what it does in a run is not what it does beside it."""
     case, names, by = billet(), ("axial_strain", "von_mises_max"), 1e-4
