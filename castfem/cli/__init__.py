@@ -24,9 +24,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     sys.exit(status)
 
 
+ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "section")
+"""Commands that run cases."""
+
+
 def _on_all_ranks(words: Sequence[str]) -> bool:
-    """Return whether it is done by all ranks: runs are, everything else by rank 0 alone."""
-    return words[:1] in (["run"], ["sweep"], ["error"], ["optimise"], ["calibrate"])
+    """Return whether it is done by all ranks: runs and hot tubes are, the rest by rank 0 alone."""
+    if words[:1] == ["mould"]:
+        return "--hot" in words
+    return bool(words) and words[0] in ALL_RANKS
 
 
 def execute(arguments: Sequence[str] | None = None) -> int:

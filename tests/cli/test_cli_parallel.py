@@ -88,6 +88,23 @@ def test_rank_that_fails_alone_ends_all(tmp_path):
     assert "castfem: on rank 1: lost the mesh" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("sensitivity", "billet125/thermal", "--to", "mould.width"), "has no number there"),
+        (("section", "billet125/thermal"), "mechanics: the table is missing"),
+        (("mould", "billet125/taper_1", "--hot"), "mould.tube: the table is missing"),
+    ],
+)
+def test_commands_that_take_all_ranks_have_them(tmp_path, words, told):
+    """Rank 0 would wait for the others for ever, which had gone."""
+    script = tmp_path / "castfem_script.py"
+    script.write_text("import sys; from castfem.cli import main; main(sys.argv[1:])")
+    done = python_on(2, str(script), *words, folder=tmp_path, timeout=120.0)
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.count(told) == 1, done.stderr
+
+
 def test_check_runs_on_one_rank(tmp_path):
     done = _mpirun(tmp_path, "return ''", "check", "billet125/thermal")
     assert done.returncode == 0, done.stderr
