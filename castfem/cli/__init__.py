@@ -13,6 +13,8 @@ from castfem.cli import parallel
 from castfem.errors import CastfemError, InputError
 
 _INTERRUPTED = 130
+ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "section")
+"""Commands that run cases."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -22,10 +24,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if status != 0 and _on_all_ranks(words):
         parallel.settle()
     sys.exit(status)
-
-
-ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "section")
-"""Commands that run cases."""
 
 
 def _on_all_ranks(words: Sequence[str]) -> bool:

@@ -156,8 +156,7 @@ class LinearisedContact:
         along = np.einsum("ni,ni->n", self.place.along, moved)
         self._moved = moved
         self._slip = np.column_stack([along, np.full(len(along), wall.slip)])
-        self._pool = np.where(np.isfinite(self.place.gap), wall.liquid.pool, 0.0)
-        self._wets = self._pool > 0.0
+        self._wets = (wall.liquid.pool > 0.0) & np.isfinite(self.place.gap)
         self._near = np.minimum(self.place.gap, wall.strand.size)
         self._pressure = self._pressed()
         self._lever = np.column_stack([np.ones(len(along)), wall.facets.position])

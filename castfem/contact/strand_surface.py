@@ -22,13 +22,10 @@ class Met:
     """Where the points of a surface meet a wall.
 
     Attributes:
-        wall: Which. position: Of the slice below the meniscus, m.
         moved: Displacement of the points (n, 2), m. strand: Outward normal of the strand (n, 2).
         near: Places on a raster (n, 2), m. found: What was met from there.
     """
 
-    wall: Wall
-    position: float
     moved: Array
     strand: Array
     near: Array
@@ -112,7 +109,7 @@ class StrandSurface:
         """
         start, raster = self._facets.position, self.size * RASTER
         near = np.round((start + moved) / raster) * raster
-        return Met(wall, position, moved, strand, near, wall.gap_function(near, strand, position))
+        return Met(moved, strand, near, wall.gap_function(near, strand, position))
 
     def gap_to(self, met: Met) -> tuple[Array, Array, Array]:
         """Normal of a wall, distance to it along that (n,), m, and its curvature (n,), 1/m.

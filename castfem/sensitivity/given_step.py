@@ -164,7 +164,7 @@ class GivenStep:
         some = np.flatnonzero(sizes)
         if len(some):
             local, work[:, some] = self._forces.of_pressure(every[:, some])
-            nodal[:, some] = summed(run, local)[: run.owned]
+            nodal[:, some] = summed(run, local)
         if run.loads.liquid is not None:
             outside = np.array([sides.pressure_outside(its) for sides, its in self._pairs])
             nodal[:, :count] += self._forces.of_held_liquid(outside.T)

@@ -137,7 +137,7 @@ class LinearisedStep:
         if self._contact is not None:
             touched = self._touched(self._contact, moved, answers, numbers)
             on_nodes, on_planes = self._contact.forces(touched)
-            nodal += summed(self._run, on_nodes)[: self._run.owned]
+            nodal += summed(self._run, on_nodes)
             work += on_planes
         rights = self._rights(moves is None, moved, nodal, work, numbers)
         rounding = np.asarray(self._noise / self._spans[numbers])
@@ -185,7 +185,7 @@ class LinearisedStep:
         stress = np.zeros((self._run.active.count, 4, len(stresses)))
         stress[self._stressed.kept] = np.moveaxis(np.array(stresses), 0, 2)
         forces, work = self._forces.of_stress(stress)
-        return summed(self._run, forces)[: self._run.owned].copy(), work
+        return summed(self._run, forces), work
 
     def _touched(
         self, contact: LinearisedContact, moved: Moved, answers: Answers, numbers: list[int]

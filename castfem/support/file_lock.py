@@ -20,6 +20,8 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NotImplementedError:  # filelock's answer to ENOSYS: this file system has no locks
+    except NotImplementedError:
+        # The system call flock() has failed with ENOSYS, for which filelock raises this, and for
+        # nothing else: the file system has no locks, and a run must be able to write there.
         return False
     return True
