@@ -42,7 +42,7 @@ def measure(checkout: Path, words: tuple[str, ...]) -> dict[str, float]:
         python = sys.executable
     with tempfile.TemporaryDirectory() as home:
         folder = Path(home, "run")
-        more = ("-o", str(folder)) if words[0] == "run" else ()
+        more = ("-o", str(folder)) if words[0] in ("run", "sensitivity") else ()
         running = subprocess.Popen(
             [python, "-m", "castfem.cli", *words, *more], cwd=checkout, stdout=subprocess.DEVNULL
         )

@@ -3,7 +3,8 @@
 The billet's temperatures through its mould. The cost is processor time in memory, the least of
 seven by turns, which other work on the machine disturbs least; differences are those of whole runs
 on the same steps, at the best of three distances.
-Then why the factor is not shared between stages, and what the billet in its mould costs.
+Then why the factor is not shared between stages, and what the billet in its mould costs, its time
+loop alone and as the command that a user gives.
 Writes tables of docs/sensitivity.md.
 """
 
@@ -19,7 +20,8 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from benchmarks.report import Output, table
+from benchmarks.plain_run import measure
+from benchmarks.report import ROOT, Output, table
 from castfem.api import load
 from castfem.case import Case
 from castfem.materials.curve import CurvePoint
@@ -49,7 +51,7 @@ SHARES = (1e-3, 1e-4, 1e-5)  # of a parameter, or of 100 K: distances of differe
 WIDE = (("casting.speed", 0.2), ("casting.superheat", 10.0))  # over several cells of the shell
 TURNS = 7
 REPEATS = 20  # of a factor
-TURNS_COUPLED = 3
+TURNS_COUPLED, TURNS_COMMANDS = 3, 3
 EVERY = 5  # stages, of which one is looked at
 COUPLED = "billet125/taper_1"
 # What is asked is a ratio: the start of the run, on cells that a search would find coarse, and on
@@ -59,6 +61,7 @@ CELLS: dict[str, dict[str, Any]] = {
         "casting.length": "45 mm", "mesh.surface_size": "3 mm", "mesh.corner_size": "3 mm",
     },
     "shipped, 150 mm": {"casting.length": "150 mm"},
+    "shipped, 600 mm": {},
 }  # fmt: skip
 OF_MOULD = ("heat_removed", "von_mises_max", "axial_strain")
 SIX_OF_MOULD = (
@@ -268,6 +271,25 @@ def _cost_coupled(quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
+def _commands(quick: bool) -> list[dict[str, Any]]:
+    """Processor time of the whole command: a plain run, and derivatives by some parameters."""
+    given = (COUPLED, "-q", *(("--set", "casting.length=45 mm") if quick else ()))
+    of = ("--of", ",".join(OF_MOULD), "--to")
+    words = {0: ("run", *given)} | {
+        n: ("sensitivity", *given, *of, ",".join(SIX_OF_MOULD[:n])) for n in (1, len(SIX_OF_MOULD))
+    }
+    taken: dict[int, list[float]] = {count: [] for count in words}
+    for _ in range(1 if quick else TURNS_COMMANDS + 1):  # the first compiles
+        for count, its in words.items():
+            taken[count].append(measure(ROOT, its)["processor [s]"])
+    plain = min(taken[0])
+    return [
+        {"command": f"castfem {words[count][0]}", "parameters": count, "seconds": min(times),
+         "more": 100.0 * (min(times) / plain - 1.0)}
+        for count, times in taken.items()
+    ]  # fmt: skip
+
+
 def _moved(case: Case, parameter: Parameter, by: float) -> dict[str, float]:
     """Results of a run with a parameter moved, on the same steps of the strand."""
     moved = parameter.case_at(case, parameter.value + by)
@@ -305,6 +327,7 @@ def main(output: Output, quick: bool) -> None:
     output.csv("sensitivity_least", _least(case))
     output.csv("sensitivity_shared", _shared(case))
     output.csv("sensitivity_coupled", _cost_coupled(quick))
+    output.csv("sensitivity_commands", _commands(quick))
     steel = case_steel(case)
     given, heat_balance.BALANCE = heat_balance.BALANCE, 1e-13  # differences of runs tell more
     try:
@@ -354,6 +377,12 @@ def show(output: Output) -> None:
     }  # fmt: skip
     forms = {"setup": ".2f", "seconds": ".2f", "more": ".0f", "differences": ".0f"}
     output.insert("coupled", table(output.rows("sensitivity_coupled"), head, forms))
+    head = {
+        "command": "whole command", "parameters": "parameters", "seconds": "processor time, s",
+        "more": "beyond a plain run, %",
+    }  # fmt: skip
+    forms = {"seconds": ".1f", "more": ".0f"}
+    output.insert("commands", table(output.rows("sensitivity_commands"), head, forms))
     head = {
         "parameter": "by", "heat_removed": "heat removed",
         "surface_temperature_mid_face": "surface, mid-face",

@@ -116,6 +116,58 @@ class Response:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class StepChange:
+    """What a step is given, as it changes with k parameters, per unit of each.
+
+    Attributes:
+        coefficients: Of the law (k, n, columns).
+        strain: Total strain increment (k, n, 4).
+        thermal: Thermal strain increment (k, n).
+        stress_old: Stress at the start (k, n, 4), Pa.
+        state_old: State at the start (k, n, states).
+        dt: Length of the step (k,), s.
+        by: How far a difference quotient goes to either side of each parameter (k,), in its unit.
+    """
+
+    coefficients: Array
+    strain: Array
+    thermal: Array
+    stress_old: Array
+    state_old: Array
+    dt: Array
+    by: Array
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseChange:
+    """Derivatives of what a law answers, per unit of k parameters.
+
+    Attributes:
+        stress: (k, n, 4), Pa.
+        state: (k, n, states).
+        dissipation: (k, n), J/m3.
+    """
+
+    stress: Array
+    state: Array
+    dissipation: Array
+
+    @classmethod
+    def empty(cls, ways: int, points: int, states: int) -> ResponseChange:
+        """Return one whose arrays are still to be filled."""
+        many = ways, points
+        return cls(np.empty((*many, 4)), np.empty((*many, states)), np.empty(many))
+
+    def part(self, rows: slice) -> ResponseChange:
+        """Those of some of the points; it shares their memory."""
+        return ResponseChange(self.stress[:, rows], self.state[:, rows], self.dissipation[:, rows])
+
+    def some(self, numbers: list[int] | slice) -> ResponseChange:
+        """Those by some of the parameters."""
+        return ResponseChange(self.stress[numbers], self.state[numbers], self.dissipation[numbers])
+
+
 class Law(Protocol):
     """A constitutive law of an isotropic material."""
 
@@ -169,6 +221,29 @@ class Law(Protocol):
             coefficients: From `coefficients`, for the temperatures of this step.
             out: Arrays to write to; new ones are made if left out.  It must not share memory with
                 `stress_old` and `state_old`.
+        """
+
+    def differentiate(
+        self,
+        step: MaterialStep,
+        stress_old: Array,
+        state_old: Array,
+        change: StepChange,
+        *,
+        coefficients: Array | None = None,
+        out: ResponseChange | None = None,
+    ) -> ResponseChange:
+        """Return how the answer to a step changes with what it is given.
+
+        What flows goes on flowing, and what is elastic stays so.
+
+        Args:
+            step: Strain, temperature and time.
+            stress_old: At the start of the step, (n, 4), Pa.
+            state_old: At the start of the step, (n, states).
+            change: Of all these.
+            coefficients: From `coefficients`, for the temperatures of this step.
+            out: Arrays to write to; new ones are made if left out.
         """
 
 

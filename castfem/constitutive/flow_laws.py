@@ -15,11 +15,19 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from castfem.constitutive.base import Given, MaterialStep, Parameter, Response, turned
+from castfem.constitutive.base import (
+    Given,
+    MaterialStep,
+    Parameter,
+    Response,
+    ResponseChange,
+    StepChange,
+    turned,
+)
 from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.constitutive.kernel import constants
-from castfem.constitutive.kernel.loop import integrate_points
+from castfem.constitutive.kernel.loop import differentiate_points, integrate_points
 from castfem.values.quantities import Kind
 from castfem.values.tables import Constant
 from castfem.values.types import Array
@@ -157,6 +165,29 @@ class RadialReturn:
             self.kind, self.signed, coefficients,
             step.strain_increment, step.thermal_increment, stress_old, state_old, float(step.dt),
             out.stress, out.tangent, out.state, out.dissipation, out.flows,
+        )  # fmt: skip
+        return out
+
+    def differentiate(
+        self,
+        step: MaterialStep,
+        stress_old: Array,
+        state_old: Array,
+        change: StepChange,
+        *,
+        coefficients: Array | None = None,
+        out: ResponseChange | None = None,
+    ) -> ResponseChange:
+        """Return how the answer changes, see `castfem.constitutive.base.Law`."""
+        if coefficients is None:
+            coefficients = self.coefficients(step.temperature_old, step.temperature)
+        if out is None:
+            out = ResponseChange.empty(len(change.by), len(stress_old), len(self.state_names))
+        differentiate_points(
+            self.kind, self.signed, coefficients,
+            step.strain_increment, step.thermal_increment, stress_old, state_old, float(step.dt),
+            change.by, change.coefficients, change.strain, change.thermal, change.stress_old,
+            change.state_old, change.dt, out.stress, out.state, out.dissipation,
         )  # fmt: skip
         return out
 

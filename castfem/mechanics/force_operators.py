@@ -19,7 +19,6 @@ from castfem.fem.dolfinx_compat import assemble_owned
 from castfem.forms.mechanics import pressure_work
 from castfem.mechanics.fields import MEAN, ONE
 from castfem.mechanics.problem import MechanicalProblem
-from castfem.mechanics.quadrature import ActivePoints
 from castfem.values.types import Array
 
 
@@ -35,8 +34,6 @@ class ForceOperators:
         self._lever = np.column_stack([np.ones(points.count), points.position])
         every = points.strain[4 * points.deviator_points :]
         self._dilation: sparse.csr_matrix = every[0::4] + every[1::4] + every[2::4]
-        self._active: ActivePoints | None = None
-        self._most = 0.0
         self._held: tuple[fem.Function, fem.Form] | None = None
         if problem.loads.liquid is not None:
             section, loads = problem.section, problem.loads
@@ -72,17 +69,6 @@ class ForceOperators:
         forces = active.strain.T @ borne.reshape(-1, borne.shape[2])
         work = np.vstack([self._lever[active.rows].T @ borne[:, 2], borne[:, 1].sum(axis=0)[None]])
         return np.asarray(forces), reductions.totals(self._problem.section.comm, work)
-
-    def most(self) -> float:
-        """Largest force of a node, N/m, by stresses of no more than 1 Pa at the active points.
-
-        Of this rank.
-        """
-        if self._active is not self._problem.active:
-            self._active = active = self._problem.active
-            weights = np.repeat(np.abs(active.volume), 4)
-            self._most = float((abs(active.strain).T @ weights).max(initial=0.0))
-        return self._most
 
     def of_pressure(self, pressure: Array) -> tuple[Array, Array]:
         """The same of ferrostatic pressure at all points of the mean stress (n, k), Pa."""

@@ -6,7 +6,6 @@ The last axis of the arrays here counts the parameters (k).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from castfem.mechanics.force_operators import ForceOperators
 from castfem.mechanics.planes import ScaledPlanes
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.sensitivity.beginning import Beginning
+from castfem.sensitivity.difference import slope_by_temperature
 from castfem.sensitivity.slice_sides import SIGNS, SliceSides
 from castfem.values.types import Array
 
@@ -26,23 +26,6 @@ def summed(run: MechanicalProblem, local: Array) -> Array:
     if run.section.comm.size == 1:
         return local
     return np.array([dof_values.summed(run.space, column) for column in local.T]).T
-
-
-@dataclass(frozen=True, slots=True)
-class Loaded:
-    """Derivatives of forces, and what the halves of their differences make.
-
-    Attributes:
-        nodal: Forces of the owned unknowns (owned, k), N/m.
-        work: On each generalized strain (4, k), N/m.
-        bent_nodal: Of the halves, apart, likewise.
-        bent_work: Likewise.
-    """
-
-    nodal: Array
-    work: Array
-    bent_nodal: Array
-    bent_work: Array
 
 
 class GivenStep:
@@ -152,20 +135,40 @@ class GivenStep:
             sides.give(contact, found, number)
         return found
 
-    def pressed(self) -> Loaded | None:
-        """What the pressure of the liquid changes by (collective); None without any."""
-        run, count = self._run, self.count
+    def pressed(self) -> tuple[Array, Array] | None:
+        """What the pressure of the liquid changes by (collective); None without any.
+
+        Returns:
+            Forces of the owned unknowns (owned, k), N/m; work on each generalized strain (4, k).
+        """
+        run, first = self._run, self._run.points.deviator_points
         if run.slice.ferrostatic is None or run.fields.pressure is None:
             return None
-        found = [sides.pressure(its) for sides, its in self._pairs]
-        every = np.array([*(one for one, _ in found), *(bend for _, bend in found)]).T
-        nodal, work = np.zeros((run.owned, 2 * count)), np.zeros((4, 2 * count))
-        sizes = reductions.largest_of(run.section.comm, np.abs(every).max(axis=0, initial=0.0))
+        here = self._pairs[0][1].points[1][first:]
+        found = self._pressures(here, [its.warming[1][first:] for _, its in self._pairs])
+        nodal, work = np.zeros((run.owned, self.count)), np.zeros((4, self.count))
+        sizes = reductions.largest_of(run.section.comm, np.abs(found).max(axis=0, initial=0.0))
         some = np.flatnonzero(sizes)
         if len(some):
-            local, work[:, some] = self._forces.of_pressure(every[:, some])
+            local, work[:, some] = self._forces.of_pressure(found[:, some])
             nodal[:, some] = summed(run, local)
         if run.loads.liquid is not None:
-            outside = np.array([sides.pressure_outside(its) for sides, its in self._pairs])
-            nodal[:, :count] += self._forces.of_held_liquid(outside.T)
-        return Loaded(nodal[:, :count], work[:, :count], nodal[:, count:], work[:, count:])
+            state = self._pairs[0][1].state
+            outside = self._pressures(
+                state.temperature, [its.vertices[1] for _, its in self._pairs]
+            )
+            nodal += self._forces.of_held_liquid(outside)
+        return nodal, work
+
+    def _pressures(self, here: Array, warming: Sequence[Array]) -> Array:
+        """Derivatives of the ferrostatic pressure (n, k), Pa, at temperatures (n,), K."""
+        liquid, time = self._run.slice.ferrostatic, self._pairs[0][1].state.time
+        assert liquid is not None
+        now = liquid.pressure(here, time)
+        rise = slope_by_temperature(lambda t: liquid.pressure(t, time), here, now)
+        return np.array(
+            [
+                sides.pressure(its, here, rise, change)
+                for (sides, its), change in zip(self._pairs, warming, strict=True)
+            ]
+        ).T

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from castfem.constitutive.base import ResponseChange
 from castfem.contact.linearised import ContactChanges, GivenChanges, LinearisedContact
 from castfem.contact.state import CONTACT
 from castfem.fem import dof_values, reductions
@@ -19,13 +20,12 @@ from castfem.mechanics.force_operators import ForceOperators
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.sensitivity.beginning import Beginning
 from castfem.sensitivity.given_step import GivenStep, summed
+from castfem.sensitivity.law_changes import LawChanges
 from castfem.sensitivity.moved_state import Slopes
-from castfem.sensitivity.slice_sides import LawChange, SliceSides
-from castfem.values.types import Array, Flags
+from castfem.sensitivity.slice_sides import SliceSides
+from castfem.values.types import Array
 
-ENOUGH = 1e-3  # of a difference: halves that are no farther apart are not looked at closely
-ROUNDING = 2e-12  # of the forces in the slice: what halves of a difference may be apart for it
-OF_DEVIATOR = 4.0 / 3.0  # the largest that a component of a deviator can be over that of a stress
+ROUNDING = 2e-12  # of the forces in the slice: what a difference of them may have of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,17 +35,12 @@ class OutOfBalance:
     Attributes:
         rights: Per unit of each, with the sign of a load (k, local), N/m.
         rounding: What of that may be rounding (k,), N/m.
-        bends: While the unknowns are held, what the halves of the differences are apart, over
-            these, or a bound of it (k,).
-        bent: Whether that is more than rounding (k,).
         slopes: Of each, of what the next step takes up but the displacement; while the unknowns are
             held, of those alone that put nothing out of balance on this rank.
     """
 
     rights: Array
     rounding: Array
-    bends: Array
-    bent: Flags
     slopes: list[Slopes]
 
 
@@ -73,8 +68,8 @@ class Answers:
         surface: At those of the surface, for Nitsche's method; none without.
     """
 
-    inside: list[LawChange]
-    surface: list[LawChange]
+    inside: ResponseChange
+    surface: list[ResponseChange]
 
 
 class LinearisedStep:
@@ -110,7 +105,7 @@ class LinearisedStep:
         now = dof_values.with_ghosts(run.space, self._local[: run.owned]), state.generalized_strains
         change = now[0] - self._old.displacement, now[1] - self._old.generalized_strains
         strain = forces.strains(change[0][:, None], change[1][:, None])
-        self._strain = strain[self._stressed.kept, :, 0]
+        self._law = LawChanges(run, sides, begun, strain[self._stressed.kept, :, 0].copy())
         self._contact: LinearisedContact | None = None
         self._touching: GivenChanges | None = None
         if run.contact is not None:
@@ -128,11 +123,11 @@ class LinearisedStep:
             numbers: Of these parameters.
         """
         moved = self._moved(moves, numbers)
-        answers = self._answers(moved, numbers)
-        nodal, work = self._borne([one.stress for one in answers.inside])
+        answers = self._answers(moved, numbers, held=moves is None)
+        nodal, work = self._borne(answers.inside.stress)
         if self._pressed is not None:
-            nodal += self._pressed.nodal[:, numbers]
-            work += self._pressed.work[:, numbers]
+            nodal += self._pressed[0][:, numbers]
+            work += self._pressed[1][:, numbers]
         touched = None
         if self._contact is not None:
             touched = self._touched(self._contact, moved, answers, numbers)
@@ -142,13 +137,9 @@ class LinearisedStep:
         rights = self._rights(moves is None, moved, nodal, work, numbers)
         rounding = np.asarray(self._noise / self._spans[numbers])
         every = range(len(numbers))
-        if moves is not None:
-            slopes = [self._slopes(i, moved, answers, touched) for i in every]
-            return OutOfBalance(rights, rounding, np.zeros(0), np.zeros(0, bool), slopes)
-        bends, bent = self._uneven(rights, [one.bend for one in answers.inside], numbers)
-        still = [not rights[i].any() for i in every]
-        slopes = [self._slopes(i, moved, answers, touched) if still[i] else {} for i in every]
-        return OutOfBalance(rights, rounding, bends, bent, slopes)
+        ended = [moves is not None or not rights[i].any() for i in every]
+        slopes = [self._slopes(i, moved, answers, touched) if ended[i] else {} for i in every]
+        return OutOfBalance(rights, rounding, slopes)
 
     def _moved(self, moves: Array | None, numbers: list[int]) -> Moved:
         """The motion that goes with moves of the unknowns; that of the planes alone without."""
@@ -163,27 +154,26 @@ class LinearisedStep:
         strains = self.given.offset[:, numbers] + run.planes.scaled.directions @ scalars
         return Moved(nodal, scalars, strains)
 
-    def _answers(self, moved: Moved, numbers: list[int]) -> Answers:
+    def _answers(self, moved: Moved, numbers: list[int], *, held: bool) -> Answers:
         """What the laws of all sides answer to the motion."""
         given, wall = self.given, self._run.contact
         change = moved.nodal - given.displacement[:, numbers]
         strains = moved.strains - given.strains[:, numbers]
         every = self._forces.strains(change, strains)[self._stressed.kept]
         every = np.moveaxis(every, 2, 0).copy()
-        sides = [self._sides[number] for number in numbers]
-        inside = [one.law(self._strain, every[i]) for i, one in enumerate(sides)]
+        inside = self._law.held(every) if held else self._law.moved(every, numbers)
         if wall is None or wall.stress is None:
             return Answers(inside, [])
         surface = []
-        for i, one in enumerate(sides):
+        for i, number in enumerate(numbers):
             increments = wall.stress.increments(change[:, i], strains[:, i])
-            surface.append(one.law_at_surface(wall.stress.strain, increments))
+            surface.append(self._sides[number].law_at_surface(wall.stress.strain, increments))
         return Answers(inside, surface)
 
-    def _borne(self, stresses: list[Array]) -> tuple[Array, Array]:
-        """Forces (owned, k) and work (4, k) of stresses (m, 4) at the points that have any, N/m."""
+    def _borne(self, stresses: Array) -> tuple[Array, Array]:
+        """Forces (owned, k), work (4, k) of stresses (k, m, 4) at the points that have any, N/m."""
         stress = np.zeros((self._run.active.count, 4, len(stresses)))
-        stress[self._stressed.kept] = np.moveaxis(np.array(stresses), 0, 2)
+        stress[self._stressed.kept] = np.moveaxis(stresses, 0, 2)
         forces, work = self._forces.of_stress(stress)
         return summed(self._run, forces), work
 
@@ -196,7 +186,7 @@ class LinearisedStep:
         places = wall.strand.changes(moved.nodal, moved.strains)
         stress = liquid = None
         if answers.surface:
-            stress = np.moveaxis(np.array([one.stress for one in answers.surface]), 0, 2)
+            stress = np.moveaxis(np.array([one.stress[0] for one in answers.surface]), 0, 2)
             liquid = np.array([self._sides[n].liquid_at_surface() for n in numbers]).T
         return contact.changes(given.of(numbers), places, stress, liquid)
 
@@ -220,37 +210,15 @@ class LinearisedStep:
         every = range(len(numbers))
         return np.array([run.bordered.join(right[:, i], -balance[:, i]) for i in every])
 
-    def _uneven(self, rights: Array, bends: list[Array], numbers: list[int]) -> tuple[Array, Flags]:
-        """How far the halves of the differences are apart; see `OutOfBalance` (collective)."""
-        run, comm = self._run, self._run.section.comm
-        sizes = np.abs(rights).max(axis=1, initial=0.0) * self._spans[numbers]
-        # No node can feel more of the stress than this, which mostly is little enough.
-        most = [np.abs(one).max(initial=0.0) for one in bends]
-        apart = OF_DEVIATOR * self._forces.most() * np.array(most)
-        if self._pressed is not None:
-            apart = apart + np.abs(self._pressed.bent_nodal[:, numbers]).max(axis=0, initial=0.0)
-        apart, sizes = np.split(reductions.largest_of(comm, np.concatenate([apart, sizes])), 2)
-        if (apart > np.maximum(ENOUGH * sizes, self._noise)).any():
-            nodal, work = self._borne(bends)
-            if self._pressed is not None:
-                nodal += self._pressed.bent_nodal[:, numbers]
-                work += self._pressed.bent_work[:, numbers]
-            nodal[run.constraints.prescribed] = 0.0
-            along = run.planes.scaled.test_directions.T @ work
-            both = np.concatenate([nodal, along])
-            apart = reductions.largest_of(comm, np.abs(both).max(axis=0, initial=0.0))
-        share = np.divide(apart, sizes, out=np.full(len(sizes), np.inf), where=sizes > 0.0)
-        return share, apart > self._noise
-
     def _slopes(
         self, i: int, moved: Moved, answers: Answers, touched: ContactChanges | None
     ) -> Slopes:
         """What the next step takes up, but the displacement and its rates."""
-        run, old, here, law = self._run, self._old, self._stressed, answers.inside[i]
+        run, old, here, law = self._run, self._old, self._stressed, answers.inside
         dissipation = np.zeros(run.points.deviator_points)
-        dissipation[here.rows[: here.deviators]] = law.dissipation[: here.deviators]
+        dissipation[here.rows[: here.deviators]] = law.dissipation[i, : here.deviators]
         stress, internal = np.zeros_like(old.stress), np.zeros_like(old.internal)
-        stress[here.rows], internal[here.rows] = law.stress, law.internal
+        stress[here.rows], internal[here.rows] = law.stress[i], law.state[i]
         found = {
             "dissipation": dissipation,
             "generalized_strains": moved.strains[:, i].copy(),
@@ -264,6 +232,7 @@ class LinearisedStep:
         contact["weight"] = np.zeros_like(old.contact.weight)
         for name in ("stress", "internal"):
             contact[name] = np.zeros_like(getattr(old.contact, name))
-            if answers.surface:
-                contact[name] = getattr(answers.surface[i], name)
+        if answers.surface:
+            at_surface = answers.surface[i]
+            contact["stress"], contact["internal"] = at_surface.stress[0], at_surface.state[0]
         return found | {f"{CONTACT}{name}": values for name, values in contact.items()}

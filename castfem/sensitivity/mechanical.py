@@ -7,17 +7,15 @@ the state it begins with (stress, what the law remembers, displacement), p a par
 
 J the consistent tangent at the end of the step, factored once.  On the right are the forces of
 derivatives of stress, pressure and traction (`castfem.sensitivity.linearised_step`).  Those of the
-law are central differences, integrated at the same unknowns on both sides of p with the states on
-both sides; integrated once more where x has moved with p they give stress and memory, and so ds/dp
-at the end.  Points that flow go on flowing, elastic ones stay elastic, liquid stays liquid: where a
-point is nearer to its yield limit than the difference is wide, a narrower one is tried.  All
-parameters are solved for at once.
+law are taken at held unknowns first, with the derivatives of the state; taken once more where x
+moves with p they give stress and memory, and so ds/dp at the end.  Points that flow go on flowing,
+elastic ones stay elastic, liquid stays liquid.  All parameters are solved for at once.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,15 +34,14 @@ from castfem.sensitivity.beginning import Beginning, Stressed
 from castfem.sensitivity.kinks import Kinks
 from castfem.sensitivity.linearised_step import LinearisedStep
 from castfem.sensitivity.moved_state import Slopes, moved, none_of
-from castfem.sensitivity.parameters import Parameter
+from castfem.sensitivity.parameters import ELASTIC, EXPANSION, Parameter
 from castfem.sensitivity.slice_sides import SIGNS, SliceSides
 from castfem.sensitivity.varied import Variation, Varied
 from castfem.simulation.mechanics import make_slice
 from castfem.simulation.simulation import Simulation, case_steel
 from castfem.values.types import Array
 
-NARROW = (5e-2, 5e-4)  # of the step of a parameter: differences to try
-UNEVEN = 1e-3  # of a difference: how far its two halves may be apart
+NARROW = 5e-2  # of the step of a parameter: how far the sides are moved
 EXACT = 1e-4  # of the largest derivative of stress or of pressure: what may be out of balance
 AT_ONCE = 1e-5  # the same, before anything is corrected
 OF_ALL = 1e-7  # of the right-hand side: likewise, where nothing touches
@@ -64,18 +61,14 @@ class Following:
     Attributes:
         right: What is out of balance per unit of it, with the sign of a load (local,), N/m.
         whole: Largest of it at held unknowns.
-        bend: Of the difference, how far its halves are apart.
         left: What was out of balance after the last solution; without bounds before one.
         rounding: What of `right` may be that, N/m.
-        slopes: Where nothing is out of balance, of what is carried.
     """
 
     right: Array
     whole: float
-    bend: float
     left: float = np.inf
     rounding: float = 0.0
-    slopes: Slopes = field(default_factory=dict)
 
 
 class MechanicalDerivatives:
@@ -94,9 +87,7 @@ class MechanicalDerivatives:
         self._simulation, self.variations = simulation, tuple(variations)
         self._problem = simulation.mechanics.problem
         self._forces = ForceOperators(self._problem)
-        self._sides: dict[tuple[int, int], SliceSides] = {}
-        for number in range(len(self.variations)):
-            self._sides_of(number, 0)
+        self._sides = [self._sides_of(variation) for variation in self.variations]
         for variation in self.variations:
             for end, sign in ((variation.above, 1.0), (variation.below, -1.0)):
                 self._give_mechanics(variation, end, sign * variation.parameter.step)
@@ -118,16 +109,13 @@ class MechanicalDerivatives:
         its = replace(simulation, case=case, machine=build_machine(case), steel=steel)
         return self._made(its, parameter, by)
 
-    def _sides_of(self, number: int, width: int) -> SliceSides:
-        """The slice on both sides of a parameter, by `NARROW[width]` of its step."""
-        if (number, width) not in self._sides:
-            variation, case = self.variations[number], self._simulation.case
-            by = NARROW[width] * variation.parameter.step
-            above, below = (self._slice(variation, sign * by) for sign in SIGNS)
-            its = variation.above.simulation.case
-            same = its.mould == case.mould and its.section == case.section
-            self._sides[number, width] = SliceSides(self._problem, (above, below), by, same)
-        return self._sides[number, width]
+    def _sides_of(self, variation: Variation) -> SliceSides:
+        """The slice on both sides of a parameter."""
+        case, by = self._simulation.case, NARROW * variation.parameter.step
+        above, below = (self._slice(variation, sign * by) for sign in SIGNS)
+        its = variation.above.simulation.case
+        same = its.mould == case.mould and its.section == case.section
+        return SliceSides(self._problem, (above, below), by, same)
 
     def _give_mechanics(self, variation: Variation, end: Varied, by: float) -> None:
         """Let results be read off the slice on one side."""
@@ -136,12 +124,24 @@ class MechanicalDerivatives:
         end.simulation = replace(its, mechanics=MechanicalStepper(problem, judge=False))
 
     def _made(self, its: Simulation, parameter: Parameter, by: float) -> Slice:
-        """The slice of a simulation in which a parameter is moved."""
-        assert its.case.mechanics is not None
+        """The slice of a simulation in which a parameter is moved.
+
+        What the parameter leaves as it is in the run is that of the run, and known by that.
+        """
+        case, run, held = its.case, self._simulation.case, self._problem.slice
+        assert case.mechanics is not None
+        alike = case.steel == run.steel and case.mechanics == run.mechanics
+        law = held.law if alike and parameter.steel not in ELASTIC else None
         made = make_slice(
-            its.case, its.case.mechanics, its.machine, its.steel, its.section, its.probes
+            case, case.mechanics, its.machine, its.steel, its.section, its.probes, law
         )
-        return replace(made, law=parameter.law_at(made.law, parameter.value + by))
+        made = replace(made, law=parameter.law_at(made.law, parameter.value + by))
+        if alike and parameter.steel != EXPANSION:
+            made = replace(made, thermal_strain=held.thermal_strain)
+        if alike and made.ferrostatic is not None and held.ferrostatic is not None:
+            freezing = held.ferrostatic.solid_fraction
+            made = replace(made, ferrostatic=replace(made.ferrostatic, solid_fraction=freezing))
+        return made
 
     def gaps(self, gap: SurfaceGap, slopes: Sequence[Slopes], state: MechanicalState) -> Array:
         """Derivatives of the gap that heat crosses by each parameter (k, owned), m (collective).
@@ -169,7 +169,7 @@ class MechanicalDerivatives:
                  for name in ("displacement", "generalized_strains"))  # fmt: skip
         changes = place.change(wall.strand.changes(*moved))[1].T.copy()
         for number, variation in enumerate(self.variations):
-            sides, late = self._sides_of(number, 0), variation.lateness(state.time)
+            sides, late = self._sides[number], variation.lateness(state.time)
             positions = [
                 side.contact.position(state.time + sign * sides.by * late)
                 for side, sign in zip(sides.walls, SIGNS, strict=True)
@@ -221,10 +221,15 @@ class MechanicalDerivatives:
         assert problem.residual_state is not None
         problem.linearise()
         begun = self._begun(old, state, before, after)
-        step, following = self._held(begun)
+        step, every = LinearisedStep(problem, self._forces, self._sides, begun), range(len(begun))
+        held = step.evaluate(None, list(every))
+        following = [
+            Following(right, reductions.largest(self._simulation.section.comm, np.abs(right)))
+            for right in held.rights
+        ]
         moves: Array = np.zeros((len(following), len(problem.residual_state.local)))
-        found = [one.slopes for one in following]
-        asked = [number for number, one in enumerate(following) if one.whole > 0.0]
+        found = held.slopes
+        asked = [number for number in every if following[number].whole > 0.0]
         for _ in range(SOLVES):
             if not asked:
                 break
@@ -265,37 +270,6 @@ class MechanicalDerivatives:
         """Values at this rank's vertices, ghosts included, of several (n, owned) (collective)."""
         space = self._problem.section.vertex_space
         return np.array([dof_values.with_ghosts(space, values) for values in owned])
-
-    def _held(self, begun: Sequence[Beginning]) -> tuple[LinearisedStep, list[Following]]:
-        """What each parameter puts out of balance at held unknowns, by its best difference."""
-        comm, every = self._simulation.section.comm, list(range(len(begun)))
-        best: dict[int, tuple[Following, int]] = {}
-        tried, step = every, self._step([0] * len(every), every, begun)
-        first = step
-        for width in range(len(NARROW)):
-            if width:
-                step = self._step([width] * len(tried), tried, begun)
-            found = step.evaluate(None, list(range(len(tried))))
-            for i, number in enumerate(tried):
-                right, bend = found.rights[i], float(found.bends[i])
-                whole = reductions.largest(comm, np.abs(right))
-                if number not in best or bend < best[number][0].bend:
-                    best[number] = Following(right, whole, bend, slopes=found.slopes[i]), width
-            bent = dict(zip(tried, found.bent, strict=True))
-            tried = [n for n in tried if bent[n] and best[n][0].bend > UNEVEN]
-            if not tried:
-                break
-        widths = [best[n][1] for n in every]
-        if any(widths):
-            first = self._step(widths, every, begun)
-        return first, [best[n][0] for n in every]
-
-    def _step(
-        self, widths: Sequence[int], numbers: Sequence[int], begun: Sequence[Beginning]
-    ) -> LinearisedStep:
-        """A step with the sides of some parameters, by widths of `NARROW`."""
-        sides = [self._sides_of(n, width) for n, width in zip(numbers, widths, strict=True)]
-        return LinearisedStep(self._problem, self._forces, sides, [begun[n] for n in numbers])
 
     def _rates(
         self, variation: Variation, old: MechanicalState, state: MechanicalState, start: Slopes,

@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 SCALED = ("density", "specific_heat", "conductivity", "emissivity")
 """Properties of a steel that are multiplied as a whole."""
-STRAINED = ("thermal_expansion", "youngs_modulus", "poisson_ratio")
+EXPANSION = "thermal_expansion"
+ELASTIC = ("youngs_modulus", "poisson_ratio")
+STRAINED = (EXPANSION, *ELASTIC)
 """The same, of which only the mechanics know."""
 LEVELS = {"degC", "degF", "°C", "°F"}
 """Units of temperatures that do not begin at absolute zero."""
@@ -122,7 +124,7 @@ class Parameter:
         """The steel with another value."""
         if not self.steel:
             return steel
-        if self.steel == "thermal_expansion":
+        if self.steel == EXPANSION:
             assert steel.expansion is not None, "it has been looked at"
             return replace(steel, expansion=MoreExpansion(steel.expansion, value / 100.0))
         scaled = Scaled(steel.properties[self.steel], value / 100.0)

@@ -13,6 +13,7 @@ from castfem.case.bending import axis_position, places_of
 from castfem.case.build_mould import build_mould
 from castfem.case.lacking import no_expansion
 from castfem.case.machine import thickness_of
+from castfem.constitutive.base import Law
 from castfem.contact.settings import Contact
 from castfem.contact.surface_interaction import SurfaceInteraction
 from castfem.errors import CaseError, InputError
@@ -93,9 +94,11 @@ def make_slice(
     steel: Steel,
     section: Section,
     probes: LineProbes,
+    law: Law | None = None,
 ) -> Slice:
-    """What the slice of `case` is made of and how it is held."""
-    law = build_law(table, steel)
+    """What the slice of `case` is made of and how it is held; `law` stands in for its own."""
+    if law is None:
+        law = build_law(table, steel)
     wall = None if case.mould is None else _wall(case.mould, case.section, machine, section)
     interactions: tuple[SurfaceInteraction, ...] = () if wall is None else (wall,)
     held = any(one.holds_liquid for one in interactions)

@@ -8,8 +8,10 @@ import pytest
 from castfem.materials.curve import ThermalCurve
 from castfem.sensitivity.alike import same_laws
 from castfem.sensitivity.curve_difference import CurveDifference
+from castfem.sensitivity.difference import slope, slope_by_temperature
 from castfem.thermal.boundary import Cooling, Patch
 from castfem.thermal.flux_laws import Contact, Convection, SurfaceLaw
+from castfem.values.types import Array
 
 
 def _curve(solidus: float, slope: float = 0.0, jump: float = 0.0) -> ThermalCurve:
@@ -58,3 +60,17 @@ def test_laws_that_stay_are_told_from_those_that_change() -> None:
     assert not any(same_laws(_cooling(one), _cooling(other)) for other in others)
     assert not same_laws(_cooling(one), _cooling(same, 5))
     assert not same_laws(_cooling(one), Cooling([], []))
+
+
+def test_a_slope_beside_a_jump_or_a_kink_is_that_of_the_side_that_changes_less() -> None:
+    def jumps(t: Array) -> Array:
+        return np.where(t > 1000.0, 1e9, 0.0) + 3.0 * t
+
+    def bends(t: Array) -> Array:
+        return np.where(t > 1000.0, 5.0, 2.0) * (t - 1000.0)
+
+    at = np.array([900.0, 1000.0, 1000.0 + 5e-4])
+    assert slope_by_temperature(jumps, at, jumps(at)) == pytest.approx([3.0, 3.0, 3.0], rel=1e-3)
+    assert slope_by_temperature(bends, at, bends(at))[:2] == pytest.approx([2.0, 2.0])
+    smooth = slope(np.array([1.0201]), np.array([1.0]), np.array([0.9801]), 0.01)
+    assert smooth == pytest.approx([1.99])  # halves that are apart: the less

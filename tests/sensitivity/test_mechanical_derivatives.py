@@ -38,6 +38,9 @@ LAWS: dict[str, dict[str, Any]] = {
     "viscoplastic": {
         "law": "norton_hoff_kozlowski", "elasticity": "elastic_steel", "ferrostatic": "full",
     },
+    "signed": {
+        "law": "norton_hoff_kozlowski_signed", "elasticity": "elastic_steel", "ferrostatic": "full",
+    },
 }  # fmt: skip
 
 
@@ -96,6 +99,7 @@ def moved(case: Case, parameter: Parameter, by: float) -> StrandState:
 ASKED = {
     "plastic": ("steel.thermal_expansion", "law.yield_stress"),
     "viscoplastic": ("steel.conductivity",),
+    "signed": ("law.strength",),
 }
 
 

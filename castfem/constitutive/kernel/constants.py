@@ -25,6 +25,9 @@ LAST = {
 DELTA_STRAIN_SCALE = 1000.0  # in (1 + 1000 p)^m of the delta-ferrite law
 LN_SQRT3 = 0.5 * math.log(3.0)
 
+# What is known of the increment dp of a point: nothing, or what it is near to (0: elastic).
+SEEK = -1.0
+
 # Of the safeguarded Newton methods for the scalar problems.
 NOTHING = -1e300  # stands for the logarithm of zero
 ROUNDING = 1e-14

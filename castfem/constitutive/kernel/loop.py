@@ -1,32 +1,12 @@
-"""The loop over the quadrature points, which Python calls."""
+"""The loops over the quadrature points, which Python calls."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from castfem.constitutive.kernel.constants import (
-    BULK,
-    CURVE_AUTOMATIC,
-    ELASTIC,
-    FRESH,
-    RECOVERY,
-    SHARE,
-    SHEAR,
-)
-from castfem.constitutive.kernel.radial_return import solve_point
-from castfem.constitutive.kernel.tensors import (
-    fill_stress,
-    fill_tangent,
-    hardened_strain,
-    keep_strain,
-    recovered_strain,
-    set_back_stress,
-    split_along_flow,
-    trial_stress,
-    turn_tangent,
-)
+from castfem.constitutive.kernel.constants import BULK, SEEK, SHARE, SHEAR
+from castfem.constitutive.kernel.point import respond
+from castfem.constitutive.kernel.tensors import fill_tangent, turn_tangent
 from castfem.support.compiled import outermost
 
 
@@ -54,43 +34,84 @@ def integrate_points(  # type: ignore[no-untyped-def]
         flows: Out, whether the point flows (n,).
         sources: Not to be given, see `castfem.support.compiled`.
     """
-    normal, tensor, back, carried_part = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros(4)
-    memory = 3 if signed else 1  # column of the remembered rate
+    vectors = np.zeros((4, 4))
     for i in range(strain.shape[0]):
         c = coefficients[i]
-        share, shear2 = c[SHARE], 2.0 * c[SHEAR]
-        time = share * dt
-        left = 1.0 / (1.0 + time * c[RECOVERY])
-        hardens = kind != ELASTIC and c[FRESH] == 0.0
-        if signed:
-            set_back_stress(
-                kind, c, recovered_strain(state_old[i], left * hardens, tensor), tensor, back
-            )
-        mean, length, carried = trial_stress(
-            c, strain[i], thermal[i], stress_old[i], back, normal, carried_part
-        )
-        trial, aside = math.sqrt(1.5) * length, 0.0
-        if signed:
-            before = hardened_strain(tensor, carried_part, carried) / left
-            old, aside = split_along_flow(tensor, normal)
-        else:
-            before = state_old[i, 0] if hardens else 0.0
-            old = left * before
-        rate_old = state_old[i, memory] if kind == CURVE_AUTOMATIC and hardens else 0.0
-        equivalent, increment, kept, by_old, rate = solve_point(
-            kind, c, old, aside, left, signed, before, rate_old, trial, carried, time
-        )
-        scale, gain, stored = equivalent / trial if increment > 0.0 else 1.0, left * increment, 0.0
+        increment, scale, kept, by_old, length, _rate, dissipation[i] = respond(
+            kind, signed, c, i, strain, thermal[i], stress_old, state_old, dt, SEEK, 0.0,
+            vectors, stress, state, i,
+        )  # fmt: skip
         flows[i] = increment > 0.0
-        fill_stress(stress[i], scale * length, normal, back, mean)
-        fill_tangent(tangent[i], normal, shear2 * share, c[BULK] * share, scale, kept)
-        if signed:
-            stored = keep_strain(kind, c, tensor, normal, old, aside, gain, state[i])
-            if increment > 0.0:
-                factor = 2.0 / 3.0 * by_old * shear2 * share / length
-                turn_tangent(tangent[i], normal, tensor, factor)
-        elif kind != ELASTIC:
-            state[i, 0] = old + gain
-        if kind == CURVE_AUTOMATIC:
-            state[i, memory] = rate
-        dissipation[i] = max(equivalent - stored, 0.0) * increment
+        share, shear2 = c[SHARE], 2.0 * c[SHEAR]
+        fill_tangent(tangent, i, vectors, shear2 * share, c[BULK] * share, scale, kept)
+        if signed and increment > 0.0:
+            factor = 2.0 / 3.0 * by_old * shear2 * share / length
+            turn_tangent(tangent, i, vectors, factor)
+
+
+@outermost
+def differentiate_points(  # type: ignore[no-untyped-def]
+    kind, signed, coefficients, strain, thermal, stress_old, state_old, dt, by,
+    d_coefficients, d_strain, d_thermal, d_stress_old, d_state_old, d_dt,
+    d_stress, d_state, d_dissipation, sources=None,
+):  # fmt: skip
+    """Derivatives of what `integrate_points` writes, as what it is given changes in some ways.
+
+    Central differences. A point is solved for once; on both sides of it, since they are near, by
+    one Newton step, whose error is even in the distance. What flows goes on flowing.
+
+    Args:
+        kind: One of the laws of `constants`.
+        signed: As in `integrate_points`; so are the following up to `dt`.
+        coefficients: (n, columns).
+        strain: (n, 4).
+        thermal: (n,).
+        stress_old: (n, 4), Pa.
+        state_old: (n, states).
+        dt: s.
+        by: How far to go in each way (k,).
+        d_coefficients: Change in each way (k, n, columns).
+        d_strain: (k, n, 4).
+        d_thermal: (k, n).
+        d_stress_old: (k, n, 4), Pa.
+        d_state_old: (k, n, states).
+        d_dt: (k,), s.
+        d_stress: Out, (k, n, 4), Pa.
+        d_state: Out, (k, n, states).
+        d_dissipation: Out, (k, n), J/m3.
+        sources: Not to be given.
+    """
+    vectors = np.zeros((4, 4))
+    columns, states = coefficients.shape[1], state_old.shape[1]
+    c, its_strain, its_stress, its_state = (
+        np.zeros(columns), np.zeros((1, 4)), np.zeros((1, 4)), np.zeros((1, states)),
+    )  # fmt: skip
+    stress, state, work = np.zeros((2, 4)), np.zeros((2, states)), np.zeros(2)
+    near, near_rate = np.zeros(strain.shape[0]), np.zeros(strain.shape[0])
+    for i in range(strain.shape[0]):
+        near[i], _scale, _kept, _by_old, _length, near_rate[i], _work = respond(
+            kind, signed, coefficients[i], i, strain, thermal[i], stress_old, state_old, dt, SEEK,
+            0.0, vectors, stress, state, 0,
+        )  # fmt: skip
+    for j in range(len(by)):
+        for i in range(strain.shape[0]):
+            for side in range(2):
+                step = by[j] if side == 0 else -by[j]
+                for m in range(columns):
+                    c[m] = coefficients[i, m] + step * d_coefficients[j, i, m]
+                for m in range(4):
+                    its_strain[0, m] = strain[i, m] + step * d_strain[j, i, m]
+                    its_stress[0, m] = stress_old[i, m] + step * d_stress_old[j, i, m]
+                for m in range(states):
+                    its_state[0, m] = state_old[i, m] + step * d_state_old[j, i, m]
+                work[side] = respond(
+                    kind, signed, c, 0, its_strain, thermal[i] + step * d_thermal[j, i], its_stress,
+                    its_state, dt + step * d_dt[j], near[i], near_rate[i],
+                    vectors, stress, state, side,
+                )[6]  # fmt: skip
+            span = 2.0 * by[j]
+            for m in range(4):
+                d_stress[j, i, m] = (stress[0, m] - stress[1, m]) / span
+            for m in range(states):
+                d_state[j, i, m] = (state[0, m] - state[1, m]) / span
+            d_dissipation[j, i] = (work[0] - work[1]) / span

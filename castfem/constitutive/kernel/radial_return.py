@@ -41,9 +41,11 @@ TINY_LN = -690.0  # a viscoplastic strain below exp of this is none
 
 @compiled
 def _return_to_flow(  # type: ignore[no-untyped-def]
-    kind, c, old, aside, left, signed, trial, threshold, ln_dt
+    kind, c, old, aside, left, signed, trial, threshold, ln_dt, near
 ):
     """Solve the scalar problem of a law whose flow stress depends on dp.
+
+    From a `near` increment one Newton step is taken.
 
     Returns:
         dp, equivalent stress q, dq / d trial, and dq / d old.
@@ -56,6 +58,8 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
         # While flow goes back e = q/E, and with p4 > 0 no stress at all is a root beside the one
         # that is meant, to the left of which alone the flow stress is below that of the point.
         z = high - LN_2
+    if near > 0.0:
+        z = math.log(near)
     for _ in range(STEPS):
         increment = math.exp(z)
         flow, slope, _by, _old = flow_stress(
@@ -71,7 +75,7 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
             low = z
         rise = (slope + shear3 * increment) / total if total > 0.0 else 0.0
         step = excess / rise if rise > 0.0 else math.inf
-        if abs(step) <= LAST_STEP:
+        if abs(step) <= LAST_STEP or near > 0.0:
             z -= step
             break
         new = z - step
@@ -104,23 +108,29 @@ def _return_to_flow(  # type: ignore[no-untyped-def]
 
 @compiled
 def solve_point(  # type: ignore[no-untyped-def]
-    kind, c, old, aside, left, signed, before, rate_old, trial, carried, dt
+    kind, c, old, aside, left, signed, before, rate_old, trial, carried, dt, near, near_rate
 ):
-    """Solve one point: equivalent stress, dp, dq / d trial, dq / d old, remembered rate."""
+    """Solve one point: equivalent stress, dp, dq / d trial, dq / d old, remembered rate.
+
+    What is `near` to a point that flows flows, what is near to an elastic one is elastic; see
+    `constants.SEEK`.
+    """
     increment, stress, kept, by_old, rate = 0.0, trial, 1.0, 0.0, 0.0
     strain = old, aside, left, signed
     if kind == CURVE_AUTOMATIC:
         increment, stress, kept, by_old, rate = return_to_curve(
-            c, old, left, before, rate_old, trial, carried, dt
+            c, old, left, before, rate_old, trial, carried, dt, near, near_rate
         )
+    elif near == 0.0:
+        pass
     elif kind == PLASTIC:
-        if trial > c[YIELD_STRESS]:
+        if trial > c[YIELD_STRESS] or near > 0.0:
             stress, kept = c[YIELD_STRESS], 0.0
             increment = (trial - stress) / (3.0 * c[SHEAR])
     elif kind == CURVE_GIVEN:
         if trial > c[YIELD]:
             increment, stress, kept, by_old = _return_to_flow(
-                kind, c, *strain, trial, 0.0, math.log(dt)
+                kind, c, *strain, trial, 0.0, math.log(dt), near
             )
             if stress < c[YIELD]:
                 stress, kept, by_old = c[YIELD], 0.0, 0.0
@@ -131,6 +141,6 @@ def solve_point(  # type: ignore[no-untyped-def]
             threshold = (1.0 - c[DELTA_WEIGHT]) * c[HARDENING] * old ** c[HARDENING_EXPONENT]
         if trial > threshold * (1.0 + ROUNDING) and trial > 1e-290:
             increment, stress, kept, by_old = _return_to_flow(
-                kind, c, *strain, trial, threshold, math.log(dt)
+                kind, c, *strain, trial, threshold, math.log(dt), near
             )
     return stress, increment, kept, by_old, rate

@@ -83,11 +83,12 @@ def _curve_stress(  # type: ignore[no-untyped-def]
 
 @compiled
 def return_to_curve(  # type: ignore[no-untyped-def]
-    c, old, left, before, rate_old, trial, carried, dt
+    c, old, left, before, rate_old, trial, carried, dt, near, near_rate
 ):
     """Solve the scalar problem of a point.
 
-    `before` is the strain that had hardened the carried stress at the start of the step.
+    `before` is the strain that had hardened the carried stress at the start of the step. From a
+    `near` increment, and the rate there, Newton's steps are taken as they come.
 
     Returns:
         dp, equivalent stress q, dq / d trial, dq / d old, and the rate the curve was read at.
@@ -104,16 +105,21 @@ def return_to_curve(  # type: ignore[no-untyped-def]
         if rate_old > 0.0:
             ln_old = max(ln_old, math.log(rate_old))
     args = (ln_carried, ln_old, ln_stiff)
-    stress, by_increment, by_trial, by_old, y = _curve_stress(
-        c, old, left, trial, drive, carried, 0.0, NOTHING, *args
-    )
-    if trial <= stress * (1.0 + ROUNDING) or trial <= 0.0:
+    increment, y, stress = max(near, 0.0), NOTHING, 0.0
+    if near > 0.0 and near_rate > 0.0:
+        y = math.log(near_rate)
+    elif near <= 0.0:
+        stress, by_increment, by_trial, by_old, y = _curve_stress(
+            c, old, left, trial, drive, carried, 0.0, NOTHING, *args
+        )
+    if near == 0.0 or (near < 0.0 and trial <= stress * (1.0 + ROUNDING)) or trial <= 0.0:
         if drive < 0.0:  # elastic unloading is as fast as loading back
             y = _curve_stress(c, old, left, trial, -drive, carried, 0.0, NOTHING, *args)[4]
         return 0.0, trial, 1.0, 0.0, exp(y)
     low, high = 0.0, trial / shear3
-    increment = min((trial - stress) / shear3, high)
-    for _ in range(STEPS):
+    if near < 0.0:
+        increment = min((trial - stress) / shear3, high)
+    for number in range(STEPS):
         stress, by_increment, by_trial, by_old, y = _curve_stress(
             c, old, left, trial, drive, carried, increment, y, *args
         )
@@ -123,7 +129,12 @@ def return_to_curve(  # type: ignore[no-untyped-def]
         else:
             high = increment
         slope = shear3 + by_increment
-        step = excess / slope if slope > 0.0 else math.inf
+        step = excess / slope if slope > 0.0 or near > 0.0 else math.inf
+        if near > 0.0:
+            increment, stress = increment + step, stress + by_increment * step
+            if number == 1:  # the rate is that of the increment before
+                break
+            continue
         if abs(step) <= LAST_STEP * increment or high - low <= ROUNDING * high:
             if low <= increment + step <= high:
                 increment, stress = increment + step, stress + by_increment * step

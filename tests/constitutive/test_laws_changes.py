@@ -1,0 +1,135 @@
+"""How the answer of a law changes with what a step is given: against differences of answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from castfem.constitutive import MaterialStep, Response, equivalent_stress
+from castfem.constitutive.base import ResponseChange, StepChange
+from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.kernel import constants
+from castfem.values.types import Array, Flags
+
+from .samples import SOLIDUS, every_law, random_states
+
+LAWS = every_law()
+POINTS, WAYS, DT = 4000, 3, 0.2
+BY = 1e-6  # of what is given
+PARTS = ("stress", "state", "dissipation")
+WIDE = (1e-4, 1e-5)  # the same, of differences
+
+
+def sized(rng: np.random.Generator, of: Array) -> Array:
+    """Changes in all ways of the size of what they change."""
+    return np.asarray(rng.uniform(-1.0, 1.0, (WAYS, *of.shape)) * of)
+
+
+def limited(rows: Array, most: float) -> Array:
+    """Rows (n, 4) made no longer than `most`."""
+    length = np.linalg.norm(rows, axis=1)[:, None]
+    return np.asarray(rows * np.minimum(1.0, most / np.maximum(length, 1e-300)))
+
+
+def asked(law: RadialReturn) -> tuple[MaterialStep, Array, Array, Array, StepChange]:
+    """A step of random states, from solid to liquid, and random changes of it."""
+    states = random_states(law, POINTS, 1, 5)
+    ((step, stress, state),) = states.parts()
+    strain = limited(step.strain_increment * (DT / step.dt), 1e-3)
+    stress = limited(stress, 1e8) * (step.temperature_old <= SOLIDUS)[:, None]
+    step = replace(step, dt=DT, strain_increment=strain)
+    rng = np.random.default_rng(7)
+    coefficients = law.coefficients(step.temperature_old, step.temperature)
+    ways = sized(rng, coefficients)
+    ways[:, coefficients == 1.0] = 0.0  # shares of one phase, of a whole step
+    change = StepChange(
+        coefficients=ways,
+        strain=sized(rng, step.strain_increment),
+        thermal=sized(rng, step.thermal_increment),
+        stress_old=sized(rng, stress),
+        state_old=sized(rng, state),
+        dt=rng.uniform(-DT, DT, WAYS),
+        by=np.full(WAYS, BY),
+    )
+    return step, stress, state, coefficients, change
+
+
+def answered(law: RadialReturn, way: int, by: float) -> Response:
+    """The answer as it is some way along a change."""
+    step, stress, state, coefficients, change = asked(law)
+    moved = MaterialStep(
+        step.strain_increment + by * change.strain[way],
+        step.thermal_increment + by * change.thermal[way],
+        step.temperature_old,
+        step.temperature,
+        step.dt + by * float(change.dt[way]),
+    )
+    return law.integrate(
+        moved, stress + by * change.stress_old[way], state + by * change.state_old[way],
+        coefficients=coefficients + by * change.coefficients[way],
+    )  # fmt: skip
+
+
+def differences(law: RadialReturn, way: int, by: float) -> tuple[dict[str, Array], Flags]:
+    """Of answers on both sides, and which points do the same on both."""
+    above, below = (answered(law, way, sign * by) for sign in (1.0, -1.0))
+    found = {name: (getattr(above, name) - getattr(below, name)) / (2.0 * by) for name in PARTS}
+    return found, above.flows == below.flows
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+def test_changes_are_differences_of_answers(law: RadialReturn) -> None:
+    """As nearly as differences over two distances agree, which they do but where flow sets in."""
+    step, stress, state, coefficients, change = asked(law)
+    found = law.differentiate(step, stress, state, change, coefficients=coefficients)
+    here = law.integrate(step, stress, state, coefficients=coefficients)
+    shear = coefficients[:, constants.SHEAR]
+    trial = np.abs(stress).max(axis=1) + shear * np.abs(step.strain_increment).max(axis=1)
+    strained = 1e-2 * trial / shear  # what the state of a point that hardly flows is to be seen by
+    # Where nearly all stress is lost it is a difference of nearly equal numbers.
+    clear = ~here.flows | (equivalent_stress(here.stress) > 1e-3 * trial)
+    for way in range(WAYS):
+        (far, _), (near, alike) = (differences(law, way, by) for by in WIDE)
+        alike &= clear
+        for name in PARTS[:: 1 if state.size else 2]:
+            now, known = getattr(here, name), near[name]
+            size = np.maximum(np.abs(now), np.abs(known))
+            if name == "stress":
+                size = np.repeat(size.max(axis=1)[:, None], 4, axis=1)
+            elif name == "state":
+                size = size + strained[:, None]
+            else:
+                size += strained * np.abs(here.stress).max(axis=1)
+            apart, off = np.abs(far[name] - known), np.abs(getattr(found, name)[way] - known)
+            sure = ((apart <= 1e-3 * size).T & alike).T
+            assert sure.mean() > 0.9, name
+            assert (off[sure] <= 3.0 * apart[sure] + 1e-6 * size[sure]).all(), name
+
+
+@pytest.mark.parametrize("name", ["hoff", "steel", "steel signed", "yield given"])
+def test_what_flows_goes_on_flowing(name: str) -> None:
+    """At the yield limit the change is that of the side the point is on."""
+    law = LAWS[name]
+    step, stress, state, coefficients, change = asked(law)
+    found = law.differentiate(step, stress, state, change, coefficients=coefficients)
+    wide = replace(change, by=np.full(WAYS, 1e-4))
+    far = law.differentiate(step, stress, state, wide, coefficients=coefficients)
+    elastic = ~law.integrate(step, stress, state, coefficients=coefficients).flows
+    assert elastic.any() and not elastic.all()
+    assert not found.dissipation[:, elastic].any() and not far.dissipation[:, elastic].any()
+
+
+def test_nothing_given_nothing_changed() -> None:
+    law = LAWS["steel blend signed recovering"]
+    step, stress, state, coefficients, change = asked(law)
+    none = StepChange(
+        *(np.zeros_like(getattr(change, part)) for part in
+          ("coefficients", "strain", "thermal", "stress_old", "state_old", "dt")),
+        by=change.by,
+    )  # fmt: skip
+    found = law.differentiate(step, stress, state, none, coefficients=coefficients)
+    assert isinstance(found, ResponseChange)
+    for name in PARTS:
+        assert not getattr(found, name).any(), name
