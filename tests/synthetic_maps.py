@@ -36,13 +36,16 @@ def surface() -> SurfaceLine:
     return SurfaceLine.of(mesh)
 
 
-def write_maps(folder: Path, *, ended: bool = True, alike: float = 0.0) -> SurfaceLine:
+def write_maps(
+    folder: Path, *, ended: bool = True, alike: float = 0.0, kink: float = 0.0
+) -> SurfaceLine:
     """Write them.
 
     The surface cools down from 1300 to 700 degC and warms up by 80 K at mid-width of the intrados.
     I1 has 30 MPa at the corner of the intrados at 2.125 m (roll 8), 28 and 29 MPa beside it, 24 MPa
     at the corner of the extrados at 1.1 m (roll 4); I2 has 2e-4 1/s in the middle of the intrados
-    at 2.0 m and `alike` on all of the extrados at 1.1 m.
+    at 2.0 m and `alike` on all of the extrados at 1.1 m. At 2.8 m the corner of the extrados has an
+    I1 of `kink` (Pa).
     """
     line = surface()
     heading = Heading(line, MAPS, BAND, columns_of(rolls()), THICK, 0.3)
@@ -57,6 +60,7 @@ def write_maps(folder: Path, *, ended: bool = True, alike: float = 0.0) -> Surfa
         (1, (half, 0.3 * THICK), 2.125, 28e6),
         (1, (half, 0.5 * THICK), 2.2, 29e6),
         (1, (half, -0.5 * THICK), 1.1, 24e6),
+        (1, (half, -0.5 * THICK), 2.8, kink),
         (2, (0.0, 0.5 * THICK), 2.0, 2e-4),
     ):
         values[int(np.argmin(np.abs(position - at))), map_, line.at(*place)] = value

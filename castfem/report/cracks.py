@@ -17,14 +17,14 @@ _SMALL = 1e-2
 _EQUAL = 1e-6  # relative: the maps have single precision
 _LITTLE = 0.05  # of the largest value; what is less is not told
 _ALONG = 0.5  # m: places closer than that are one where no rolls are known
-_RANKS = 4  # of an index: the worst places of so many faces and phases
+_RANKS = 4  # of an index: the worst places, so many
 _WARMED = 5.0  # K; less is no reheat
 _NOT_RANKED = ("temperature", "band_time")
 
 
 @dataclass(frozen=True, slots=True)
 class Maximum:
-    """The largest value of an index on one face, within one phase of the way.
+    """The largest value of an index on one face, within one stretch of a phase.
 
     Attributes:
         value: In SI. row, vertex: Of the maps. phase: Bending, straightening ...
@@ -78,22 +78,24 @@ class CrackReport:
         return [self.stations.phase(float(position)) for position in self.maps.position]
 
     def maxima(self, name: str) -> list[Maximum]:
-        """The worst of each face within each phase, the largest first; none where it is zero.
+        """The worst of each face within each stretch of a phase, the largest first.
 
-        What lies beside a worse place of another face or phase is left out: it is the same place.
+        None where it is zero. A roll that is off bends and straightens as well, by itself: its
+        stretches are not those of the bender and the straightener. What lies beside a worse place
+        of another face or stretch is left out: it is the same place.
         """
         values, line = self.maps[name], self.maps.heading.line
         phases = np.array(self.phases)
+        ends = np.flatnonzero(phases[1:] != phases[:-1]) + 1
         found = []
-        for phase in dict.fromkeys(phases.tolist()):
-            rows = np.flatnonzero(phases == phase)
+        for rows in np.split(np.arange(len(phases)), ends):
             for face, label in enumerate(line.faces):
                 vertices = np.flatnonzero(line.face == face)
                 part = values[np.ix_(rows, vertices)]
                 if part.size and part.max() > 0.0:
                     i, j = _peak(part, line.place[vertices])
                     place = int(rows[i]), int(vertices[j])
-                    found.append(Maximum(float(part.max()), *place, str(phase), label))
+                    found.append(Maximum(float(part.max()), *place, str(phases[rows[0]]), label))
         found.sort(key=lambda one: -one.value)
         kept: list[Maximum] = []
         for one in found:

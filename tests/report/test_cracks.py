@@ -52,6 +52,19 @@ def test_a_place_beside_a_worse_one_is_the_same(report: CrackReport) -> None:
     assert not any("narrow" in place or "2.20 m" in place for place in places)
 
 
+def test_a_roll_that_is_off_does_not_hide_the_bender(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The strand is bent in the bender, and 1.7 m below it by a roll that stands off."""
+    write_maps(tmp_path, kink=26e6)
+    report = CrackReport.of(SurfaceMaps(tmp_path))
+    phases = ["arc" if 1.3 < z < 2.6 else "bending" for z in report.maps.position.tolist()]
+    monkeypatch.setitem(vars(report), "phases", phases)
+    found = report.maxima("I1")
+    assert [one.value for one in found] == pytest.approx([30e6, 26e6, 24e6])
+    assert [one.phase for one in found] == ["arc", "bending", "bending"]
+
+
 def test_of_equal_values_the_place_is_that_of_the_summary(tmp_path: Path) -> None:
     """A face that is strained alike all over: the largest x, as `reductions.peak` has it."""
     line = write_maps(tmp_path, alike=2.5e-4)
