@@ -11,6 +11,7 @@ from pydantic_core import core_schema
 
 from castfem.case.base import TableModel
 from castfem.case.problems import Problem
+from castfem.case.secondary import is_wide
 from castfem.values.quantities import Kind
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
@@ -119,7 +120,7 @@ def check_bulging(case: Case) -> Iterator[Problem]:
             'needs the pressure of the liquid, and ferrostatic is "off"; leave one of both out',
         )
     for index, held in enumerate(mechanics.held or ()):
-        if held is not None and held.component == "y" and any(map(_is_wide, held.on or ())):
+        if held is not None and held.component == "y" and any(map(is_wide, held.on or ())):
             yield Problem(
                 ("mechanics", "held", index),
                 "moves the wide faces, which the rolls bear where they bulge; leave one of the two "
@@ -132,8 +133,3 @@ def check_bulging(case: Case) -> Iterator[Problem]:
     pairs = case.machine.pairs()
     if pairs is not None and len(pairs.pairs) < 2:
         yield Problem(_KEY, "needs two pairs of rolls at least")
-
-
-def _is_wide(name: str) -> bool:
-    """Whether the name of a group stands for a wide face, too."""
-    return name.startswith("wide_face") or "wide_face".startswith(name)

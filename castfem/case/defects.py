@@ -5,9 +5,11 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from castfem.machine.sprays import Row
     from castfem.values.types import Array
 
+MOST_OFF = 0.1  # of a pitch, by which a pair is off
 Offset = Annotated[float, Kind("m", "mm", label="distance", sample="2 mm")]
 WaterShare = Annotated[  # no nozzle has ten times its water: 66 is meant as 66 percent
     float, Kind("1", "percent", least=0.0, most=10.0, label="share", sample="66 percent")
@@ -141,7 +144,12 @@ class Misaligned(RollDefect):
         """See `Defect`."""
         yield from super().problems(case, pairs)
         machine = case.machine
-        if self.resistance is None or machine is None:
+        if machine is None:
+            return
+        normal = machine.normal()
+        if normal is not None and self.roll is not None and self.roll <= pairs:
+            yield from self._far_off(normal)
+        if self.resistance is None:
             return
         table, given = machine.extraction, "extraction" in machine.model_fields_set
         if not given or (table is not None and table.resistance == COUPLED):
@@ -149,6 +157,17 @@ class Misaligned(RollDefect):
                 "resistance",
                 "has no effect without a maker's curve, machine.extraction.resistance, that it "
                 "would be added to; leave it out",
+            )
+
+    def _far_off(self, normal: Rolls) -> Iterator[tuple[str, str]]:
+        """Yield a pair that is farther off than a strand would follow, or (329) holds."""
+        places = [pair.position for pair in normal.pairs[max(self.roll - 2, 0) : self.roll + 1]]
+        pitch = min((b - a for a, b in pairwise(places)), default=math.inf)
+        if self.by is not None and abs(self.by) > MOST_OFF * pitch:
+            yield (
+                "by",
+                f"({1e3 * self.by:g} mm): by more than {MOST_OFF:g} of the {1e3 * pitch:.4g} mm "
+                f"to the next pair roll {self.roll} cannot be off; a strand follows no such bend",
             )
 
     def resisting(self, steps: Array, normal: Rolls, rolls: Rolls, sliding: float) -> Array:

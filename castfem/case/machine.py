@@ -234,21 +234,21 @@ def machine_warnings(case: Case) -> Iterator[Problem]:
     rolls = table.pairs()
     if not found and rolls is not None and table.defect:
         yield from (Problem(("machine", "defect"), text) for text in _doubtful(rolls, thickness))
-    yield from _beyond(case, normal)
+    yield from _beyond(case, rolls or normal)
 
 
 def _beyond(case: Case, rolls: Rolls) -> Iterator[Problem]:
     """Yield a strand that bulges and is followed by more than a pitch below its last roll."""
     bulging = None if case.mechanics is None else case.mechanics.bulging
-    if bulging is None or not bulging.bears or len(rolls.pairs) < 2:
+    if bulging is None or not bulging.bears or len(rolls.there) < 2:
         return
-    above, last = (pair.position for pair in rolls.pairs[-2:])
+    above, last = (rolls.pairs[i].position for i in rolls.there[-2:])
     if case.casting.length > last + (last - above):
         yield Problem(
             ("casting", "length"),
-            f"({case.casting.length:.4g} m) goes beyond the last roll, at {last:.4g} m: nothing "
-            "bulges there, and a strand that is still liquid would not break out; give the rolls "
-            "that hold it, or follow it to the last one",
+            f"({case.casting.length:.4g} m) goes beyond the last roll, at {last:.4g} m: "
+            "nothing bulges there, and a strand that is still liquid would not break out; give the "
+            "rolls that hold it, or follow it to the last one",
         )
 
 

@@ -40,6 +40,11 @@ FACES = ("wide_face_intrados", "wide_face_extrados", "narrow_face_right", "narro
 _WIDE = "wide_face"
 
 
+def is_wide(name: str) -> bool:
+    """Whether the name of a group stands for a wide face, too."""
+    return name.startswith(_WIDE) or _WIDE.startswith(name)
+
+
 class RollContact(TableModel):
     """Contact with the rolls; one of `share` and `coefficient`."""
 
@@ -142,7 +147,7 @@ class Circuit(TableModel):
     @property
     def wide(self) -> bool:
         """Whether it sprays a wide face."""
-        return any(name.startswith(_WIDE) for name in self.on)
+        return any(map(is_wide, self.on))
 
 
 class Secondary(TableModel):

@@ -141,7 +141,8 @@ class TimeLoop:
     def _whereabouts(self) -> str:
         """Where the slice is, for messages."""
         run = self.run_state
-        return f"{1e3 * run.position:.4g} mm below the meniscus ({run.state.time:.4g} s)"
+        where = f"{1e3 * run.position:.4g} mm" if run.position < 10.0 else f"{run.position:.4g} m"
+        return f"{where} below the meniscus ({run.state.time:.4g} s)"
 
     def _record(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
         run = self.run_state

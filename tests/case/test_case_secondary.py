@@ -155,6 +155,15 @@ def test_nozzles_share_the_flow_of_the_whole_strand() -> None:
         assert Circuit.model_validate(base | {"on": on}).nozzles() == faces * 3 * 2
 
 
+@pytest.mark.parametrize("name", ["wide", "wide_face", "wide_face_intrados"])
+def test_a_name_stands_for_the_faces_that_begin_with_it(name: str) -> None:
+    """Nozzles far from the middle stand on a wide face, not outside of a narrow one."""
+    wide = circuit(on=[name], across=["-70 mm", "70 mm"])
+    assert Circuit.model_validate(wide).wide
+    assert rolled(secondary=secondary(circuit=[wide])) is not None
+    assert not Circuit.model_validate(circuit(on=["narrow"])).wide
+
+
 def test_a_case_without_it_imports_nothing_of_it() -> None:
     code = (
         "import sys; from mpi4py import MPI; from castfem.case import load_case; "

@@ -264,24 +264,19 @@ def test_a_key_of_no_defect_is_told_beside_those_of_its_kind() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("given", "line"),
-    [
-        ([("-1 mm", 30), ("1 m", 20)], "machine.defect.1: with roll 20 off by 1000 mm the strand"),
-        ([("30 mm", 20), ("35 mm", 20)], "machine.defect: with roll 20 off by 30 mm and roll 20 o"),
-    ],
-)
-def test_a_pair_too_far_off_is_named_not_the_rolls(given: list[tuple[str, int]], line: str) -> None:
+def test_defects_that_leave_others_no_room_are_named_not_the_rolls() -> None:
+    given = ("25 mm", "26 mm", "24 mm")
     with pytest.raises(InputError) as caught:
-        slab(*({"kind": "misaligned", "roll": roll, "by": by} for by, roll in given))
+        slab(*({"kind": "misaligned", "roll": 20, "by": by} for by in given))
     (problem,) = caught.value.problems
-    assert line in problem and "sharply: roll 19: diameter (225 mm) overlaps" in problem
+    assert "machine.defect: with roll 20 off by 25 mm and roll 20 off by 26 mm and" in problem
+    assert "sharply: roll 19: diameter (225 mm) overlaps" in problem
     assert problem.endswith("below it; move it less")
 
 
 def test_what_is_doubtful_of_a_defect_is_told_of_it() -> None:
-    (first, *_) = machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "-1 m"}))
-    assert first.path == ("machine", "defect") and "the angles do not close" in first.text
+    (first, *_) = machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "-26 mm"}))
+    assert first.path == ("machine", "defect") and "strains the faces" in first.text
     assert not list(machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "2 mm"})))
 
 
@@ -317,6 +312,14 @@ def test_two_of_the_same_and_no_roll_left() -> None:
         slab(locked, locked)
     with pytest.raises(InputError, match="fewer than two pairs"):
         slab(*({"kind": "lost", "roll": n} for n in range(1, 87)))
+
+
+@pytest.mark.parametrize("by", ["2 m", "-200 mm", "34 mm"])
+def test_a_pair_is_not_farther_off_than_a_strand_follows(by: str) -> None:
+    """2 m are typed for 2 mm; the pitch of #48 is 335 mm."""
+    with pytest.raises(InputError, match=r"defect\.0\.by: .* by more than 0\.1 of the 33\d mm to"):
+        slab({"kind": "misaligned", "roll": 48, "by": by})
+    slab({"kind": "misaligned", "roll": 48, "by": "-10 mm"})
 
 
 def test_the_ends_of_the_machine() -> None:

@@ -14,6 +14,7 @@ import pytest
 from castfem.case import Case, load_case
 from castfem.case.build_machine import build_machine
 from castfem.case.load import read_case
+from castfem.case.machine import machine_warnings
 from castfem.errors import InputError
 from castfem.machine.rolls import Rolls
 
@@ -241,6 +242,11 @@ def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
     ):
         found = read_case(bulging, [f"casting.length={length}", key]).warnings
         assert any("beyond the last roll, at 26.4" in text for text in found) == told, length
+    lost = [{"kind": "lost", "roll": number} for number in (86, 87)]
+    ended = read_case(bulging, ["casting.length=26.4 m", "mechanics.bulging=elastic"]).case
+    assert ended is not None
+    without = list(machine_warnings(ended.with_({"machine.defect": lost})))
+    assert any("beyond the last roll, at 25." in one.text for one in without)
 
 
 def test_a_case_without_rolls_does_not_import_them() -> None:
