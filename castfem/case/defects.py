@@ -216,6 +216,11 @@ class Nozzles(Defect):
     )
     share: WaterShare = Field(description="of their water", examples=["66 percent"])
 
+    def __str__(self) -> str:
+        """What messages call it."""
+        between = f"from roll {self.rolls[0]} to {self.rolls[1]}"
+        return f'nozzles of "{self.circuit}" {between} with {100.0 * self.share:g} % of their water'
+
     def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
         """See `Defect`."""
         from castfem.machine.sprays import scale_water

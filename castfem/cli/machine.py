@@ -52,10 +52,13 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
     if case.secondary is not None and case.secondary.circuit:
         print()
         print("\n".join(circuit_lines(case, case.secondary, rolls, thickness)))
+    if case.machine is not None and case.machine.defect:
+        print()
+        print(f"defects: {'; '.join(str(one).rstrip(',') for one in case.machine.defect)}")
     with drawing(picture):
         draw(
             rolls, thickness, picture, mould_end=case.mould_exit(), solid_at=solid,
-            sprays=_sprays(case, rolls, thickness), title=case.title,
+            sprays=_sprays(case), title=case.title,
         )  # fmt: skip
     if case.machine is not None and case.machine.extraction is not None:
         from castfem.cli.extraction import tell_of_drives
@@ -63,25 +66,26 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
         tell_of_drives(case, rolls, picture)
 
 
-def _sprays(case: Case, rolls: Rolls, thickness: float) -> list[Spray]:
+def _sprays(case: Case) -> list[Spray]:
     """The sprays of the wide faces, as they are seen from the side."""
     from castfem.plots.machine import Spray
+    from castfem.simulation.secondary import rows_of
 
     if case.secondary is None:
         return []
     circuits = {circuit.name: circuit for circuit in case.secondary.circuit}
     found = []
-    for row in case.secondary.rows(rolls, thickness):
+    for row in rows_of(case):
         circuit = circuits[row.circuit]
         for side in ("extrados", "intrados") if circuit.wide else ():
             if any(f"wide_face_{side}".startswith(name) for name in circuit.on):
                 inside = side == "intrados"
-                found.append(Spray(row.start, row.end, circuit.stand_off, inside))
+                found.append(Spray(row.start, row.end, circuit.stand_off, inside, row.share != 1.0))
     return found
 
 
 def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) -> list[str]:
-    """Return the table of the circuits of water, at their largest flows."""
+    """Return the table of the circuits of water in order, at their largest flows."""
     from castfem.case.water import PER_LITRE_AND_KG, Supply, steel_per_length
     from castfem.cli.drawing import build_mesh
     from castfem.machine.sprays import footprint, gap_below, longest_spray

@@ -13,6 +13,7 @@ from castfem.machine.phases import phases
 from castfem.machine.rolls import Rolls
 from castfem.machine.side import Side
 from castfem.plots.style import look, new_figure
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,6 +29,7 @@ _COLOURS = {
 _COPPER, _ROLL, _DRIVEN, _WATER = "#b87333", "#9aa5b1", "#1f4e79", "#2f9bd8"
 _DEFECT = "#c1121f"
 _WIDTH = 11.0  # inches
+_EVERY, _BESIDE = 10, 0.22  # rolls of which one is numbered; its number off the roll, m
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +40,14 @@ class Spray:
         start: Where it begins on the face, from the meniscus, m. end: Where it ends, m.
         stand_off: Of its nozzle from the face, m.
         inside: Whether it is that of the intrados.
+        defect: Whether its nozzles have another share of their water than they are meant to.
     """
 
     start: float
     end: float
     stand_off: float
     inside: bool
+    defect: bool = False
 
 
 def draw(
@@ -75,12 +79,13 @@ def draw(
         _strand(ax, side, mould_end)
         _rolls(ax, side)
         _sprays(ax, side, sprays)
+        _numbers(ax, side)
         if solid_at is not None:
-            across = side.across(solid_at, 0.5)
+            across = side.across(solid_at, 0.6)
             ax.plot(*across.T, color="k", linewidth=2.0)
             ax.annotate(
-                f"solid at {solid_at:.4g} m", across[1], (0, 14), textcoords="offset points",
-                ha="center", fontsize=8.5,
+                f"solid at {solid_at:.4g} m", across[1], (12, 14), textcoords="offset points",
+                fontsize=8.5,
             )  # fmt: skip
         ax.set_aspect("equal")
         ax.set_xlabel("from the mould [m]")
@@ -135,15 +140,28 @@ def _rolls(ax: Axes, side: Side) -> None:
             ax.plot([], [], "o", color=colour, label=label)
 
 
+def _numbers(ax: Axes, side: Side) -> None:
+    """Numbers of some rolls, beside those of the extrados: every tenth, and all with a defect."""
+    pairs = side.rolls.pairs
+    for i, pair in enumerate(pairs):
+        if i in (0, len(pairs) - 1) or (i + 1) % _EVERY == 0 or pair.defect:
+            place = side.across(pair.position, pair.diameter + _BESIDE)[0]
+            colour = _DEFECT if pair.defect else "k"
+            ax.text(*place, f"#{i + 1}", color=colour, fontsize=7.5, ha="center", va="center")
+
+
 def _sprays(ax: Axes, side: Side, sprays: Sequence[Spray]) -> None:
     """Every spray, from its nozzle to what it reaches on the face."""
     from matplotlib.collections import PolyCollection
 
-    fans = []
+    fans: dict[str, list[Array]] = {"sprays": [], "sprays with a defect": []}
     for spray in sprays:
         middle, which = 0.5 * (spray.start + spray.end), 1 if spray.inside else 0
         ends = [side.across(place, 0.0)[which] for place in (spray.start, spray.end)]
-        fans.append([side.across(middle, spray.stand_off)[which], *ends])
-    if fans:
-        ax.add_collection(PolyCollection(fans, facecolor=_WATER, edgecolor="none"))
-        ax.plot([], [], "v", color=_WATER, label="sprays")
+        nozzle = side.across(middle, spray.stand_off)[which]
+        kind = "sprays with a defect" if spray.defect else "sprays"
+        fans[kind].append(np.array([nozzle, *ends]))
+    for (label, shapes), colour in zip(fans.items(), (_WATER, _DEFECT), strict=True):
+        if shapes:
+            ax.add_collection(PolyCollection(shapes, facecolor=colour, edgecolor="none"))
+            ax.plot([], [], "v", color=colour, label=label)

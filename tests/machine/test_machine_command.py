@@ -82,6 +82,20 @@ def test_sprays_are_listed_and_drawn(
     assert (first.end - first.start, first.stand_off) == pytest.approx((0.04044, 0.21), abs=1e-5)
 
 
+def test_nozzles_with_a_defect_are_listed_and_marked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from castfem.plots import machine as picture
+
+    drawn: list[list[picture.Spray]] = []
+    monkeypatch.setattr(picture, "_sprays", lambda ax, side, sprays: drawn.append(sprays))
+    draw_machine(load_case(CASES / "slab1200" / "nozzles_47_52.toml"), tmp_path / "m.png", "slab")
+    told = " ".join(capsys.readouterr().out.split())
+    assert 'nozzles of "straightener" from roll 47 to 52 with 66 % of their water' in told
+    (sprays,) = drawn
+    assert sum(spray.defect for spray in sprays) == 2 * 5  # gaps, on both wide faces
+
+
 def test_how_the_drives_share_a_known_resistance(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
