@@ -37,7 +37,7 @@ def surface() -> SurfaceLine:
 
 
 def write_maps(
-    folder: Path, *, ended: bool = True, alike: float = 0.0, kink: float = 0.0
+    folder: Path, *, ended: bool = True, alike: float = 0.0, kink: float = 0.0, scale: float = 1.0
 ) -> SurfaceLine:
     """Write them.
 
@@ -45,7 +45,7 @@ def write_maps(
     I1 has 30 MPa at the corner of the intrados at 2.125 m (roll 8), 28 and 29 MPa beside it, 24 MPa
     at the corner of the extrados at 1.1 m (roll 4); I2 has 2e-4 1/s in the middle of the intrados
     at 2.0 m and `alike` on all of the extrados at 1.1 m. At 2.8 m the corner of the extrados has an
-    I1 of `kink` (Pa).
+    I1 of `kink` (Pa). All indexes are multiplied by `scale`.
     """
     line = surface()
     heading = Heading(line, MAPS, BAND, columns_of(rolls()), THICK, 0.3)
@@ -66,6 +66,7 @@ def write_maps(
         values[int(np.argmin(np.abs(position - at))), map_, line.at(*place)] = value
     extrados = line.face == line.faces.index("extrados")
     values[int(np.argmin(np.abs(position - 1.1))), 2, extrados] = alike
+    values[:, 1:] *= scale
     writer = MapWriter(folder, heading)
     for z, row in zip(position, values, strict=True):
         writer.append(float(z) / SPEED, float(z), row)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, Line
+from castfem.report.crack_places import crack_places
 from castfem.report.headline import plain_label
 from castfem.report.numbers import shown, unit_shown
 from castfem.report.results_table import UNCHANGED
@@ -47,6 +48,9 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
         for run in runs
         if "position" in run.summary.quantities
     }
+    for run in runs:
+        places = crack_places(run.folder, run.summary)
+        found += [f"worst of {run.label}: {one}" for one in (places.worst if places else ())]
     if len(ends) > 1:
         found.append(f"the runs end at different positions: {', '.join(sorted(ends))}")
     return found

@@ -20,6 +20,7 @@ from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import CASE_NAME, FIGURES_NAME
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
+from castfem.report.crack_places import crack_places
 from castfem.report.numbers import cells as number_cells
 from castfem.report.numbers import finely, unit_shown
 from castfem.report.remarks import remarks_of
@@ -231,6 +232,7 @@ def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
         "work": ("At work", found["at_work"] is not None),
         **{key: (name, True) for key, name, _ in found["tables"]},
         "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
+        "cracks": ("Where it may crack", any(run["cracks"] for run in found["runs"])),
         "case": ("Cases", bool(found["differences"])),
         "section": ("Section", any(run["section"] for run in found["runs"])),
         "curves": ("Over the strand", bool(found["charts"])),
@@ -257,6 +259,7 @@ def _part(run: Run, drawn_section: Section | None, count: int) -> dict[str, Any]
         "status": how_it_ended(record),
         "referred": referred,
         "remarks": list(_remarks(run)),
+        "cracks": crack_places(run.folder, summary),
         "section": drawn_section,
         "slice_data": "",
         "pictures": list(_pictures(run.folder, LARGEST / 2 / count)),

@@ -145,9 +145,9 @@ def _numbers(ax: Axes, side: Side) -> None:
     pairs = side.rolls.pairs
     for i, pair in enumerate(pairs):
         if i in (0, len(pairs) - 1) or (i + 1) % _EVERY == 0 or pair.defect:
-            place = side.across(pair.position, pair.diameter + _BESIDE)[0]
+            x, y = side.across(pair.position, pair.diameter + _BESIDE)[0]
             colour = _DEFECT if pair.defect else "k"
-            ax.text(*place, f"#{i + 1}", color=colour, fontsize=7.5, ha="center", va="center")
+            ax.text(x, y, f"#{i + 1}", color=colour, fontsize=7.5, ha="center", va="center")
 
 
 def _sprays(ax: Axes, side: Side, sprays: Sequence[Spray]) -> None:

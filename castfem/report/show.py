@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from castfem.errors import CastfemError, InputError
 from castfem.output.chosen_units import units_of_run
-from castfem.output.folder import LOG_NAME, MAPS_NAME, ROWS_NAME, OutputFolder
+from castfem.output.folder import LOG_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
+from castfem.report.crack_places import crack_places
 from castfem.report.numbers import (
     duration,
     finely,
@@ -135,27 +136,22 @@ def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
 
 def _print_cracks(out: Console, path: Path, summary: Summary | None) -> None:
     """Where the strand may crack, which roll carries most, reheat, end of the pool; with maps."""
-    if not any((path / name).is_file() for name in (MAPS_NAME, ROWS_NAME)):
+    found = crack_places(path, summary)
+    if found is None:
         return
-    from castfem.output.surface_maps import SurfaceMaps
-    from castfem.report.cracks import CrackReport, pool_end
-    from castfem.report.roll_load import heaviest_roll
-
-    report = CrackReport.of(SurfaceMaps(path))
-    ranking = list(report.ranking())
-    if ranking:
+    if found.ranking or found.nowhere:
         print_line(out, "Where it may crack", "bold")
-        wide = [max(len(row[i]) for row in ranking) for i in range(3)]
-        for name, value, less, where in ranking:
+        wide = [max((len(row[i]) for row in found.ranking), default=0) for i in range(3)]
+        for name, value, less, where in found.ranking:
             start = f"{name:<{wide[0]}}  {value:>{wide[1]}}  {less:>{wide[2]}}  "
             print_list(out, start, [where])
+        if found.nowhere:
+            print_line(out, found.nowhere)
         out.print()
-    pool = [] if summary is None else pool_end(summary, report.stations)
-    lines = [*heaviest_roll(path, report.stations), *report.reheats(), *pool]
-    if lines:
-        print_line(out, "Rolls, reheat, end of the pool", "bold")
-        widest = max(len(what) for what, _ in lines)
-        for what, where in lines:
+    if found.others:
+        print_line(out, found.title, "bold")
+        widest = max(len(what) for what, _ in found.others)
+        for what, where in found.others:
             print_list(out, f"{what:<{widest}}  ", [where])
         out.print()
 

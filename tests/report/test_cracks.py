@@ -18,6 +18,7 @@ from castfem.output.folder import OutputFolder
 from castfem.output.history import HISTORY_NAME
 from castfem.output.summary import Quantity, Summary
 from castfem.output.surface_maps import SurfaceMaps
+from castfem.report.crack_places import crack_places
 from castfem.report.cracks import CrackReport
 from castfem.report.roll_load import heaviest_roll
 from castfem.report.show import show
@@ -63,6 +64,20 @@ def test_a_roll_that_is_off_does_not_hide_the_bender(
     found = report.maxima("I1")
     assert [one.value for one in found] == pytest.approx([30e6, 26e6, 24e6])
     assert [one.phase for one in found] == ["arc", "bending", "bending"]
+
+
+def test_places_in_words_and_that_there_are_none(tmp_path: Path) -> None:
+    assert crack_places(tmp_path, None) is None
+    for folder, scale in (("worst", 1.0), ("none", 0.0)):
+        (tmp_path / folder).mkdir()
+        write_maps(tmp_path / folder, scale=scale)
+    found, none = (crack_places(tmp_path / name, None) for name in ("worst", "none"))
+    assert found is not None and none is not None
+    first, second = found.worst
+    assert first == "I1 30 MPa, intrados, corner, 2.12 m (roll 8), 106.2 s, straightening"
+    assert second.startswith("I2 20e-5 1/s, intrados")
+    assert not found.nowhere and found.title == "Rolls and reheat"
+    assert not list(none.worst) and "low ductility is between 800 and 950 degC" in none.nowhere
 
 
 def test_of_equal_values_the_place_is_that_of_the_summary(tmp_path: Path) -> None:
