@@ -89,7 +89,8 @@ def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
 
     heated, distorted = wall.heated, wall.distorted
     hottest = heated.hottest
-    soft = " - above that the copper softens" if hottest > SOFTENS else ""
+    most = f"{SOFTENS - ZERO_CELSIUS:.0f} degC"
+    soft = f" - warning: above {most} the copper softens" if hottest > SOFTENS else ""
     x, y, z = (1e3 * part for part in distorted.largest_at)
     rows = [
         ("hot face", f"at most {hottest - ZERO_CELSIUS:.0f} degC{soft}"),

@@ -166,12 +166,24 @@ def _in_steps(found: Sensitivity) -> str:
     )
 
 
+def _cut(found: Sensitivity) -> str:
+    """Return that windows were cut, which the derivatives do not follow; "" where none was."""
+    if not found.cut:
+        return ""
+    return (
+        f"coupling windows were cut for their error {found.cut} times on the way to "
+        f"{found.windows}: runs beside this one cut theirs elsewhere, which these derivatives do "
+        'not follow; with coupling.window_error = "500 K" none is cut, and a shorter '
+        "coupling.interval makes them as right"
+    )
+
+
 def remarks(found: Sensitivity) -> list[str]:
     """Return what else is to be known of the derivatives, a line each."""
     from castfem.sensitivity.chosen_units import ShownRow
 
     lines = [_told(found, p.name) for p in found.parameters]
-    lines = [line for line in [*lines, _in_steps(found)] if line]
+    lines = [line for line in [*lines, _in_steps(found), _cut(found)] if line]
     for row in found.rows():
         one = ShownRow.of(row)
         if one.sides is not None:

@@ -27,6 +27,7 @@ from castfem.values.types import Array
 _NEIGHBOURS = 5  # runs by which noise is measured
 _APART = 1e-3  # of the ranges: how far apart they are
 FIRST, LAST = 0.1, 0.002  # of the ranges: first step, and the smallest worth taking
+_WIDE = 3  # 2^3 - 1 places over the ranges where the start fails
 AT_END = 2.0  # last steps from the end of a range
 _LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
 _FAILED = 10.0  # of a failed run's missing way, in scales of the other constraints
@@ -199,8 +200,12 @@ class Search:
         return begin
 
     def _through(self, begin: Array) -> Wanted | None:
-        """The first run found that comes to its end, from a start where they fail; None if none."""
+        """The first run found that comes to its end, from a start where they fail; None if none.
+
+        First at places all over the ranges: how far runs come may tell nothing from afar.
+        """
         from scipy.optimize import Bounds, minimize
+        from scipy.stats import qmc
 
         def missing(u: Array) -> float:
             wanted = self.question.at(u)
@@ -211,7 +216,12 @@ class Search:
 
         options = {"initial_tr_radius": FIRST, "final_tr_radius": LAST, "maxfev": 4 * self._most}
         box = Bounds(np.zeros(len(begin)), np.ones(len(begin)))
+        over = qmc.Sobol(len(begin), scramble=False).random_base2(_WIDE)[
+            1:
+        ]  # the first is a corner
         try:
+            for place in over:
+                missing(np.asarray(place))
             minimize(missing, begin, method="COBYQA", bounds=box, options=options)
         except _Through as found:
             return found.wanted

@@ -32,6 +32,7 @@ from castfem.design.spread import spread
 from castfem.design.store import Evaluation
 from castfem.design.verdict import Findings, verdict
 from castfem.errors import InputError
+from castfem.output.run_record import RunRecord
 from castfem.output.summary import Quantity
 from castfem.values.types import Array
 
@@ -143,7 +144,8 @@ class Study:
 
         Args:
             wanted: The run.
-            given: An evaluation, a result of castfem, or results by name in SI.
+            given: An evaluation, a result of castfem (that of a run that has failed, too), or
+                results by name in SI.
 
         Raises:
             InputError: It is none of them.
@@ -151,7 +153,7 @@ class Study:
         if isinstance(given, Result):
             if wanted.ideal:
                 self._kept.append(given)  # tapers begin by its history: a temporary one must stay
-            given = Evaluation(given.summary.quantities, folder=given.folder)
+            given = _evaluated(given, self.case(wanted).casting.length)
         elif isinstance(given, Mapping):
             given = Evaluation({name: _quantity(name, value) for name, value in given.items()})
         if not isinstance(given, Evaluation):
@@ -314,7 +316,8 @@ class Study:
             return None
         self._follows(f"the best with the constraints as {error.checked} cells have them")
         binds = vicinity.binding(model, search.noise.sigma)
-        return best_by(error.checked, search.outputs, best, model, binds, search.radius)
+        scatter = search.noise.sigma[1:]
+        return best_by(error.checked, search.outputs, best, model, binds, search.radius, scatter)
 
     def _tilt(self, outputs: Outputs, best: Wanted, step: Array) -> Tilt:
         """How the cost by the next level, less its own, changes about a best run."""
@@ -340,3 +343,13 @@ def _quantity(name: str, value: float) -> Quantity:
     """A result that was told in SI, in the unit in which castfem shows it."""
     unit = unit_of(name) or "1"
     return Quantity(float(value), "-" if unit == "1" else unit, name.replace("_", " "))
+
+
+def _evaluated(result: Result, length: float) -> Evaluation:
+    """What a run has given, of one that has failed how far of its length (m) it came."""
+    summary = result.summary
+    if summary.status == "finished":
+        return Evaluation(summary.quantities, folder=result.folder)
+    record = RunRecord.load(result.folder)
+    share = min(record.reached.get("position", 0.0) / length, 1.0)
+    return Evaluation({}, share, record.reason or summary.status, folder=result.folder)

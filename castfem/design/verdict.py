@@ -136,6 +136,8 @@ def _values(
         known = [value] if checked is None or not finer else [value, checked]
         low, high = min(low, *known), max(high, *known)
         open_low, open_high, drawn, safe = place.open_low, place.open_high, None, None
+        if moved is not None and moved.missed and checked is not None:  # it lies beyond
+            open_low, open_high = open_low or checked < value, open_high or checked > value
         if spread is not None:  # errors that know nothing of one another
             drawn = _drawn(spread, axis, number)
             low = max(value - float(np.hypot(value - low, max(value - drawn[0], 0.0))), axis.low)

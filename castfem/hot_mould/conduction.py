@@ -114,7 +114,11 @@ class Conduction:
                 if reductions.largest(tube.comm, change) < CLOSE:
                     break
             else:
-                raise RunFailure(f"hot mould: no temperature after {MOST} iterations")
+                raise RunFailure(
+                    f"hot mould: no temperature of the copper after {MOST} iterations: more heat "
+                    "comes in than its water takes; give more water in [mould.tube] "
+                    "(water_coefficient), or less heat"
+                )
         finally:
             matrix.destroy()
         kelvin.x.array[:] = copper.temperature(theta.x.array)

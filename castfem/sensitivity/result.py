@@ -105,6 +105,9 @@ class Sensitivity:
         steps: Thermal steps of the run.
         kinks: Where contact is about to change: there derivatives are those to one side.
         strained: Whether the run had mechanics, which a growing shell takes along cell by cell.
+        windows: Coupling windows of the run.
+        cut: How often one was cut for the error of its gap: to a length that moves with all that
+            moves the gap, which the derivatives hold.
     """
 
     title: str
@@ -115,6 +118,8 @@ class Sensitivity:
     steps: int
     kinks: tuple[Kink, ...] = ()
     strained: bool = False
+    windows: int = 0
+    cut: int = 0
 
     @property
     def gradient(self) -> dict[str, dict[str, float]]:
@@ -188,6 +193,8 @@ class Sensitivity:
                 for row in self.rows()
             ],
             "kinks": [asdict(kink) for kink in self.kinks],
+            "windows": self.windows,
+            "windows_cut_for_error": self.cut,
         }
 
     def to_csv(self) -> str:

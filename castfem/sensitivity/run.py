@@ -309,7 +309,8 @@ def sensitivity(
         kept = tuple(v.parameter for v in derivatives.variations)
         result = Sensitivity(
             case.title, run.position, values, kept, tuple(found), run.counts.steps,
-            _kinks(simulation), simulation.coupling is not None,
+            _kinks(simulation), simulation.coupling is not None, run.counts.windows,
+            run.counts.cut_for_error,
         )  # fmt: skip
         if folder is not None:
             on_root(comm, lambda: result.write(folder))

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from known_results import HEAT, SPEED, STRESS, Given, solve
 from small_case import small
+from synthetic_run import write_run
 
 from castfem.accuracy.estimate import SAFETY
 from castfem.accuracy.levels import LEVELS
-from castfem.api import load
+from castfem.api import Result, load
 from castfem.design import Evaluation, Optimum, Study, Wanted
 from castfem.design.numerical import Numerical
 from castfem.design.told import told
 from castfem.errors import InputError
+from castfem.output.folder import SUMMARY_NAME
+from castfem.output.run_record import RunRecord
+from castfem.output.summary import Summary
+from castfem.support.atomic_files import write_json
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
@@ -291,6 +298,35 @@ def test_an_objective_of_steps():
     assert found.objective is not None
     assert found.objective.value == pytest.approx(5.0)
     assert covered(found, 3.3)
+
+
+def test_a_start_from_which_shares_lead_nowhere():
+    """Runs between 2.5 and 3.5 m/min come through; the way to it from the start is downhill."""
+
+    def given(wanted: Wanted) -> Mapping[str, float] | Evaluation:
+        speed = wanted.values[0]
+        if not 2.5 < speed < 3.5:
+            return Evaluation({}, 0.9 - 0.1 * min(abs(speed - 4.9), 4.0), "breakout")
+        return bowl(wanted)
+
+    found = solve(study({**SPEED, "start": "4.8 m/min"}), given)
+    assert found.status == "found"
+    assert found.values[0].value == pytest.approx(3.3, abs=0.02)
+
+
+def test_a_run_that_has_failed_is_told_by_its_folder(tmp_path: Path):
+    """How far it came, and why; what its summary has is of no use."""
+    asked = study(constraints=["heat_removed >= 2 MJ/m"])
+    (wanted, *_) = asked.ask()
+    folder = write_run(tmp_path / "run")
+    record, summary = RunRecord.load(folder), Summary.load(folder)
+    assert summary is not None
+    replace(record, status="failed", reason="a breakout", reached={"position": 3e-3}).write(folder)
+    write_json(folder / SUMMARY_NAME, replace(summary, status="failed").to_json())
+    asked.tell(wanted, Result(folder))
+    given = asked._told[wanted]
+    assert given.failed and given.message == "a breakout"
+    assert given.share == pytest.approx(0.5) and not given.quantities
 
 
 def test_all_runs_fail():

@@ -73,7 +73,7 @@ def test_mould_given_at_work_says_what_to_make(hot, tmp_path):
 
 def test_copper_that_softens_is_told(hot):
     _, (_, out, _) = hot("", "--set", "mould.tube.flux=7 MW/m^2")
-    assert "above that the copper softens" in out
+    assert "warning: above 400 degC the copper softens" in out
 
 
 def test_case_without_a_tube(castfem, write):

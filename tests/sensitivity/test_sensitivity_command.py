@@ -117,6 +117,13 @@ def test_a_strained_slice_that_freezes_is_said_to_answer_in_steps() -> None:
     assert line.startswith("by casting.speed, cooling.mould.wall, steel.conductivity: the shell")
 
 
+def test_windows_that_were_cut_for_their_error_are_told() -> None:
+    """Runs beside this one cut theirs elsewhere: their differences are others."""
+    assert not any("were cut" in line for line in remarks(FOUND))
+    (line,) = (one for one in remarks(replace(FOUND, windows=23, cut=3)) if "were cut" in one)
+    assert line.startswith("coupling windows were cut for their error 3 times on the way to 23")
+
+
 def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) -> None:
     kept: list[Figure] = []
 
