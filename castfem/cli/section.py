@@ -45,7 +45,12 @@ def find(case: Case, picture: Path, origin: str, at: str | None) -> None:
         if comm.rank == 0:
             print(f"run {number}: {1e6 * attempt.worst:.1f} um off the wanted section", flush=True)
 
-    attempts = find_section(case, comm, origin, position, told=told)
+    try:
+        attempts = find_section(case, comm, origin, position, told=told)
+    except InputError as error:
+        if at is None:
+            raise
+        raise InputError([f"--at {at}: {one}" for one in error.problems]) from None
     if comm.rank > 0:
         return
     last = attempts[-1]

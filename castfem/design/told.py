@@ -107,10 +107,10 @@ def _front(front: Front) -> Iterator[Table | str]:
 
 
 def _state(optimum: Optimum) -> str:
+    ends = [f"{v.key} at the {v.at_end} of its range" for v in optimum.values
+            if v.at_end in ("lowest", "highest")]  # fmt: skip
     if optimum.status == "found":
         held = ", ".join(kept.text for kept in optimum.binding)
-        ends = [f"{v.key} at the {v.at_end} of its range" for v in optimum.values
-                if v.at_end in ("lowest", "highest")]  # fmt: skip
         ends += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
         by = "; ".join(part for part in (held, *ends) if part)
         return f"found; held by {by}" if by else "found; no constraint binds"
@@ -118,10 +118,9 @@ def _state(optimum: Optimum) -> str:
     if worst is None:
         return "no run meets all constraints"
     short = difference_in(worst.known, -worst.left)
-    return (
-        f"the constraints cannot be met; nearest, {worst.text} is missed by "
-        f"{short:.3g} {_difference_unit(worst.known)}".rstrip()
-    )
+    missed = f"{short:.3g} {_difference_unit(worst.known)}".rstrip()
+    wider = f", with {' and '.join(ends)}: a wider one may meet them" if ends else ""
+    return f"the constraints cannot be met; nearest, {worst.text} is missed by {missed}{wider}"
 
 
 def _values(optimum: Optimum) -> str:

@@ -354,6 +354,15 @@ def test_constraints_that_cannot_be_met():
     assert "cannot be met; nearest, heat_removed >= 9 MJ/m is missed by 4 MJ/m" in str(first)
 
 
+def test_a_range_that_ends_before_the_constraints_are_met_is_named():
+    found = solve(study(constraints=["heat_removed >= 9 MJ/m"]), bowl)
+    assert found.status == "impossible" and found.values[0].at_end == "highest"
+    first = str(next(iter(told(found))))
+    assert first.endswith(
+        "with casting.speed at the highest of its range: a wider one may meet them"
+    )
+
+
 def test_two_equal_optima():
     """One is found; that runs elsewhere are as good is told where such were seen."""
 
