@@ -340,9 +340,17 @@ class Study:
 
 
 def _quantity(name: str, value: float) -> Quantity:
-    """A result that was told in SI, in the unit in which castfem shows it."""
+    """A result that was told in SI, in the unit in which castfem shows it.
+
+    Raises:
+        InputError: It is no number.
+    """
     unit = unit_of(name) or "1"
-    return Quantity(float(value), "-" if unit == "1" else unit, name.replace("_", " "))
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"tell: {name}: a number in SI is needed, not {value!r}") from None
+    return Quantity(number, "-" if unit == "1" else unit, name.replace("_", " "))
 
 
 def _evaluated(result: Result, length: float) -> Evaluation:

@@ -146,6 +146,8 @@ def write_table(path: Path, table: Sequence[Row]) -> None:
 def printed(table: Sequence[Row], width: int) -> Table:
     """Return the table for the terminal: what was varied, and as many headline results as fit.
 
+    Those that do not are named below it.
+
     Args:
         table: The runs.
         width: Of the terminal, characters.
@@ -161,11 +163,9 @@ def printed(table: Sequence[Row], width: int) -> Table:
     if left - sum(_width(*column) for column in columns) < wanted:
         columns = _folded(columns)
     room = left - sum(_width(*column) for column in columns)
-    for column in results:
-        room -= _width(*column)
-        if room < 0:
-            break
-        columns.append(column)
+    beside = list(results)
+    while beside and (room := room - _width(*beside[0])) >= 0:
+        columns.append(beside.pop(0))
     for header, cells in columns:
         lines = any("\n" in cell for cell in cells)
         found.add_column(header, justify="left" if lines else "right", no_wrap=True)
@@ -173,6 +173,9 @@ def printed(table: Sequence[Row], width: int) -> Table:
     for number, row in enumerate(table):
         style = "red" if row.status == "failed" else ""
         found.add_row(*(column[number] for _, column in columns), remarks[number], style=style)
+    if beside:
+        names = ", ".join(" ".join(header.split()) for header, _ in beside)
+        found.caption, found.caption_justify = f"not shown, but in {TABLE_NAME}: {names}", "left"
     return found
 
 

@@ -45,10 +45,13 @@ def test_six_keys_leave_room_for_the_results(width: int) -> None:
     text = "\n".join(lines)
     for key, value in (("superheat", "40 K"), ("taper", "1 percent/m"), ("interval", "0.1 s")):
         assert f"{key} {value}" in text
+    below = " ".join(text.split())
+    assert "not shown, but in sweep.csv: " in below and "contact regained" in below
 
 
 def test_a_wide_terminal_has_a_column_for_each_key_and_all_results() -> None:
     lines = table(240)
+    assert not any("not shown" in line for line in lines)
     (first,) = [line for line in lines if line.split()[:1] == ["3"]]
     assert first.split() == [
         "3", "40", "1", "1600", "0.8", "0.1", "4.80", "1226.8", "2.4", "1900", "4.10", "300.00",
