@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from castfem.case.base import TableModel
-from castfem.case.defects import Defect
+from castfem.case.defects import Defect, RollDefect
 from castfem.case.extraction import Extraction
 from castfem.case.problems import Problem
 from castfem.case.section import Strip
@@ -25,11 +25,12 @@ if TYPE_CHECKING:
     from pydantic_core import CoreSchema
 
     from castfem.case.model import Case
-    from castfem.machine.rolls import Rolls
+    from castfem.machine.rolls import Fault, Rolls
 
 _SQUARE = math.radians(0.1)  # how far from 90 degrees a strand counts as horizontal
 _STRAINED = 0.05  # of a face of the bent strand
 _OTHER = 0.1  # of the thickness: how far an aperture may be from it
+_ALIKE = 3  # faults of one kind that are told one by one
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,10 +180,20 @@ def check_machine(case: Case) -> Iterator[Problem]:
     ends = None if case.cooling is None and case.mould is None else _mould_exit(case)
     key = "rolls" if table.rolls is not None else "segment"
     found = list(faults(rolls, thickness, ends))
-    for index, text in found:
-        yield Problem(("machine", key), f"{rolls.place(index)}: {text}")
+    for text in _together(rolls, found):
+        yield Problem(("machine", key), text)
     if table.defect and not found:
         yield from _impossible_defects(rolls, table.defect, thickness)
+
+
+def _together(rolls: Rolls, found: Sequence[Fault]) -> Iterator[str]:
+    """Yield faults in words; of more than a few of one kind the first, and how many there are."""
+    kinds = [fault.kind for fault in found]
+    for i, fault in enumerate(found):
+        count = kinds.count(fault.kind)
+        if count <= _ALIKE or fault.kind not in kinds[:i]:
+            more = f" (and {count - 1} more like it)" if count > _ALIKE else ""
+            yield f"{rolls.place(fault.index)}: {fault.text}{more}"
 
 
 def _impossible_defects(
@@ -198,20 +209,18 @@ def _impossible_defects(
         if defect is None or wrong is None:
             continue
         alone = True
-        yield Problem(("machine", "defect", i), _no_room(rolls, [defect], *wrong))
+        yield Problem(("machine", "defect", i), _no_room(rolls, [defect], wrong))
     wrong = next(faults(with_defects(rolls, defects), thickness, None), None)
     if wrong is not None and not alone:
         given = [one for one in defects if one is not None]
-        yield Problem(("machine", "defect"), _no_room(rolls, given, *wrong))
+        yield Problem(("machine", "defect"), _no_room(rolls, given, wrong))
 
 
-def _no_room(rolls: Rolls, defects: Sequence[Defect], index: int, text: str) -> str:
+def _no_room(rolls: Rolls, defects: Sequence[Defect], wrong: Fault) -> str:
     """What is wrong with the rolls as defects leave them, in words."""
     named = " and ".join(dict.fromkeys(str(defect) for defect in defects))
-    what = text.rpartition("; ")[0]
-    return (
-        f"with {named} the strand is bent too sharply: {rolls.place(index)}: {what}; move it less"
-    )
+    where, what = rolls.place(wrong.index), wrong.text.rpartition("; ")[0]
+    return f"with {named} the strand is bent too sharply: {where}: {what}; move it less"
 
 
 def _mould_exit(case: Case) -> float | None:
@@ -233,7 +242,10 @@ def machine_warnings(case: Case) -> Iterator[Problem]:
     yield from (Problem(("machine", key), text) for text in found)
     rolls = table.pairs()
     if not found and rolls is not None and table.defect:
-        yield from (Problem(("machine", "defect"), text) for text in _doubtful(rolls, thickness))
+        of_rolls = [one for one in table.defect if isinstance(one, RollDefect)]
+        named = " and ".join(dict.fromkeys(str(one).rstrip(",") for one in of_rolls))
+        for text in _doubtful(rolls, thickness):
+            yield Problem(("machine", "defect"), f"with {named}: {text.partition('; ')[0]}")
     yield from _beyond(case, rolls or normal)
 
 
@@ -267,7 +279,10 @@ def _doubtful(rolls: Rolls, thickness: float) -> Iterator[str]:
     tightest = min(rolls.pairs, key=lambda pair: abs(pair.radius))
     strain = 0.5 * thickness / abs(tightest.radius)
     if strain > _STRAINED:
-        yield f"R = {tightest.radius:g} m strains the faces of the strand by {100.0 * strain:.3g} %"
+        yield (
+            f"{rolls.place(rolls.pairs.index(tightest))}: R = {tightest.radius:g} m strains the "
+            f"faces of the strand by {100.0 * strain:.3g} %"
+        )
     for i in range(len(rolls.pairs)):
         aperture = rolls.aperture(i, thickness)
         if abs(aperture / thickness - 1.0) > _OTHER:

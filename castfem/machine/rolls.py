@@ -306,8 +306,23 @@ def expand(segments: Sequence[Segment], first: float, face: Face = "extrados") -
     return Rolls(tuple(pairs), face)
 
 
-def faults(rolls: Rolls, thickness: float, mould_end: float | None) -> Iterator[tuple[int, str]]:
-    """Yield the index of each pair that cannot be there, and why.
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Why a pair cannot be there.
+
+    Attributes:
+        index: Of the pair.
+        kind: What is wrong, the same word for the same of several pairs.
+        text: For messages.
+    """
+
+    index: int
+    kind: str
+    text: str
+
+
+def faults(rolls: Rolls, thickness: float, mould_end: float | None) -> Iterator[Fault]:
+    """Yield each pair that cannot be there, and why.
 
     Args:
         rolls: The pairs.
@@ -317,45 +332,55 @@ def faults(rolls: Rolls, thickness: float, mould_end: float | None) -> Iterator[
     first = rolls.pairs[0].position
     if mould_end is not None and first < mould_end:
         text = f"position ({first:g} m) lies within the mould, which ends at {mould_end:g} m; "
-        yield 0, f"{text}positions are measured from the meniscus along the strand"
+        text += "positions are measured from the meniscus along the strand"
+        yield Fault(0, "mould", text)
     for i in range(len(rolls.pairs)):
-        yield from ((i, text) for text in _too_tight(rolls, i, thickness))
+        yield from _too_tight(rolls, i, thickness)
         if i > 0:
-            yield from ((i, text) for text in _after(rolls, i, thickness))
+            yield from _after(rolls, i, thickness)
 
 
-def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[str]:
+def _too_tight(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
     """Yield a radius within which the rolls of the intrados have no room."""
     pair = rolls.pairs[index]
     inner = (1.0 - INWARD[rolls.face]) * rolls.aperture(index, thickness) + pair.diameter
     if abs(pair.radius) <= inner:
-        yield (
+        yield Fault(
+            index,
+            "radius",
             f"radius_{rolls.face} ({pair.radius:g} m) is below the possible: the rolls of the "
             f"intrados would reach {inner:.4g} m from that face, beyond the centre of curvature; "
-            "is its unit right?"
+            "is its unit right?",
         )
 
 
-def _after(rolls: Rolls, index: int, thickness: float) -> Iterator[str]:
+def _after(rolls: Rolls, index: int, thickness: float) -> Iterator[Fault]:
     """Yield what does not fit the pair before."""
     before, pair = rolls.pairs[index - 1], rolls.pairs[index]
     pitch = pair.position - before.position
     if pitch <= 0.0:
-        yield (
+        yield Fault(
+            index,
+            "order",
             f"position ({pair.position:g} m) does not lie below the roll before "
-            f"({before.position:g} m); give the rolls in casting order"
+            f"({before.position:g} m); give the rolls in casting order",
         )
         return
     clear = rolls.clearance(index, thickness)
     if clear < 0.0 and not (pair.lost or before.lost):
-        yield (
+        yield Fault(
+            index,
+            "overlap",
             f"diameter ({1e3 * pair.diameter:g} mm) overlaps the roll before by "
             f"{-1e3 * clear:.3g} mm at the intrados, {1e3 * pitch:.4g} mm below it; make the rolls "
-            "thinner or the pitch longer"
+            "thinner or the pitch longer",
         )
     now, then = (rolls.aperture(k, thickness) for k in (index, index - 1))
     if now > then * (1.0 + ROUNDING):
-        yield (
-            f"aperture ({1e3 * now:g} mm) grows from {1e3 * then:g} mm at the roll before: nothing "
-            "would hold the strand there; apertures stay or decrease downwards"
+        yield Fault(
+            index,
+            "aperture",
+            f"aperture ({1e3 * now:g} mm) grows from {1e3 * then:g} mm at {rolls.place(index - 1)}:"
+            " nothing would hold the strand there; apertures stay or decrease downwards, and one "
+            "of the two is wrong",
         )

@@ -277,6 +277,7 @@ def test_defects_that_leave_others_no_room_are_named_not_the_rolls() -> None:
 def test_what_is_doubtful_of_a_defect_is_told_of_it() -> None:
     (first, *_) = machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "-26 mm"}))
     assert first.path == ("machine", "defect") and "strains the faces" in first.text
+    assert first.text.startswith("with roll 20 off by -26 mm: ")
     assert not list(machine_warnings(slab({"kind": "misaligned", "roll": 20, "by": "2 mm"})))
 
 

@@ -172,7 +172,8 @@ def test_a_file_that_cannot_be_read(
         (1, "1.0, 150, 222, , no,", r"line 4, roll 2: diameter \(150 mm\) overlaps the roll before "
          r"by 50 mm at the intrados, 100 mm below it"),
         (3, "1.8, 400, 221, 8, yes,", r"line 6, roll 4: diameter .* overlaps the roll before by"),
-        (2, "1.5, 200, 223, 8, yes, 1", r"line 5, roll 3: aperture \(223 mm\) grows from 222 mm"),
+        (2, "1.5, 200, 223, 8, yes, 1", r"line 5, roll 3: aperture \(223 mm\) grows from 222 mm at "
+         r"'.*' line 4, roll 2: .* one of the two is wrong"),
         (2, "1.5, 200, 222, 0.4, yes, 1", r"line 5, roll 3: radius_extrados \(0\.4 m\) is below"),
     ],
 )  # fmt: skip
@@ -211,6 +212,17 @@ def test_a_strip_has_no_rolls() -> None:
     strip = SLAB.parents[1] / "verification" / "neumann.toml"
     with pytest.raises(InputError, match="a strip has no thickness"):
         load_case(strip, [SEGMENTS])
+
+
+def test_one_slip_in_a_header_is_not_told_of_every_roll(tmp_path: Path) -> None:
+    """Diameters of 150 m: each pair overlaps the one before."""
+    for count, told in ((4, 3), (6, 1)):
+        rows = tuple(f"{0.9 + 0.3 * i:.1f}, 150" for i in range(count))
+        with pytest.raises(InputError) as caught:
+            case(tmp_path, rows, "position [m], diameter [m]")
+        assert len(caught.value.problems) == told
+        assert "line 4, roll 2: diameter (150000 mm) overlaps" in caught.value.problems[0]
+    assert caught.value.problems[0].endswith("the pitch longer (and 4 more like it)")
 
 
 def test_what_is_told_and_not_refused(tmp_path: Path) -> None:
