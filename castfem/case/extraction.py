@@ -14,6 +14,7 @@ from pydantic import Field
 from castfem.case.base import TableModel
 from castfem.case.problems import Problem
 from castfem.values.quantities import Kind
+from castfem.values.same_place import ROUNDING
 from castfem.values.table_notation import CurveOr
 from castfem.values.tables import Table
 
@@ -120,4 +121,31 @@ def _twice(case: Case) -> Iterator[Problem]:
             "pulls at the strand beside [machine.extraction], whose drives take what rolls "
             'resist and would never take it; give friction = { law = "none" }, or leave '
             "machine.extraction out",
+        )
+
+
+def extraction_warnings(case: Case) -> Iterator[Problem]:
+    """Yield a curve of the resistance that leaves out pairs of the machine."""
+    table = None if case.machine is None else case.machine.extraction
+    rolls = None if case.machine is None else case.machine.normal()
+    if table is None or rolls is None or not isinstance(table.resistance, Table):
+        return
+    from castfem.extraction.resistance import steps_of
+
+    places, rows = [pair.position for pair in rolls.pairs], table.resistance.arguments
+    steps, hair = steps_of(table.resistance, places), ROUNDING * max(1.0, places[-1])
+    ends = (places[0], *places)  # where each pair's part of the curve begins
+    above = [i for i, place in enumerate(places) if place <= rows[0] + hair and not steps[i]]
+    below = [i for i, start in enumerate(ends[:-1]) if start >= rows[-1] - hair and not steps[i]]
+    told = [
+        f"rolls {left[0] + 1} to {left[-1] + 1}" if len(left) > 1 else f"roll {left[0] + 1}"
+        for left in (above, [i for i in below if i not in above])
+        if left and left != [0]
+    ]
+    if told:
+        yield Problem(
+            (*_PATH, "resistance"),
+            f"goes from {rows[0]:.4g} to {rows[-1]:.4g} m, the rolls from {places[0]:.4g} to "
+            f"{places[-1]:.4g} m: {' and '.join(told)} resist with nothing; give the curve from "
+            "the first pair to the last",
         )

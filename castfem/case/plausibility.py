@@ -14,6 +14,7 @@ from castfem.case import effort
 from castfem.case.check_cooling import law_groups
 from castfem.case.check_secondary import secondary_warnings
 from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
+from castfem.case.extraction import extraction_warnings
 from castfem.case.idle_keys import idle_keys
 from castfem.case.machine import machine_warnings
 from castfem.case.mechanics import Way
@@ -59,6 +60,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from _cold(case)
     yield from _sprays(case)
     yield from machine_warnings(case)
+    yield from extraction_warnings(case)
     yield from _nearly_at_rolls(case)
     yield from secondary_warnings(case)
     yield from idle_keys(case)

@@ -13,6 +13,7 @@ import pytest
 
 from castfem.case import Case, load_case
 from castfem.case.build_machine import build_machine
+from castfem.case.extraction import extraction_warnings
 from castfem.case.load import read_case
 from castfem.case.machine import machine_warnings
 from castfem.errors import InputError
@@ -256,9 +257,30 @@ def test_a_strand_that_bulges_ends_with_its_rolls() -> None:
         assert any("beyond the last roll, at 26.4" in text for text in found) == told, length
     lost = [{"kind": "lost", "roll": number} for number in (86, 87)]
     ended = read_case(bulging, ["casting.length=26.4 m", "mechanics.bulging=elastic"]).case
-    assert ended is not None
+    assert isinstance(ended, Case)
     without = list(machine_warnings(ended.with_({"machine.defect": lost})))
     assert any("beyond the last roll, at 25." in one.text for one in without)
+
+
+@pytest.mark.parametrize(
+    ("position", "value", "told"),
+    [
+        (["0.87 m", "26.5 m"], ["7 kN", "700 kN"], ""),
+        (["0 m", "26.4325 m"], ["0 kN", "700 kN"], ""),
+        (["0.87 m", "26.3 m"], ["0 kN", "700 kN"], ""),  # within the last pitch
+        (["2 m", "26.5 m"], ["0 kN", "700 kN"], "26.5 m, the rolls .*: rolls 1 to 6 resist with n"),
+        (["2 m", "26.5 m"], ["9 kN", "700 kN"], ": rolls 2 to 6 resist with nothing; give the cu"),
+        (["2 m", "26 m"], ["0 kN", "700 kN"], ": rolls 1 to 6 and roll 87 resist with nothing"),
+    ],
+)
+def test_a_curve_of_resistance_is_of_all_rolls(
+    position: list[str], value: list[str], told: str
+) -> None:
+    slab = load_case(SLAB.parent / "reference.toml")
+    given = slab.with_({"machine.extraction.resistance": {"position": position, "value": value}})
+    texts = [problem.text for problem in extraction_warnings(given)]
+    assert bool(texts) == bool(told)
+    assert not told or re.search(told, texts[0]), texts
 
 
 def test_a_case_without_rolls_does_not_import_them() -> None:
