@@ -221,6 +221,12 @@ class Nozzles(Defect):
         between = f"from roll {self.rolls[0]} to {self.rolls[1]}"
         return f'nozzles of "{self.circuit}" {between} with {100.0 * self.share:g} % of their water'
 
+    @property
+    def water(self) -> str:
+        """How much of it there is, and where, in words."""
+        share = f"{100.0 * self.share:g} % of the water"
+        return f"{share} from roll {self.rolls[0]} to {self.rolls[1]}"
+
     def watered(self, rows: tuple[Row, ...]) -> tuple[Row, ...]:
         """See `Defect`."""
         from castfem.machine.sprays import scale_water

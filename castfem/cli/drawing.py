@@ -35,6 +35,7 @@ def draw_mesh(case: Case, picture: Path) -> None:
     """
     from castfem.meshes.draw import draw
 
+    check_picture(picture)
     mesh = build_mesh(case)
     print_rows(mesh_rows(mesh))
     with drawing(picture):
@@ -70,12 +71,13 @@ def draw_material(name: str, composition: Iterable[str], picture: Path | None) -
         InputError: No such steel, or a composition that cannot be read.
     """
     amounts = _composition(composition)
+    target = picture or Path(f"{Path(name).stem}.png")
+    check_picture(target)
     from castfem.materials import describe_steel, load_steel
     from castfem.materials.plot import plot_steel
 
     steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
     print_rows(describe_steel(steel))
-    target = picture or Path(f"{Path(name).stem}.png")
     with drawing(target):
         plot_steel(steel, target)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from castfem.case import Case
 from castfem.case.machine import thickness_of
-from castfem.cli.drawing import drawing, print_rows
+from castfem.cli.drawing import check_picture, drawing, print_rows
 from castfem.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
     """
     from castfem.plots.machine import draw
 
+    check_picture(picture)
     rolls = None if case.machine is None else case.machine.pairs()
     thickness = thickness_of(case.section)
     if rolls is None or thickness is None:
@@ -85,7 +86,8 @@ def _sprays(case: Case) -> list[Spray]:
 
 
 def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) -> list[str]:
-    """Return the table of the circuits of water in order, at their largest flows."""
+    """Return the table of the circuits of water, at their largest flows, and their defects."""
+    from castfem.case.defects import Nozzles
     from castfem.case.water import PER_LITRE_AND_KG, Supply, steel_per_length
     from castfem.cli.drawing import build_mesh
     from castfem.machine.sprays import footprint, gap_below, longest_spray
@@ -97,10 +99,12 @@ def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
     )  # fmt: skip
     mass = steel_per_length(build_mesh(case), steel)
     supply = Supply(mass, case.casting.travel, case.water, case.casting.clock)
+    defects = () if case.machine is None else case.machine.defect or ()
+    scaled = [defect for defect in defects if isinstance(defect, Nozzles)]
     head = (
         "circuit", "on", "rolls", "nozzles", "most flow [L/min]", "[L/kg]", "each [L/min]",
         "width [mm]",
-        "length [mm]", "at most [mm]",
+        "length [mm]", "at most [mm]", "defect" if scaled else "",
     )  # fmt: skip
     rows = [head]
     for circuit in table.circuit:
@@ -121,6 +125,7 @@ def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
                 f"{1e3 * footprint(circuit.stand_off, model.angle):.0f}",
                 f"{1e3 * footprint(circuit.stand_off, model.angle_along):.1f}",
                 "" if free is None else f"{1e3 * free:.1f}",
+                ", ".join(one.water for one in scaled if one.circuit == circuit.name),
             )
         )
     return aligned(rows)

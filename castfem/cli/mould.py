@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import Case
-from castfem.cli.drawing import aligned, drawing, print_rows
+from castfem.cli.drawing import aligned, check_picture, drawing, print_rows
 from castfem.errors import InputError
 from castfem.values.constants import ZERO_CELSIUS
 
@@ -38,6 +38,7 @@ def draw_mould(case: Case, picture: Path, origin: str) -> None:
             f"{origin}: mould: the table is missing, the mould is idealised and follows the "
             'strand; add [mould] with length = "600 mm" and taper = "1 %/m"'
         )
+    check_picture(picture)
     mould = build_mould(table, case.section)
     print_rows(mould_rows(mould))
     print()

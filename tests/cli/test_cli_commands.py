@@ -231,6 +231,21 @@ def test_picture_that_cannot_be_written(castfem, case_file, picture):
     assert outcome.err.startswith(f"castfem: {picture}: ")
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("machine", "slab1200/thermal"),
+        ("mesh", "slab1200/thermal"),
+        ("mould", "billet125/optimum_corner"),
+        ("material", "plain_carbon"),
+    ],
+)
+def test_a_picture_of_no_format_is_refused_before_anything_is_told(castfem, words):
+    outcome = castfem(*words, "-o", "picture")
+    assert (outcome.status, outcome.out) == (1, "")
+    assert outcome.err == "castfem: picture: a picture ends in .png, .pdf, .svg\n"
+
+
 def test_material_describes_and_plots(castfem):
     outcome = castfem("material", "plain_carbon", "-c", "C=0.1", "-o", "steel.png")
     assert outcome.status == 0, outcome.err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -92,6 +93,7 @@ def test_nozzles_with_a_defect_are_listed_and_marked(
     draw_machine(load_case(CASES / "slab1200" / "nozzles_47_52.toml"), tmp_path / "m.png", "slab")
     told = " ".join(capsys.readouterr().out.split())
     assert 'nozzles of "straightener" from roll 47 to 52 with 66 % of their water' in told
+    assert re.search(r"straightener wide_face [^#]* 66 % of the water from roll 47 to 52", told)
     (sprays,) = drawn
     assert sum(spray.defect for spray in sprays) == 2 * 5  # gaps, on both wide faces
 
