@@ -79,7 +79,8 @@ def machine() -> None:
     with tempfile.TemporaryDirectory() as folder:
         solid = loop.run(case, folder).quantities["metallurgical_length"].value
         path = Path(folder) / "machine.png"
-        draw_machine(rolls, case.section.height, path, mould_end=case.mould_exit(), solid_at=solid)
+        marks = [(solid, f"solid at {solid:.4g} m")]
+        draw_machine(rolls, case.section.height, path, mould_end=case.mould_exit(), marks=marks)
         shrink(Image.open(path).convert("RGB"), "machine")
 
 

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from castfem.machine.rolls import Rolls
     from castfem.plots.machine import Spray
 
-_SOLID = "metallurgical_length"
-
 
 def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None) -> None:
     """Print the rolls of a case and draw its caster.
@@ -28,11 +26,14 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
         case: The case.
         picture: File of the picture.
         origin: What the user called the case, for messages.
-        run: Folder of a run, for the place where the strand is solid.
+        run: Folder of a run, for the place where the strand is solid, and for how the drives
+            pulled where the resistance comes with a run.
 
     Raises:
-        InputError: The case has no rolls, the run is none, or the picture cannot be written.
+        InputError: The case has no rolls, the run is none through its machine, or the picture
+            cannot be written.
     """
+    from castfem.cli.machine_run import ended
     from castfem.plots.machine import draw
 
     check_picture(picture)
@@ -43,10 +44,11 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
             f"{origin}: machine: the table is missing, the strand goes straight down; add "
             '[machine] with rolls = "rolls.csv" (docs/machine.md)'
         )
-    solid = None if run is None else solid_at(run)
+    found = None if run is None else ended(run, case)
     print_rows(machine_rows(rolls, thickness))
-    if run is not None:
-        where = "not in this run" if solid is None else f"at {solid:.4g} m, {_near(rolls, solid)}"
+    if found is not None:
+        solid = found.solid
+        where = found if solid is None else f"at {solid:.4g} m, {_near(rolls, solid)}"
         print(f"solid throughout: {where} ({run})")
     print()
     print("\n".join(roll_lines(rolls, thickness)))
@@ -58,13 +60,13 @@ def draw_machine(case: Case, picture: Path, origin: str, run: Path | None = None
         print(f"defects: {'; '.join(str(one).rstrip(',') for one in case.machine.defect)}")
     with drawing(picture):
         draw(
-            rolls, thickness, picture, mould_end=case.mould_exit(), solid_at=solid,
-            sprays=_sprays(case), title=case.title,
+            rolls, thickness, picture, mould_end=case.mould_exit(),
+            marks=() if found is None else found.marks, sprays=_sprays(case), title=case.title,
         )  # fmt: skip
     if case.machine is not None and case.machine.extraction is not None:
         from castfem.cli.extraction import tell_of_drives
 
-        tell_of_drives(case, rolls, picture)
+        tell_of_drives(case, rolls, picture, run)
 
 
 def _sprays(case: Case) -> list[Spray]:
@@ -129,21 +131,6 @@ def circuit_lines(case: Case, table: Secondary, rolls: Rolls, thickness: float) 
             )
         )
     return aligned(rows)
-
-
-def solid_at(run: Path) -> float | None:
-    """Return the metallurgical length of a run, m; None of one that ended before.
-
-    Raises:
-        InputError: The folder holds no run that has ended.
-    """
-    from castfem.output.summary import Summary
-
-    summary = Summary.load(run) if run.is_dir() else None
-    if summary is None:
-        raise InputError(f"--run {run}: holds no run that has ended")
-    found = summary.quantities.get(_SOLID)
-    return None if found is None else found.value
 
 
 def _near(rolls: Rolls, position: float) -> str:

@@ -85,7 +85,7 @@ def machine(
         Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_machine.png.")
     ] = None,
     run: Annotated[
-        Path | None, typer.Option(help="Folder of a run, for where the strand is solid.")
+        Path | None, typer.Option(help="Folder of a run: where it is solid, how drives pulled.")
     ] = None,
     set_: Overrides = None,
 ) -> None:

@@ -29,7 +29,8 @@ _COLOURS = {
 _COPPER, _ROLL, _DRIVEN, _WATER = "#b87333", "#9aa5b1", "#1f4e79", "#2f9bd8"
 _DEFECT = "#c1121f"
 _WIDTH = 11.0  # inches
-_EVERY, _BESIDE = 10, 0.22  # rolls of which one is numbered; its number off the roll, m
+_EVERY, _BESIDE = 5, 11.0  # rolls of which one is numbered; its number off the roll, points
+_MARK = 0.6  # beyond the intrados, to which a mark goes, m
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,7 @@ def draw(
     path: str | os.PathLike[str],
     *,
     mould_end: float | None = None,
-    solid_at: float | None = None,
+    marks: Sequence[tuple[float, str]] = (),
     sprays: Sequence[Spray] = (),
     title: str = "",
 ) -> None:
@@ -67,11 +68,11 @@ def draw(
         thickness: Of the section, m.
         path: Picture; its ending gives the format (png, pdf, svg).
         mould_end: From the meniscus, m; None without a mould.
-        solid_at: Where the strand is solid throughout, m; None if that is not known.
+        marks: Positions that are marked, m, and with what words.
         sprays: On its wide faces.
         title: Above the picture.
     """
-    side = Side(rolls, thickness, 0.0 if solid_at is None else solid_at)
+    side = Side(rolls, thickness, max((place for place, _ in marks), default=0.0))
     with look():
         span = np.ptp(side.extrados, axis=0) + 1.0
         figure = new_figure(_WIDTH, float(np.clip(_WIDTH * span[1] / span[0], 4.0, 11.0)) + 0.6)
@@ -80,13 +81,7 @@ def draw(
         _rolls(ax, side)
         _sprays(ax, side, sprays)
         _numbers(ax, side)
-        if solid_at is not None:
-            across = side.across(solid_at, 0.6)
-            ax.plot(*across.T, color="k", linewidth=2.0)
-            ax.annotate(
-                f"solid at {solid_at:.4g} m", across[1], (12, 14), textcoords="offset points",
-                fontsize=8.5,
-            )  # fmt: skip
+        _marks(ax, side, marks)
         ax.set_aspect("equal")
         ax.set_xlabel("from the mould [m]")
         ax.set_ylabel("height above the meniscus [m]")
@@ -140,14 +135,41 @@ def _rolls(ax: Axes, side: Side) -> None:
             ax.plot([], [], "o", color=colour, label=label)
 
 
+def _marks(ax: Axes, side: Side, marks: Sequence[tuple[float, str]]) -> None:
+    """A line across the strand at each marked position, with its words beyond the intrados."""
+    for after, (place, words) in enumerate(sorted(marks, reverse=True)):
+        beyond = (1.0 + 0.7 * after) * _MARK  # words stand one above the other
+        line = np.array([side.across(place, 0.0)[0], side.across(place, beyond)[1]])
+        ax.plot(*line.T, color="k", linewidth=2.0)
+        ax.annotate(words, line[1], (4, 2), textcoords="offset points", fontsize=8.5)
+
+
 def _numbers(ax: Axes, side: Side) -> None:
-    """Numbers of some rolls, beside those of the extrados: every tenth, and all with a defect."""
-    pairs = side.rolls.pairs
-    for i, pair in enumerate(pairs):
-        if i in (0, len(pairs) - 1) or (i + 1) % _EVERY == 0 or pair.defect:
-            x, y = side.across(pair.position, pair.diameter + _BESIDE)[0]
-            colour = _DEFECT if pair.defect else "k"
-            ax.text(x, y, f"#{i + 1}", color=colour, fontsize=7.5, ha="center", va="center")
+    """Numbers of some rolls, beside those of the extrados."""
+    for i in numbered(side.rolls):
+        pair = side.rolls.pairs[i]
+        x, y = side.across(pair.position, pair.diameter)[0]
+        off = -_BESIDE * side.at(side.inward, pair.position)
+        ax.annotate(
+            f"#{i + 1}", (x, y), (off[0], off[1]), textcoords="offset points", fontsize=7.5,
+            color=_DEFECT if pair.defect else "k", ha="center", va="center",
+        )  # fmt: skip
+
+
+def numbered(rolls: Rolls) -> list[int]:
+    """Indices of pairs that get a number: with a defect, driven, first, last, every fifth.
+
+    Of two neighbours one does, of a defect both.
+    """
+    pairs = rolls.pairs
+    found = {i for i, pair in enumerate(pairs) if pair.defect}
+    for more in (
+        [i for i, pair in enumerate(pairs) if pair.driven],
+        [0, len(pairs) - 1],
+        range(_EVERY - 1, len(pairs), _EVERY),
+    ):
+        found |= {i for i in more if not {i - 1, i + 1} & found}
+    return sorted(found)
 
 
 def _sprays(ax: Axes, side: Side, sprays: Sequence[Spray]) -> None:

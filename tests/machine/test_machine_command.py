@@ -5,12 +5,17 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
-from castfem.case import load_case
+from castfem.case import Case, load_case
 from castfem.cli.machine import draw_machine
 from castfem.errors import InputError, RunFailure
+from castfem.extraction.effort import Passing
+from castfem.machine.rolls import Pair, Rolls
+from castfem.output.summary import Quantity, Summary
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -29,24 +34,98 @@ def test_table_and_picture(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "solid" not in told
 
 
-def test_where_the_strand_is_solid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    from castfem.output.summary import Quantity, Summary
+def run_of(folder: Path, case: Case, **found: float) -> Path:
+    """A run's folder with its case and these results, m."""
+    folder.mkdir(exist_ok=True)
+    quantities = {name: Quantity(value, "m", name) for name, value in found.items()}
+    summary = Summary(
+        title="slab", status="finished", quantities=quantities, references=(), balances={},
+        steps={}, wall_time={}, zones=(), mould_exit=0.8, unchecked=(),
+    )  # fmt: skip
+    (folder / "summary.json").write_text(json.dumps(summary.to_json()))
+    (folder / "case.toml").write_text(case.resolved_toml())
+    return folder
 
+
+def test_where_the_strand_is_solid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from castfem.plots import machine as picture
+
+    marks: list[list[tuple[float, str]]] = []
+    monkeypatch.setattr(picture, "_marks", lambda ax, side, given: marks.append(list(given)))
     case, run = load_case(CASES / "slab1200" / "thermal.toml"), tmp_path / "run"
     run.mkdir()
     with pytest.raises(InputError, match=r"--run .*run: holds no run that has ended"):
         draw_machine(case, tmp_path / "m.png", "slab", run)
-    for found, said in (
-        ({"metallurgical_length": Quantity(20.4, "m", "metallurgical length")}, "below roll 68"),
-        ({}, "not in this run"),
+    end, unfinished = {"position": 20.5}, "not down to 20.5 m, where the run ends; liquid to"
+    for found, said, marked in (
+        ({"metallurgical_length": 20.4}, "below roll 68", ["solid at 20.4 m"]),
+        ({"liquid_end": 19.0}, f"{unfinished} 19 m", ["liquid to 19 m", "not solid at 20.5 m"]),
+        ({}, f"{unfinished} there", ["not solid at 20.5 m"]),
     ):
-        empty = Summary(
-            title="slab", status="finished", quantities=found, references=(), balances={},
-            steps={}, wall_time={}, zones=(), mould_exit=0.8, unchecked=(),
-        )  # fmt: skip
-        (run / "summary.json").write_text(json.dumps(empty.to_json()))
-        draw_machine(case, tmp_path / "m.png", "slab", run)
+        draw_machine(case, tmp_path / "m.png", "slab", run_of(run, case, **found, **end))
         assert said in capsys.readouterr().out
+        assert [words for _, words in marks.pop()] == marked
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"machine.defect": [{"kind": "lost", "roll": 48}]}, "roll 48 is lost, in the case in ord"),
+        ({"machine.defect": [{"kind": "misaligned", "roll": 20, "by": "2 mm"}]}, "is 2 mm off, in"),
+        ({"machine": {"first": "0.9 m", "segment": [
+            {"rolls": 9, "pitch": "0.3 m", "diameter": "0.2 m"}]}}, "it has 9 pairs of rolls, the "
+         "case 87"),
+        ({"machine": None}, "it has no rolls"),
+        ({"title": "another"}, ""),
+    ],
+)  # fmt: skip
+def test_a_run_through_another_machine_is_refused(
+    change: dict[str, Any], said: str, tmp_path: Path
+) -> None:
+    case = load_case(CASES / "slab1200" / "thermal.toml")
+    run, picture = run_of(tmp_path / "run", case.with_(change), position=20.0), tmp_path / "m.png"
+    if not said:
+        draw_machine(case, picture, "slab", run)
+        return
+    with pytest.raises(InputError, match=f"run: is a run through another machine: .*{said}"):
+        draw_machine(case, picture, "slab", run)
+
+
+def test_drives_of_a_coupled_resistance_are_those_of_a_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Here of a curve, whose shares are known: a run down to #56 tells them, the pull of #55 too.
+
+    The slice has the whole pull of a drive at the pair below.
+    """
+    from castfem.case.build_extraction import known_resistance
+
+    case = load_case(CASES / "slab1200" / "reference.toml")
+    assert case.machine is not None and case.machine.extraction is not None
+    known, pairs = known_resistance(case.machine.extraction, case.machine), case.machine.pairs()
+    assert known is not None and pairs is not None
+    at = [pair.position for pair in pairs.pairs[:56]]
+    states = [known.after(known.initial(0.0), s, Passing(0.0, 0.0, np.zeros(0))) for s in at]
+    rows = [
+        f"{50.0 * s},{s},{1e-3 * one.resistance},{1e-3 * one.drives},{1e-3 * one.effort}"
+        for s, one in zip(at, states, strict=True)
+    ]
+    head = "time [s],position [m],roll_resistance [kN],drive_force [kN],effort [kN]"
+    coupled = case.with_({"machine.extraction.resistance": "coupled"})
+    run = run_of(tmp_path / "run", coupled, position=at[-1])
+    (run / "history.csv").write_text("\n".join([head, *rows]) + "\n")
+    draw_machine(coupled, tmp_path / "m.png", "slab", run)
+    told = capsys.readouterr().out
+    cells = {line.split()[0]: line.split() for line in told.splitlines() if line.strip()[:1] == "#"}
+    assert len(cells) == 14
+    assert cells["#50"] == ["#50", "14.592", "61.21", "61.21", "72.37"]  # as with the curve
+    assert len(cells["#55"]) == 5 and float(cells["#55"][3]) > 0.0
+    assert cells["#60"] == ["#60", f"{pairs.pairs[59].position:.3f}"]  # it did not come there
+    assert (
+        f"down to {at[-1]:.4g} m the rolls resist with {1e-3 * known.steps[:56].sum():.5g}" in told
+    )
 
 
 def test_a_billet_has_no_rolls(tmp_path: Path) -> None:
@@ -119,3 +198,18 @@ def test_how_the_drives_share_a_known_resistance(
     )
     with pytest.raises(RunFailure, match="the strand would stop: its rolls resist with 9000 kN"):
         draw_machine(weak, tmp_path / "w.png", "slab")
+
+
+def test_rolls_with_a_number_are_no_neighbours() -> None:
+    """Every fifth, the drives, the first and the last; those with a defect in any case."""
+    from castfem.plots.machine import numbered
+
+    def of(count: int, driven: tuple[int, ...] = (), locked: tuple[int, ...] = ()) -> list[int]:
+        pairs = tuple(
+            Pair(1.0 + i, 0.2, driven=i + 1 in driven, locked=i + 1 in locked) for i in range(count)
+        )
+        return [i + 1 for i in numbered(Rolls(pairs))]
+
+    assert of(12) == [1, 5, 10, 12]
+    assert of(11, driven=(4, 8)) == [1, 4, 8, 11]
+    assert of(11, driven=(4,), locked=(5, 6)) == [1, 5, 6, 11]
