@@ -327,9 +327,7 @@ def test_a_run_that_has_failed_is_told_by_its_folder(tmp_path: Path):
     given = asked._told[wanted]
     assert given.failed and given.message == "a breakout"
     assert given.share == pytest.approx(0.5) and not given.quantities
-    with pytest.raises(
-        InputError, match=r"tell: von_mises_max: a number in SI is needed"
-    ):
+    with pytest.raises(InputError, match=r"tell: von_mises_max: a number in SI is needed"):
         asked.tell(wanted, {STRESS: "3 MPa"})  # type: ignore[dict-item]
 
 

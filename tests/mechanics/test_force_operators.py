@@ -66,7 +66,7 @@ def test_forces_and_work_are_those_of_the_forms(cell: str, order: int, outside: 
     assert np.abs(work - known).max() < 1e-12 * np.abs(known).max()
 
 
-def test_strain_is_that_of_the_step_and_its_bound_holds() -> None:
+def test_strain_is_that_of_the_step() -> None:
     setup = pressed("quadrilateral", 2, "free")
     evaluated(setup)
     problem, rng = setup.problem, np.random.default_rng(0)
@@ -82,6 +82,3 @@ def test_strain_is_that_of_the_step_and_its_bound_holds() -> None:
         operators.strains(motion[:, None], strains[:, None]),
     )
     assert np.abs(found[:, :, 0] - known).max() < 1e-12 * np.abs(known).max()
-    stress = rng.uniform(-1.0, 1.0, found.shape)
-    forces, _ = operators.of_stress(stress)
-    assert np.abs(forces).max() < 4.0 / 3.0 * operators.most()
