@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.machine.rolls import Pair
+from castfem.machine.rolls import Pair, Rolls
 from castfem.machine.side import Side
 from castfem.machine.stations import Stations
 from castfem.output.surface_line import SurfaceLine
 from castfem.output.surface_maps import SurfaceMaps
+from castfem.plots.machine import numbered
 from castfem.plots.maps import (
     band_norm,
     band_ticks,
@@ -35,10 +36,11 @@ _AZIMUTH, _ELEVATION = np.radians(-48.0), np.radians(27.0)  # from where it is s
 _WIDTH = 11.5  # inches of a picture of two
 _ROWS = 260  # of the strand, at most
 _NOTHING = "#ececec"  # where an index is zero
-_ROLL, _DRIVEN = "#9aa5b1", "#1f4e79"
+_ROLL, _DRIVEN, _DEFECT = "#9aa5b1", "#1f4e79", "#c1121f"
 _ROUND = np.linspace(0.0, 2.0 * np.pi, 21)
 _OVER = 0.06  # m by which a roll is longer than the strand is wide
 _AROUND = 0.3  # m around the picture
+_BESIDE = 8.0  # points from a roll to its number
 _EDGE = 1e-6  # of the section: a plane of symmetry, at which it is mirrored
 
 
@@ -119,11 +121,12 @@ def _pieces(
     return corners[i, j], near[i, j], i, np.stack([here[j], ahead[j]], axis=1)
 
 
-def draw_caster(maps: SurfaceMaps) -> Figure | None:
+def draw_caster(maps: SurfaceMaps, rolls: Rolls | None = None) -> Figure | None:
     """The strand between its rolls: its temperature and, with mechanics, I1.
 
     Args:
         maps: Of the run.
+        rolls: With their defects, which the maps do not have; None where there are none.
 
     Returns:
         None of a strand without rolls, or before the second step.
@@ -131,10 +134,11 @@ def draw_caster(maps: SurfaceMaps) -> Figure | None:
     heading = maps.heading
     stations = Stations.of_columns(**heading.caster())
     onward = np.flatnonzero(np.diff(maps.position, prepend=-1.0) > 0.0)
-    if stations.rolls is None or not stations.thickness or len(onward) < 2:
+    rolls = stations.rolls if rolls is None else rolls
+    if stations.rolls is None or rolls is None or not stations.thickness or len(onward) < 2:
         return None
     rows = onward[np.unique(np.linspace(0, len(onward) - 1, _ROWS).round().astype(int))]
-    side = Side(stations.rolls, stations.thickness, float(maps.position[-1]))
+    side = Side(rolls, stations.thickness, float(maps.position[-1]))
     view = view_of(maps, side, rows)
     names = [name for name in ("temperature", "I1") if name in maps.names()]
     spans = np.ptp(_everything(view), axis=0) + 2.0 * _AROUND
@@ -186,6 +190,7 @@ def _draw(panel: Axes, maps: SurfaceMaps, view: View, name: str) -> None:
     strand = PolyCollection(corners, array=shown, edgecolors="face", linewidths=0.3, **options)
     panel.add_collection(strand)
     _draw_rolls(panel, view, inner=True)
+    _draw_numbers(panel, view)
     places = _everything(view)
     panel.set_xlim(float(places[:, 0].min()) - _AROUND, float(places[:, 0].max()) + _AROUND)
     panel.set_ylim(float(places[:, 1].min()) - _AROUND, float(places[:, 1].max()) + _AROUND)
@@ -206,8 +211,8 @@ def _draw_rolls(panel: Axes, view: View, inner: bool) -> None:
     from scipy.spatial import ConvexHull
 
     bodies: list[Array] = []
-    ends: dict[bool, list[Array]] = {False: [], True: []}
-    for pair in view.pairs:
+    ends: dict[str, list[Array]] = {_ROLL: [], _DRIVEN: [], _DEFECT: []}
+    for pair in (pair for pair in view.pairs if not pair.lost):
         centres, radius = view.side.across(pair.position, 0.5 * pair.diameter), 0.5 * pair.diameter
         near, far = (
             projected(_circle(centres[int(inner)], radius, sign * (view.half + _OVER)))[0]
@@ -217,9 +222,26 @@ def _draw_rolls(panel: Axes, view: View, inner: bool) -> None:
         bodies.append(both[ConvexHull(both).vertices])
         for centre in centres if inner else ():
             end = _circle(centre, radius, -(view.half + _OVER))
-            ends[pair.driven].append(projected(end)[0])
+            colour = _DEFECT if pair.defect else _DRIVEN if pair.driven else _ROLL
+            ends[colour].append(projected(end)[0])
     veil: dict[str, Any] = {"alpha": 0.13} if inner else {}
     panel.add_collection(PolyCollection(bodies, facecolors=_ROLL, edgecolors="none", **veil))
-    for driven, circles in ends.items():
-        colour = _DRIVEN if driven else _ROLL
+    for colour, circles in ends.items():
         panel.add_collection(PolyCollection(circles, facecolors=colour, edgecolors="none"))
+
+
+def _draw_numbers(panel: Axes, view: View) -> None:
+    """Numbers of some rolls, beside the ends of those of the extrados."""
+    for i in numbered(view.side.rolls):
+        if i >= len(view.pairs):
+            break
+        pair = view.pairs[i]
+        outer, inner = (
+            projected(np.array([x, -(view.half + _OVER), z]))[0]
+            for x, z in view.side.across(pair.position, pair.diameter)
+        )
+        off = _BESIDE * (outer - inner) / np.linalg.norm(outer - inner)
+        panel.annotate(
+            f"#{i + 1}", (outer[0], outer[1]), (off[0], off[1]), textcoords="offset points",
+            fontsize=6.5, color=_DEFECT if pair.defect else "k", ha="center", va="center",
+        )  # fmt: skip

@@ -26,6 +26,8 @@ from castfem.values.shown_units import shown_in
 if TYPE_CHECKING:
     import pandas
 
+    from castfem.machine.rolls import Rolls
+
 _OVER_SECTION = SECTION_FIGURES | SHAPE_FIGURES | {"stack": draw_stack}
 _SECONDARY = "\n[secondary]\n"  # in the case of a run
 _DEFECTS = "\ndefect = [", "[[machine.defect]]"  # likewise: short, and long
@@ -69,7 +71,8 @@ def _draw_maps(path: Path, summary: Summary | None) -> list[Path]:
 
     maps = SurfaceMaps(path)
     abscissa = Abscissa(maps.time, maps.position, summary.zones if summary else ())
-    figures = {"maps": draw_maps(maps, abscissa), "caster": draw_caster(maps)}
+    caster = draw_caster(maps, _with_defects(path))
+    figures = {"maps": draw_maps(maps, abscissa), "caster": caster}
     return [save(one, _target(path, name)) for name, one in figures.items() if one is not None]
 
 
@@ -118,16 +121,21 @@ def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
 
 def _defects(path: Path) -> tuple[tuple[float, str], ...]:
     """The rolls of a run that have a defect: position [m] and what is wrong."""
+    rolls = _with_defects(path)
+    pairs = () if rolls is None else rolls.pairs
+    return tuple((p.position, f"#{i} {p.defect}") for i, p in enumerate(pairs, 1) if p.defect)
+
+
+def _with_defects(path: Path) -> Rolls | None:
+    """The rolls of a run whose case has defects; None of another."""
     case = path / CASE_NAME
     text = case.read_text(encoding="utf-8") if case.is_file() else ""
     if not any(mark in text for mark in _DEFECTS):
-        return ()
+        return None
     from castfem.case import load_case
 
     machine = load_case(case).machine
-    rolls = None if machine is None else machine.pairs()
-    pairs = () if rolls is None else rolls.pairs
-    return tuple((p.position, f"#{i} {p.defect}") for i, p in enumerate(pairs, 1) if p.defect)
+    return None if machine is None else machine.pairs()
 
 
 def _draw_roll_to_roll(path: Path, table: pandas.DataFrame, abscissa: Abscissa) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,21 @@ def test_every_roll_is_drawn(maps: SurfaceMaps) -> None:
     shades = [one for one in panels[1].collections if one.get_array() is not None]
     assert shades[0].get_array().max() == pytest.approx(30.0)
     assert shades[0].get_clim() == pytest.approx((0.0, 30.0))
+
+
+def test_rolls_are_numbered_and_those_with_a_defect_are_red(maps: SurfaceMaps) -> None:
+    """A lost pair is not drawn, its number is."""
+    count, pairs = len(rolls().pairs), list(rolls().pairs)
+    pairs[1], pairs[2] = replace(pairs[1], lost=True), replace(pairs[2], locked=True)
+    with look():
+        figure = draw_caster(maps, replace(rolls(), pairs=tuple(pairs)))
+    assert figure is not None
+    panel = figure.axes[0]
+    red = {text.get_text() for text in panel.texts if text.get_color() == "#c1121f"}
+    assert red == {"#2", "#3"} and "#1" not in red
+    drawn = [one for one in panel.collections if isinstance(one, PolyCollection)]
+    paths = [len(one.get_paths()) for one in drawn]
+    assert paths.count(count - 1) == 2 and 2 in paths  # bodies of each face; the two red ends
 
 
 def test_a_strand_without_rolls_has_no_picture(tmp_path: Path, maps: SurfaceMaps) -> None:
