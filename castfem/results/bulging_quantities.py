@@ -63,7 +63,8 @@ def bulge_error(sample: Sample) -> float:
 def roll_force(sample: Sample) -> float:
     """By which the shell presses on each roll of the last pair, per metre of width.
 
-    That is half of the pressure on the pitches above and below it; near rolls that are lost or off
-    it is the force of the strip over them.
+    That is half of the pressure on the pitches above and below it, of the first roll below an
+    idealised mould and of the last of the one that there is; near rolls that are lost or off it is
+    the force of the strip over them.
     """
     return float(_rolls(sample).memory["force"].max(initial=0.0))
