@@ -37,7 +37,13 @@ def surface() -> SurfaceLine:
 
 
 def write_maps(
-    folder: Path, *, ended: bool = True, alike: float = 0.0, kink: float = 0.0, scale: float = 1.0
+    folder: Path,
+    *,
+    ended: bool = True,
+    alike: float = 0.0,
+    kink: float = 0.0,
+    scale: float = 1.0,
+    band: tuple[float, float] = BAND,
 ) -> SurfaceLine:
     """Write them.
 
@@ -45,10 +51,10 @@ def write_maps(
     I1 has 30 MPa at the corner of the intrados at 2.125 m (roll 8), 28 and 29 MPa beside it, 24 MPa
     at the corner of the extrados at 1.1 m (roll 4); I2 has 2e-4 1/s in the middle of the intrados
     at 2.0 m and `alike` on all of the extrados at 1.1 m. At 2.8 m the corner of the extrados has an
-    I1 of `kink` (Pa). All indexes are multiplied by `scale`.
+    I1 of `kink` (Pa). All indexes are multiplied by `scale`. `band`: K.
     """
     line = surface()
-    heading = Heading(line, MAPS, BAND, columns_of(rolls()), THICK, 0.3)
+    heading = Heading(line, MAPS, band, columns_of(rolls()), THICK, 0.3)
     position = np.linspace(0.0, LENGTH, ROWS)
     values = np.zeros((ROWS, len(MAPS), len(line.nodes)))
     values[:, 0] = (1573.15 - 200.0 * position)[:, None]

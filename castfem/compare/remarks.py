@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from castfem.compare.runs import Run
 from castfem.compare.table import SHARE, Line
-from castfem.report.crack_places import crack_places
+from castfem.report.crack_places import crack_places, defects_of
 from castfem.report.headline import plain_label
 from castfem.report.numbers import shown, unit_shown
 from castfem.report.results_table import UNCHANGED
@@ -49,8 +49,10 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
         if "position" in run.summary.quantities
     }
     for run in runs:
-        places = crack_places(run.folder, run.summary)
-        found += [f"worst of {run.label}: {one}" for one in (places.worst if places else ())]
+        defects, places = defects_of(run.folder), crack_places(run.folder, run.summary)
+        found += [f"defects of {run.label}: {defects}"] if defects else []
+        worst = [] if places is None else [*places.worst] or [places.nowhere]
+        found += [f"worst of {run.label}: {one}" for one in worst if one]
     if len(ends) > 1:
         found.append(f"the runs end at different positions: {', '.join(sorted(ends))}")
     return found

@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from castfem.output.folder import MAPS_NAME, ROWS_NAME
+from castfem.errors import CastfemError
+from castfem.output.folder import CASE_NAME, MAPS_NAME, ROWS_NAME
 from castfem.output.summary import Summary
 from castfem.values.constants import ZERO_CELSIUS
+
+if TYPE_CHECKING:
+    from castfem.report.cracks import CrackReport
+
+_COMPARED = ("I1", "I2")  # the other indexes are kin of I2, and worst where it is
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +36,9 @@ class CrackPlaces:
 
     @property
     def worst(self) -> Iterator[str]:
-        """The worst place of each index, in words."""
+        """The worst places of I1 and I2, in words."""
         for name, value, _, where in self.ranking:
-            if name:
+            if name in _COMPARED:
                 yield f"{name} {value}, {where}"
 
 
@@ -49,14 +56,39 @@ def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
     from castfem.report.roll_load import heaviest_roll
 
     report = CrackReport.of(SurfaceMaps(folder))
-    ranking, nowhere = list(report.ranking()), ""
-    if report.indexes() and not ranking:
-        cold, hot = (kelvin - ZERO_CELSIUS for kelvin in report.maps.heading.band)
-        nowhere = (
-            f"nowhere so far: no index is above 0 (low ductility is between {cold:.4g} and "
-            f"{hot:.4g} degC)"
-        )
+    ranking = list(report.ranking())
+    nowhere = _why_nowhere(report) if report.indexes() and not ranking else ""
     rolls = [*heaviest_roll(folder, report.stations), *report.reheats()]
     pool = [] if summary is None else list(pool_end(summary, report.stations))
     title = "Rolls, reheat, end of the pool" if pool else "Rolls and reheat"
     return CrackPlaces(ranking, nowhere, [*rolls, *pool], title)
+
+
+def _why_nowhere(report: CrackReport) -> str:
+    """Why no index is above 0: the surface is out of the band, or is not pulled within it."""
+    from castfem.output.surface_maps import IN_BAND
+
+    low, high = report.maps.heading.band
+    band = f"{low - ZERO_CELSIUS:.4g} and {high - ZERO_CELSIUS:.4g} degC"
+    if not report.maps[IN_BAND].any():
+        return f"nowhere so far: the surface was never between {band}, where ductility is low"
+    return f"nowhere so far: no index is above 0 (low ductility is between {band})"
+
+
+def defects_of(folder: Path) -> str:
+    """What is wrong with the machine of a run's case, in words; "" for nothing.
+
+    Args:
+        folder: Of the run, with its case.
+    """
+    path = folder / CASE_NAME
+    try:
+        if "defect" not in path.read_text(encoding="utf-8"):
+            return ""
+        from castfem.case import load_case
+
+        machine = load_case(path).machine
+    except (OSError, CastfemError):
+        return ""
+    found = None if machine is None else machine.defect
+    return "; ".join(str(one).rstrip(",") for one in found or ())

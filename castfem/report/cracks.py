@@ -179,6 +179,13 @@ def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:
         if name.startswith("pool_end_fs"):
             where = stations.words(quantity.value) if quantity.value > 0.0 else "at the meniscus"
             yield quantity.label, where
+    solid, end = (summary.quantities.get(name) for name in ("centre_solid_fraction", "position"))
+    if "pool_end_fs100" not in summary.quantities and solid is not None and end is not None:
+        yield (
+            "end of the pool",
+            f"not before the end of the run, {end.value:.2f} m: there the solid fraction is "
+            f"{solid.value:.2g} on the centre line",
+        )
     reduced = summary.quantities.get("soft_reduction")
     length = summary.quantities.get("soft_reduction_length")
     if length is not None and length.value > 0.0:

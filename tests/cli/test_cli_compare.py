@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from small_case import write_small
+from synthetic_maps import write_maps
 
 import castfem as package
 from castfem.compare import drawing
@@ -121,6 +122,22 @@ def test_parts_of_a_column():
     assert parts("gap_left_edge", columns) == ("gap", "left_edge")
     assert parts("von_mises_max", columns) == ("von_mises", "max")
     assert parts("axial_strain", columns) == ("axial_strain", "")
+
+
+def test_worst_places_and_defects_of_each_run(tmp_path):
+    runs = []
+    for name, defects in (("reference", []), ("locked_48", ["roll 48, locked"])):
+        folder = tmp_path / name
+        folder.mkdir()
+        write_maps(folder)
+        case = package.load(f"slab1200/{name}")
+        (folder / "case.toml").write_text(case.resolved_toml(), encoding="utf-8")
+        runs.append(Run(folder, name, Summary(name, "finished", {})))
+        told = [one.partition(": ") for one in remarks(runs, runs[0], [])]
+        assert [text for who, _, text in told if who == f"defects of {name}"] == defects
+        worst = [text for who, _, text in told if who == f"worst of {name}"]
+        assert worst[0] == "I1 30 MPa, intrados, corner, 2.12 m (roll 8), 106.2 s, straightening"
+        assert len(worst) == 2 and worst[1].startswith("I2 20e-5 1/s, ")
 
 
 def _in_the_mould(folder: Path, name: str, heat: float, reference: Reference, end: float) -> Run:

@@ -12,14 +12,15 @@ import pytest
 from rich.console import Console
 from synthetic_maps import THICK, WIDE, rolls, write_maps
 
+from castfem.api import load
 from castfem.fem.reductions import peak
 from castfem.machine.stations import Stations
 from castfem.output.folder import OutputFolder
 from castfem.output.history import HISTORY_NAME
 from castfem.output.summary import Quantity, Summary
 from castfem.output.surface_maps import SurfaceMaps
-from castfem.report.crack_places import crack_places
-from castfem.report.cracks import CrackReport
+from castfem.report.crack_places import crack_places, defects_of
+from castfem.report.cracks import CrackReport, pool_end
 from castfem.report.roll_load import heaviest_roll
 from castfem.report.show import show
 
@@ -78,6 +79,39 @@ def test_places_in_words_and_that_there_are_none(tmp_path: Path) -> None:
     assert second.startswith("I2 20e-5 1/s, intrados")
     assert not found.nowhere and found.title == "Rolls and reheat"
     assert not list(none.worst) and "low ductility is between 800 and 950 degC" in none.nowhere
+
+
+def test_a_surface_never_in_the_band_is_told(tmp_path: Path) -> None:
+    write_maps(tmp_path, scale=0.0, band=(573.15, 673.15))
+    found = crack_places(tmp_path, None)
+    assert found is not None
+    assert "the surface was never between 300 and 400 degC" in found.nowhere
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_a_pool_that_has_not_ended_is_told(ended: bool) -> None:
+    found = {
+        "position": Quantity(2.6, "m", "position"),
+        "centre_solid_fraction": Quantity(0.0147, "-", "solid fraction, centre"),
+        "pool_end_fs10": Quantity(2.1, "m", "solid fraction 0.1 on the centre line"),
+    }
+    if ended:
+        found["pool_end_fs100"] = Quantity(2.5, "m", "solid fraction 1 on the centre line")
+    told = dict(pool_end(Summary("slab", "finished", found), Stations(rolls(), THICK, 0.3)))
+    assert ("end of the pool" in told) == (not ended)
+    if not ended:
+        assert told["end of the pool"] == (
+            "not before the end of the run, 2.60 m: there the solid fraction is 0.015 on the "
+            "centre line"
+        )
+
+
+def test_the_defects_of_a_run_in_words(tmp_path: Path) -> None:
+    assert defects_of(tmp_path) == ""
+    case = tmp_path / "case.toml"
+    for name, told in (("reference", ""), ("locked_48_52", "roll 48, locked; roll 52, locked")):
+        case.write_text(load(f"slab1200/{name}").resolved_toml(), encoding="utf-8")
+        assert defects_of(tmp_path) == told
 
 
 def test_of_equal_values_the_place_is_that_of_the_summary(tmp_path: Path) -> None:
