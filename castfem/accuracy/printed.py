@@ -48,7 +48,7 @@ def printed(table: ErrorTable) -> Table:
         found.add_row(
             plain_label(quantity_of(entry)),
             shown(scale(entry.value), scale.unit),
-            error_shown(scale.factor * entry.error()),
+            error_shown(scale.factor * entry.error(), scale.unit),
             unit_shown(scale.unit),
             *(_part(entry.parts.get(axis), scale) for axis in axes),
         )

@@ -11,6 +11,7 @@ import numpy as np
 from castfem.machine.stations import Stations
 from castfem.output.summary import Summary, from_si
 from castfem.output.surface_maps import SurfaceMaps
+from castfem.report.numbers import small_rate
 from castfem.values.types import Array
 
 _SMALL = 1e-2
@@ -170,7 +171,7 @@ def _peak(values: Array, places: Array) -> tuple[int, int]:
 
 def _rounded(value: float) -> str:
     """A number to three digits; a small one in parts of 1e-5, as rates of strain are told."""
-    return f"{value:.3g}" if abs(value) >= _SMALL else f"{1e5 * value:.3g}e-5"
+    return f"{value:.3g}" if abs(value) >= _SMALL else small_rate(value, ".3g")
 
 
 def pool_end(summary: Summary, stations: Stations) -> Iterator[tuple[str, str]]:

@@ -9,6 +9,7 @@ from castfem.values.shown_units import documented, plain_unit, scale_of
 
 _FINEST = 1e-4  # an error below is printed with its power of ten
 _SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
+_RATE, _SMALL_RATE, _PARTS = "1/s", 1e-2, "e-5"  # a smaller rate of strain is told in 1e-5 1/s
 _DECIMALS = {"degC": 1, "K": 1, "degF": 1, "delta_degF": 1, "mm": 2}
 
 
@@ -21,13 +22,25 @@ def shown(value: float, unit: str) -> str:
         return f"{rounded(value, digits):.{digits}f}"
     if abs(value) < 1e6 and (value == int(value) or abs(value) >= 9999.5):
         return f"{value:.0f}"
-    return f"{value:.4g}"
+    return small_rate(value) if unit == _RATE and abs(value) < _SMALL_RATE else f"{value:.4g}"
 
 
-def error_shown(error: float) -> str:
+def small_rate(value: float, digits: str = ".4g") -> str:
+    """A rate of strain (1/s), as they are compared: 37.41e-5."""
+    return f"{1e5 * value:{digits}}{_PARTS}"
+
+
+def is_small_rate(printed: str) -> bool:
+    """Whether a printed number is one of `small_rate`; any other exponent has two digits."""
+    return printed.endswith(_PARTS)
+
+
+def error_shown(error: float, unit: str = "") -> str:
     """An error with two digits that count, without its unit; "-" when it does not exist."""
     if not math.isfinite(error):
         return "-"
+    if unit == _RATE and 0.0 < abs(error) < _SMALL_RATE:
+        return f"{error_shown(1e5 * error)}{_PARTS}"
     if error == 0.0 or not _FINEST <= abs(error) < 1e5:
         return f"{error:.2g}"
     return f"{error:.{max(0, 1 - math.floor(math.log10(abs(error))))}f}"
@@ -37,7 +50,8 @@ def with_error(value: str, error: float | None) -> str:
     """A printed value with its error behind it, where there is one."""
     if error is None or not math.isfinite(error):
         return value
-    return f"{value} \N{PLUS-MINUS SIGN} {error_shown(error)}"
+    unit = _RATE if is_small_rate(value) else ""
+    return f"{value} \N{PLUS-MINUS SIGN} {error_shown(error, unit)}"
 
 
 def is_gap(name: str) -> bool:

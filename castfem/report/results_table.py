@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 from castfem.output.summary import SIGNS, Comparison, Quantity, Summary, from_si, unit_of_difference
 from castfem.report.headline import ENDS
-from castfem.report.numbers import cells, rounded, shown, unit_shown, with_error
+from castfem.report.numbers import (
+    cells,
+    is_small_rate,
+    rounded,
+    shown,
+    small_rate,
+    unit_shown,
+    with_error,
+)
 from castfem.report.printing import empty_table, print_line, wrapped
 from castfem.values.shown_units import Scale, difference_of, label_shown, plain_unit, scale_of
 
@@ -121,7 +129,12 @@ def _difference(comparison: Comparison, theirs: str, scale: Scale) -> str:
     sign, before = "+", ""
     if comparison.met is False:
         sign, before, value, relative = "", "missed by ", abs(value), abs(relative)
-    text = f"{value:{sign}.4g}" if "e" in theirs else f"{rounded(value, digits):{sign}.{digits}f}"
+    if is_small_rate(theirs):
+        text = small_rate(value, f"{sign}.4g")
+    elif "e" in theirs:
+        text = f"{value:{sign}.4g}"
+    else:
+        text = f"{rounded(value, digits):{sign}.{digits}f}"
     if difference_of(scale.unit) != scale.unit:
         text += f" {plain_unit(difference_of(scale.unit))}"
     if math.isfinite(relative):

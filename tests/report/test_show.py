@@ -15,7 +15,9 @@ from synthetic_run import write_run
 
 from castfem.errors import InputError
 from castfem.output.folder import FIGURES, OutputFolder
-from castfem.report.numbers import shown
+from castfem.output.summary import Comparison, Quantity, Reference, Summary
+from castfem.report.numbers import shown, with_error
+from castfem.report.results_table import result_rows
 from castfem.report.show import show
 
 
@@ -128,10 +130,24 @@ def test_the_table_is_shown_although_figures_cannot_be_drawn(finished_run, tmp_p
         (-3.2e-4, "mm", "0.00"),
         (-0.04, "degC", "0.0"),
         (-0.006, "mm", "-0.01"),
+        (3.7409e-4, "1/s", "37.41e-5"),
+        (4.319e-3, "1/s", "431.9e-5"),
+        (0.0, "1/s", "0"),
+        (2.5, "1/s", "2.5"),
     ],
 )
 def test_values_are_printed_with_the_digits_that_matter(value, unit, text):
     assert shown(value, unit) == text
+
+
+def test_small_rates_have_errors_and_differences_in_the_same_parts():
+    assert with_error(shown(1.742e-4, "1/s"), 2.1e-6) == "17.42e-5 \N{PLUS-MINUS SIGN} 0.21e-5"
+    assert with_error("3.142e-12", 1e-13) == "3.142e-12 \N{PLUS-MINUS SIGN} 1e-13"
+    reference = Reference("straightening_I2_max", 22e-5, "1/s", "thesis")
+    quantities = {"straightening_I2_max": Quantity(1.615e-4, "1/s", "largest I2")}
+    found = (Comparison(reference, 1.615e-4),)
+    rows = result_rows(Summary("x", "finished", quantities, found), {})
+    assert [row[1:5] for row in rows] == [("16.15e-5", "1/s", "22e-5", "-5.85e-5 (-26.6 %)")]
 
 
 def test_faces_of_a_square_have_one_row_and_nothing_has_no_sign(tmp_path):
