@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from castfem.case.machine import thickness_of
 from castfem.results.registry import quantity
+from castfem.values.shown_units import below_meniscus
 
 if TYPE_CHECKING:
     from castfem.results.sample import Sample
@@ -49,7 +50,7 @@ def von_mises_max(sample: Sample) -> float:
 
 def _largest_there(sample: Sample) -> str:
     most = sample.largest_stress
-    return f"{place((most.x, most.y))}, {1e3 * most.position:.6g} mm below the meniscus"
+    return f"{place((most.x, most.y))}, {below_meniscus(most.position)}"
 
 
 @quantity(
@@ -183,7 +184,7 @@ def _beyond_at(kind: str) -> Callable[[Sample], str]:
         data = sample.simulation.mechanics.problem.slice.law.data
         assert data is not None
         share, position = sample.beyond_data.worst.get(kind, (0.0, 0.0))
-        at = f", {1e3 * position:.6g} mm below the meniscus" if share > 0.0 else ""
+        at = f", {below_meniscus(position)}" if share > 0.0 else ""
         return f"{data.limit(kind)}{at}"
 
     return where

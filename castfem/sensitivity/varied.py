@@ -23,6 +23,7 @@ from castfem.thermal.boundary import Cooling
 from castfem.thermal.problem import Stage
 from castfem.thermal.stepper import ThermalStepper
 from castfem.values.same_place import EXACT, same_instant
+from castfem.values.shown_units import below_meniscus
 from castfem.values.types import Array
 
 _COOLING = ("cooling", "secondary", "machine", "mould")
@@ -212,8 +213,8 @@ def _instants(simulation: Simulation, other: Simulation, parameter: Parameter) -
             if not same_instant(kept[-1][1], its, end):
                 raise InputError(
                     f"{parameter.name}: it moves one of two changes that meet "
-                    f"{1e3 * simulation.machine.position(one):.4g} mm below the meniscus: the run "
-                    "has no derivative there; move one of them, or the end of the run"
+                    f"{below_meniscus(simulation.machine.position(one), '.4g')}: the run has no "
+                    "derivative there; move one of them, or the end of the run"
                 )
             continue
         kept.append((one, its))

@@ -27,6 +27,7 @@ from castfem.time_loop import restart
 from castfem.time_loop.interrupt import Interrupt, Stopped
 from castfem.time_loop.recorder import Recorder
 from castfem.values.same_place import same_instant
+from castfem.values.shown_units import below_meniscus
 
 if TYPE_CHECKING:
     from castfem.case import Case
@@ -141,8 +142,7 @@ class TimeLoop:
     def _whereabouts(self) -> str:
         """Where the slice is, for messages."""
         run = self.run_state
-        where = f"{1e3 * run.position:.4g} mm" if run.position < 10.0 else f"{run.position:.4g} m"
-        return f"{where} below the meniscus ({run.state.time:.4g} s)"
+        return f"{below_meniscus(run.position, '.4g')} ({run.state.time:.4g} s)"
 
     def _record(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
         run = self.run_state

@@ -47,6 +47,7 @@ _NONE = ("-", "", "1", "percent", "%")
 _DIFFERENCE = "delta_"  # before the unit of a difference of two temperatures
 _IN_WORDS = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?) (mm|m|degC|MPa)(?![\w/])")
 _PLACE = re.compile(r"x = (\S+), y = (\S+) mm")
+_FAR, _BELOW = 10.0, "below the meniscus"
 _PREFIXED = re.compile(r"[kMGmu]?((?:N|J|W|Pa|m|s|K)(?:[ /^].*)?)")
 
 
@@ -225,6 +226,12 @@ def place_said(position: float, *, near: str = ".6g", far: str = ".4g", beyond: 
     if position > beyond:
         return said(position, "m", far, "position")
     return said(1e3 * position, "mm", near, "position")
+
+
+def below_meniscus(position: float, digits: str = ".6g") -> str:
+    """A position [m] as labels and messages have it, in documented units: mm, from 10 m on m."""
+    near = position < _FAR
+    return f"{1e3 * position if near else position:{digits}} {'mm' if near else 'm'} {_BELOW}"
 
 
 def label_shown(label: str) -> str:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from castfem.values import common_units, quantities, units
+from castfem.values.shown_units import below_meniscus
 
 
 def test_common_units_are_what_pint_says(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -185,3 +186,16 @@ def test_water_is_given_as_volume_or_mass():
     assert water.dump_python(5.0, mode="json") == "5 L/(m^2 s)"
     with pytest.raises(ValidationError, match="water flow per area"):
         water.validate_python("5 L/min")
+
+
+@pytest.mark.parametrize(
+    ("position", "digits", "told"),
+    [
+        (0.1002, ".4g", "100.2 mm"),
+        (6.744412, ".6g", "6744.41 mm"),
+        (10.09, ".4g", "10.09 m"),
+        (12.0, ".6g", "12 m"),
+    ],
+)
+def test_places_far_down_are_told_in_metres(position: float, digits: str, told: str) -> None:
+    assert below_meniscus(position, digits) == f"{told} below the meniscus"
