@@ -72,8 +72,9 @@ def draw_bulging(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | Non
     for face in ("intrados", "extrados"):
         colour, style = _PLACES[face], "--" if face == "extrados" else "-"
         axes[0].plot(
-            abscissa.values, table[f"bulge_{face}"], style, color=colour, linewidth=1.2, label=face
-        )
+            abscissa.values, table[f"bulge_{face}"], style, color=colour, linewidth=1.2,
+            label=f"{face}, once a window",
+        )  # fmt: skip
     axes[0].plot(
         abscissa.values, table["bulge_pitch"], ".", color="#333333", markersize=3.5,
         label="largest of the pitch",

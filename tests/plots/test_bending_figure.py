@@ -86,7 +86,8 @@ def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
     assert figure is not None
     bulge, force = figure.axes[:2]
     drawn = {line.get_label(): line.get_ydata() for line in bulge.get_lines()}
-    assert drawn["intrados"] == pytest.approx(table["bulge_intrados"])
+    # A curve through few places of a pitch misses its largest bulge: the legend says what it is.
+    assert drawn["intrados, once a window"] == pytest.approx(table["bulge_intrados"])
     assert drawn["largest of the pitch"] == pytest.approx(table["bulge_pitch"])
     assert force.get_lines()[0].get_ydata() == pytest.approx(table["roll_force"])
     assert (bulge.get_ylabel(), force.get_ylabel()) == ("bulge [mm]", "force on a roll [kN/m]")
