@@ -64,6 +64,8 @@ class LawChanges:
         first = slice(0, self._here.deviators)
         self._parts = [self._part(first, False), self._part(slice(first.stop, None), True)]
         self._directions = _directions(run.slice.law, self._here.now)
+        self._strain_held: Array = np.zeros(0)
+        self._held = self._rise = ResponseChange.empty(0, 0, 0)
 
     def _thermal_strain(self) -> tuple[Array, Array]:
         """Thermal strain of the step (m,), and its derivatives (k, m)."""
@@ -132,7 +134,7 @@ class LawChanges:
         return self._held
 
     def moved(self, strain: Array, numbers: list[int]) -> ResponseChange:
-        """The same by some of the parameters, with which the unknowns move.
+        """The same by some of the parameters, with which the unknowns move, once `held` is known.
 
         Args:
             strain: Of the strain increments (k, m, 4).
