@@ -167,14 +167,14 @@ def _in_steps(found: Sensitivity) -> str:
 
 
 def _cut(found: Sensitivity) -> str:
-    """Return that windows were cut, which the derivatives do not follow; "" where none was."""
+    """Return that windows were cut, which derivatives hold as they are; "" where none was."""
     if not found.cut:
         return ""
     return (
         f"coupling windows were cut for their error {found.cut} times on the way to "
-        f"{found.windows}: runs beside this one cut theirs elsewhere, which these derivatives do "
-        'not follow; with coupling.window_error = "500 K" none is cut, and a shorter '
-        "coupling.interval makes them as right"
+        f"{found.windows}; runs near this one cut theirs alike, but where another one is cut "
+        "results jump within that error, which no derivative shows; with coupling.window_error = "
+        '"500 K" none is cut, and a shorter coupling.interval makes them as right'
     )
 
 

@@ -1,7 +1,13 @@
-"""Choice of the time step: fixed or by error control; milestones hit exactly, cut-back."""
+"""Choice of the time step: fixed or by error control; milestones hit exactly, cut-back.
+
+A fixed step that is cut back has a length from a ladder, not just any: two runs that differ little
+then take the same steps, and their results differ by what differs between the runs, not by where
+their steps end.
+"""
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -15,6 +21,19 @@ SHRINK = 0.2
 FAILED = 0.25  # what is left of the step when the solver fails
 ALLOWED_STRAIN = 1e-5  # error of the axial strain of a window that has grown, by default
 _NEARLY = 1e-6  # of the smallest step: how far rounding takes a step from it
+_RUNGS = 1.0, 1.25, 1.6  # of the ladder, from one to its double
+
+
+def rung(step: float, unit: float) -> float:
+    """The longest step of the ladder that is no longer than `step`.
+
+    Args:
+        step: To be shortened.
+        unit: 1, 4/5, 5/8, 1/2 and so on of it are on the ladder, likewise what is longer.
+    """
+    limit = step / unit * (1.0 + _NEARLY)
+    whole = 2.0 ** math.floor(math.log2(limit))
+    return unit * max(whole * part for part in _RUNGS if whole * part <= limit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +63,7 @@ class StepControl:
         tolerance: Error (K) allowed in a fixed step, which is cut back for it; None: any.
         order: Power of the step that the error estimate follows.
         longest: Of a step that begins at a time, s; None for no other limit than these.
+        unit: Whose parts a fixed step is cut to, s; that step where it is None.
         most: How many times such a step, fixed or longest, one may grow to between milestones.
     """
 
@@ -57,6 +77,7 @@ class StepControl:
         tolerance: float | None = None,
         order: float = 3,
         longest: Callable[[float], float] | None = None,
+        unit: float | None = None,
         most: float = 1.0,
     ) -> None:
         if (fixed is None) == (adaptive is None):
@@ -71,7 +92,7 @@ class StepControl:
         self.tolerance = float("inf") if allowed is None else allowed
         self.step = fixed if fixed is not None else adaptive.first  # type: ignore[union-attr]
         self.smallest = adaptive.smallest if adaptive is not None else 1e-6 * self.step
-        self._longest, self._clipped = longest, False
+        self._longest, self._clipped, self._unit = longest, False, unit or fixed
         self.most, self.growth, self.base = most, 1.0, self.step
 
     def next_stop(self, time: float) -> float:
@@ -118,7 +139,7 @@ class StepControl:
         if self._adaptive is None and self.accepts(error):
             grown = min(GROWTH, SAFETY * ratio**self._exponent)
             grown = max(grown, 1.0) if self._clipped else grown
-            self.step = min(self._fixed or self.step, self.step * grown)
+            self.step = min(self._fixed or self.step, self._on_ladder(self.step * grown))
             return
         # Growth is damped: vertices that pass the liquidus make the estimate jump from step to
         # step, and a step that grows on a quiet one is rejected at the next.
@@ -166,9 +187,13 @@ class StepControl:
         divided once more: the length that is left was not chosen for its error.
         """
         if taken > self.smallest * (1 + _NEARLY):
-            return max(proposed, self.smallest)
+            return max(self._on_ladder(proposed), self.smallest)
         cut = self._clipped and taken < self.smallest * (1 - _NEARLY)
         return proposed if cut else None
+
+    def _on_ladder(self, step: float) -> float:
+        """A step that is no longer, from the ladder where steps are fixed, s."""
+        return step if self._unit is None else rung(step, self._unit)
 
     def restart(self) -> None:
         """Forget the step learnt: the cooling has just changed."""

@@ -106,8 +106,8 @@ class Sensitivity:
         kinks: Where contact is about to change: there derivatives are those to one side.
         strained: Whether the run had mechanics, which a growing shell takes along cell by cell.
         windows: Coupling windows of the run.
-        cut: How often one was cut for the error of its gap: to a length that moves with all that
-            moves the gap, which the derivatives hold.
+        cut: How often one was cut for the error of its gap: to a length that is another one where
+            the parameters are others by enough, which the derivatives hold.
     """
 
     title: str

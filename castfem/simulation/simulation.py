@@ -177,6 +177,7 @@ def _windows(case: Case, machine: Machine, milestones: list[float]) -> StepContr
         tolerance=allowed,
         order=ORDER,
         longest=lambda time: machine.window(time, length),
+        unit=machine.window_time(length),
         most=most,
     )
 

@@ -192,6 +192,19 @@ def test_a_billet_in_its_mould_has_the_differences_of_runs() -> None:
         assert found().gradient[result][name] == pytest.approx(known, rel=1e-4), result
 
 
+def test_windows_that_are_cut_are_cut_alike_in_runs_beside_this_one() -> None:
+    """Their lengths are from a ladder, and hold still: what is left is what the parameter does."""
+    case, name = billet().with_({"coupling.window_error": "0.5 K"}), "mould.taper"
+    slopes = castfem.sensitivities(case, name, ",".join(READ))
+    assert slopes.cut == 1
+    (parameter,) = read_parameters(case, case_steel(case), [name])
+    by = 2e-4 * parameter.value
+    ends = [results(parameter.case_at(case, parameter.value + s * by))[1] for s in (1.0, -1.0)]
+    for result in READ:
+        known = (ends[0][result] - ends[1][result]) / (2.0 * by)
+        assert slopes.gradient[result][name] == pytest.approx(known, rel=2e-3), result
+
+
 @pytest.mark.parametrize(
     ("changes", "name", "share", "near"),
     [

@@ -118,7 +118,7 @@ def test_a_strained_slice_that_freezes_is_said_to_answer_in_steps() -> None:
 
 
 def test_windows_that_were_cut_for_their_error_are_told() -> None:
-    """Runs beside this one cut theirs elsewhere: their differences are others."""
+    """Where runs cut others, their results jump, which no derivative shows."""
     assert not any("were cut" in line for line in remarks(FOUND))
     (line,) = (one for one in remarks(replace(FOUND, windows=23, cut=3)) if "were cut" in one)
     assert line.startswith("coupling windows were cut for their error 3 times on the way to 23")

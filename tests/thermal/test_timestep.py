@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from castfem.coupling.step_control import Adaptive, StepControl
+from castfem.coupling.step_control import Adaptive, StepControl, rung
 from castfem.errors import RunFailure
 
 BOUNDS = Adaptive(tolerance=1.0, first=1e-3, smallest=1e-5, largest=0.5)
@@ -53,19 +53,19 @@ def test_adaptive_steps_grow_to_the_largest_and_leave_no_crumb() -> None:
 
 
 def test_a_fixed_step_is_cut_for_its_error_and_grows_back() -> None:
-    """By the order of the error; never beyond what was given, and not by what a milestone cut."""
+    """By the order of its error, to a rung; never beyond what was given, nor by a milestone."""
     control = StepControl(100.0, [10.0, 10.01], fixed=1.0, tolerance=2.0, order=1.5)
     assert control.propose(0.0) == 1.0 and control.accepts(2.0) and not control.accepts(2.1)
     control.learn(1.0, 16.0)
-    assert control.step == pytest.approx(0.9 / 8.0 ** (1.0 / 1.5))
+    assert control.step == pytest.approx(0.2)  # 0.9 / 8^(1/1.5) = 0.225
     for _ in range(3):
         taken = control.propose(0.0)
         control.learn(taken, 0.1)
     assert control.step == 1.0
     control.learn(control.propose(0.0), 2.0)
-    assert control.step == pytest.approx(0.9)
+    assert control.step == pytest.approx(0.8)
     control.learn(control.propose(10.0) - 10.0, 2.0)
-    assert control.step == pytest.approx(0.9)
+    assert control.step == pytest.approx(0.8)
     free = StepControl(100.0, fixed=1.0)
     free.learn(free.propose(0.0), 1e9)
     assert free.step == 1.0
@@ -96,6 +96,37 @@ def test_a_step_that_has_grown_is_cut_no_shorter_than_it_was_given() -> None:
     assert control.propose(8.0) - 8.0 == 1.0
     control.failed(1.0, "no reason")
     assert control.propose(8.0) - 8.0 == pytest.approx(0.25)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(1e-4, 99.0), st.floats(1e-3, 10.0))
+def test_rungs_are_parts_of_a_step_and_those_next_to_one_another_share_them(
+    step: float, unit: float
+) -> None:
+    found = rung(step, unit)
+    assert found <= step * (1.0 + 1e-5) and found > step / 1.29
+    assert rung(found, unit) == pytest.approx(found, rel=1e-12)  # a rung is its own
+    part = np.log2(found / unit) % 1.0
+    assert min(abs(part - np.log2(one)) for one in (1.0, 1.25, 1.6, 2.0)) < 1e-9 or part < 1e-9
+
+
+def test_two_runs_whose_errors_differ_little_take_the_same_steps() -> None:
+    ends = []
+    for error in (7.0, 7.2):
+        control = StepControl(10.0, fixed=1.0, tolerance=2.0, order=1.5)
+        control.learn(1.0, error)
+        ends.append(steps_of(control, 1.9, 99))
+    assert ends[0] == ends[1] and len(ends[0]) > 11
+
+
+def test_steps_of_a_length_of_strand_are_cut_to_parts_of_what_one_takes() -> None:
+    """Where the strand stands one may last ten times as long, which is no multiple of a rung."""
+    control = StepControl(
+        100.0, fixed=7.0, tolerance=2.0, order=1.5, longest=lambda time: 1.0, unit=1.0
+    )
+    assert control.propose(0.0) == 1.0
+    control.learn(1.0, 16.0)
+    assert control.step == pytest.approx(0.2)
 
 
 def test_large_error_is_rejected_and_cut() -> None:
