@@ -27,7 +27,8 @@ from castfem.constitutive.base import (
 from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.constitutive.kernel import constants
-from castfem.constitutive.kernel.loop import differentiate_points, integrate_points
+from castfem.constitutive.kernel.changes import differentiate_points
+from castfem.constitutive.kernel.loop import difference_points, integrate_points
 from castfem.values.quantities import Kind
 from castfem.values.tables import Constant
 from castfem.values.types import Array
@@ -183,12 +184,19 @@ class RadialReturn:
             coefficients = self.coefficients(step.temperature_old, step.temperature)
         if out is None:
             out = ResponseChange.empty(len(change.by), len(stress_old), len(self.state_names))
-        differentiate_points(
-            self.kind, self.signed, coefficients,
-            step.strain_increment, step.thermal_increment, stress_old, state_old, float(step.dt),
-            change.by, change.coefficients, change.strain, change.thermal, change.stress_old,
-            change.state_old, change.dt, out.stress, out.state, out.dissipation,
+        given = (
+            coefficients, step.strain_increment, step.thermal_increment, stress_old, state_old,
+            float(step.dt),
         )  # fmt: skip
+        changes = (
+            change.coefficients, change.strain, change.thermal, change.stress_old,
+            change.state_old, change.dt,
+        )  # fmt: skip
+        found = out.stress, out.state, out.dissipation
+        if self.signed:
+            difference_points(self.kind, self.signed, *given, change.by, *changes, *found)
+        else:
+            differentiate_points(self.kind, *given, *changes, *found)
         return out
 
 

@@ -50,15 +50,16 @@ def integrate_points(  # type: ignore[no-untyped-def]
 
 
 @outermost
-def differentiate_points(  # type: ignore[no-untyped-def]
+def difference_points(  # type: ignore[no-untyped-def]
     kind, signed, coefficients, strain, thermal, stress_old, state_old, dt, by,
     d_coefficients, d_strain, d_thermal, d_stress_old, d_state_old, d_dt,
     d_stress, d_state, d_dissipation, sources=None,
 ):  # fmt: skip
     """Derivatives of what `integrate_points` writes, as what it is given changes in some ways.
 
-    Central differences. A point is solved for once; on both sides of it, since they are near, by
-    one Newton step, whose error is even in the distance. What flows goes on flowing.
+    Central differences, for laws whose state is a tensor; `changes` has those of all others. A
+    point is solved for once; on both sides of it, since they are near, by one Newton step, whose
+    error is even in the distance. What flows goes on flowing.
 
     Args:
         kind: One of the laws of `constants`.
