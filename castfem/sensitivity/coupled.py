@@ -55,8 +55,7 @@ class FollowedCoupling(StaggeredCoupling):
         self._filled = self._fed = np.zeros((count, owned))
         self._shape: ShapeChange | None = None
         if simulation.problem.shape is not None:
-            steps = np.array([v.parameter.step for v in thermal.variations])
-            self._shape = ShapeChange(simulation.problem, simulation.zones.surface, steps)
+            self._shape = ShapeChange(simulation.problem, simulation.zones.surface, count)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""

@@ -6,10 +6,39 @@ from collections.abc import Callable
 
 import numpy as np
 
+from castfem.support.compiled import compiled, outermost
 from castfem.values.types import Array
 
 WARMER = 1e-3  # K: to either side, in differences by temperature
 UNEVEN = 1e-3  # of a difference: how far its two halves may be apart
+
+
+@compiled
+def _slope(above, here, below, by):  # type: ignore[no-untyped-def]
+    """Derivative by both halves, or by the one that is less where they are not even."""
+    up, down = (above - here) / by, (here - below) / by
+    if abs(up - down) <= UNEVEN * max(abs(up), abs(down)):
+        return 0.5 * (up + down)
+    return up if abs(up) < abs(down) else down
+
+
+@outermost
+def _slopes(above, here, below, by, found, sources=None):  # type: ignore[no-untyped-def]
+    """Write those of all values (n,)."""
+    for i in range(len(found)):
+        found[i] = _slope(above[i], here[i], below[i], by)
+
+
+@outermost
+def _by_temperature(tables, warming, found, sources=None):  # type: ignore[no-untyped-def]
+    """See `by_temperature`."""
+    for i in range(found.shape[1]):
+        for m in range(found.shape[2]):
+            here = tables[0, i, m]
+            first = _slope(tables[1, i, m], here, tables[2, i, m], WARMER)
+            last = _slope(tables[3, i, m], here, tables[4, i, m], WARMER)
+            for j in range(found.shape[0]):
+                found[j, i, m] = first * warming[0, j, i] + last * warming[1, j, i]
 
 
 def slope(above: Array, here: Array, below: Array, by: float) -> Array:
@@ -17,13 +46,28 @@ def slope(above: Array, here: Array, below: Array, by: float) -> Array:
 
     Where there is a kink or a jump between them, it is that of the half which is less.
     """
-    up, down = (above - here) / by, (here - below) / by
-    sizes = np.abs(up), np.abs(down)
-    less = np.where(sizes[0] < sizes[1], up, down)
-    even = np.abs(up - down) <= UNEVEN * np.maximum(*sizes)
-    return np.asarray(np.where(even, 0.5 * (up + down), less))
+    found = np.empty(np.shape(here))
+    flat = (np.ascontiguousarray(one, dtype=np.float64).ravel() for one in (above, here, below))
+    _slopes(*flat, by, found.reshape(-1))
+    return found
 
 
 def slope_by_temperature(curve: Callable[[Array], Array], temperature: Array, here: Array) -> Array:
     """Derivative of a curve at temperatures (K), where it has the values `here`."""
     return slope(curve(temperature + WARMER), here, curve(temperature - WARMER), WARMER)
+
+
+def by_temperature(tables: Array, warming: Array) -> Array:
+    """Changes of what hangs on the temperatures at the start and the end of a step.
+
+    Args:
+        tables: Of it (5, n, columns): as it is, `WARMER` and colder by as much at the start, and so
+            at the end.
+        warming: Changes of both temperatures (2, k, n), K.
+
+    Returns:
+        (k, n, columns).
+    """
+    found = np.empty((warming.shape[1], *tables.shape[1:]))
+    _by_temperature(tables, warming, found)
+    return found

@@ -17,7 +17,7 @@ from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.mechanics.material_points import FedPoints
 from castfem.mechanics.problem import MechanicalProblem
 from castfem.sensitivity.beginning import Beginning, Stressed
-from castfem.sensitivity.difference import WARMER, slope, slope_by_temperature
+from castfem.sensitivity.difference import WARMER, by_temperature, slope, slope_by_temperature
 from castfem.sensitivity.slice_sides import SliceSides
 from castfem.values.types import Array
 
@@ -92,21 +92,22 @@ class LawChanges:
         # end: in one go, for there are few points.
         starts = [before, before + WARMER, before - WARMER, before, before]
         ends = [after, after, after, after + WARMER, after - WARMER]
-        every = np.split(law.coefficients(np.concatenate(starts), np.concatenate(ends)), 5)
-        solid = every[0].copy()
-        now, *others = (_softened(table, fed, rows) for table in every)
-        warmer = [one[:, rows, None] for one in self._stiff_warming]
-        changes = slope(others[0], now, others[1], WARMER) * warmer[0]
-        changes += slope(others[2], now, others[3], WARMER) * warmer[1]
+        every = law.coefficients(np.concatenate(starts), np.concatenate(ends))
+        tables = every.reshape(5, len(before), every.shape[1])
+        now = tables[0]
+        solid = now.copy()
+        for table in tables:
+            _softened(table, fed, rows)
+        changes = by_temperature(tables, np.stack([one[:, rows] for one in self._stiff_warming]))
         for number, (one, its) in enumerate(zip(self._sides, self._begun, strict=True)):
             wet = one.fed(fed, its)
             if one.same_law and wet[0] is fed:
                 continue
-            tables = [solid.copy(), solid.copy()]
+            ends = [solid.copy(), solid.copy()]
             if not one.same_law:
                 laws = (_of_part(side.law, elastic) for side in one.slices)
-                tables = [its_law.coefficients(before, after) for its_law in laws]
-            above, below = (_softened(t, w, rows) for t, w in zip(tables, wet, strict=True))
+                ends = [its_law.coefficients(before, after) for its_law in laws]
+            above, below = (_softened(t, w, rows) for t, w in zip(ends, wet, strict=True))
             changes[number] += slope(above, now, below, one.by)
         return _Part(law, rows, elastic, now, changes)
 

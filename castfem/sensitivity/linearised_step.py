@@ -105,7 +105,7 @@ class LinearisedStep:
         now = dof_values.with_ghosts(run.space, self._local[: run.owned]), state.generalized_strains
         change = now[0] - self._old.displacement, now[1] - self._old.generalized_strains
         strain = forces.strains(change[0][:, None], change[1][:, None])
-        self._law = LawChanges(run, sides, begun, strain[self._stressed.kept, :, 0].copy())
+        self._law = LawChanges(run, sides, begun, strain[0, self._stressed.kept])
         self._contact: LinearisedContact | None = None
         self._touching: GivenChanges | None = None
         if run.contact is not None:
@@ -159,8 +159,7 @@ class LinearisedStep:
         given, wall = self.given, self._run.contact
         change = moved.nodal - given.displacement[:, numbers]
         strains = moved.strains - given.strains[:, numbers]
-        every = self._forces.strains(change, strains)[self._stressed.kept]
-        every = np.moveaxis(every, 2, 0).copy()
+        every = self._forces.strains(change, strains)[:, self._stressed.kept]
         inside = self._law.held(every) if held else self._law.moved(every, numbers)
         if wall is None or wall.stress is None:
             return Answers(inside, [])
@@ -172,8 +171,8 @@ class LinearisedStep:
 
     def _borne(self, stresses: Array) -> tuple[Array, Array]:
         """Forces (owned, k), work (4, k) of stresses (k, m, 4) at the points that have any, N/m."""
-        stress = np.zeros((self._run.active.count, 4, len(stresses)))
-        stress[self._stressed.kept] = np.moveaxis(stresses, 0, 2)
+        stress = np.zeros((len(stresses), self._run.active.count, 4))
+        stress[:, self._stressed.kept] = stresses
         forces, work = self._forces.of_stress(stress)
         return summed(self._run, forces), work
 

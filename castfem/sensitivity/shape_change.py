@@ -1,9 +1,8 @@
 """What a motion of the slice does to its heat balance: conduction, surface, filled volume.
 
-Each is a linear form, assembled for the slice as it is.  Surface and volume are the same throughout
-a window: their derivatives by the displacement are bilinear forms, assembled once for all
-parameters.  Conduction is that of the temperatures of a stage, and is assembled a little farther
-along each parameter instead: what a form of small strains leaves out of a straight line is nothing.
+Each is a linear form, assembled for the slice as it is; its derivative by the displacement is a
+bilinear form, assembled once for all parameters.  Surface and volume are the same throughout a
+window, conduction is that of the temperatures of a stage.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from castfem.fem import dof_values, reductions
+from castfem.fem import dof_values
 from castfem.fem.dolfinx_compat import assemble_into, assemble_owned, create_matrix
 from castfem.fem.section import Section
 from castfem.forms.heat import conduction_moved, slice_measure
@@ -30,7 +29,8 @@ class ByMotion:
     Args:
         section: The section.
         shape: The slice, on which the form hangs.
-        name: Of the form. form: Tested with functions of the vertices.
+        name: Of the form. form: Tested with functions of the vertices, proportional to the thickness
+            of the slice.
     """
 
     def __init__(self, section: Section, shape: Shape, name: str, form: ufl.Form) -> None:
@@ -61,14 +61,20 @@ class ByMotion:
             return found
         if here is None:
             here = assemble_owned(self._form, self._owned)
-        value = self._shape.generalized_strains.value
         for component in moving:
-            given = value[component]
-            value[component] = given + STRAIN
-            change = (assemble_owned(self._form, self._owned) - here) / STRAIN
-            value[component] = given
-            found += np.outer(strains[:, component], change)
+            found += np.outer(strains[:, component], self._by_strain(component, here))
         return found
+
+    def _by_strain(self, component: int, here: Array) -> Array:
+        """Derivative of the form by a generalized strain (owned,) (collective)."""
+        value = self._shape.generalized_strains.value
+        if component == 0 and not value[1:].any():  # the form goes with the thickness
+            return np.asarray(here / (1.0 + value[0]))
+        given = value[component]
+        value[component] = given + STRAIN
+        change = (assemble_owned(self._form, self._owned) - here) / STRAIN
+        value[component] = given
+        return np.asarray(change)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -85,24 +91,23 @@ class ShapeChange:
     Args:
         problem: The heat balance of a slice that moves.
         surface: Of the strand.
-        steps: By how much each parameter is moved, in its unit.
+        count: How many parameters there are.
 
     Attributes:
         filled: Derivative of the volume that the vertices' steel fills, over the undeformed one
             (parameters, owned).
     """
 
-    def __init__(self, problem: ThermalProblem, surface: Surface, steps: Array) -> None:
+    def __init__(self, problem: ThermalProblem, surface: Surface, count: int) -> None:
         section, shape = problem.section, problem.shape
         assert shape is not None
         self._problem, self._surface, self._shape = problem, surface, shape
-        self._steps, count = steps, len(steps)
         space = section.vertex_space
         self._theta, v = fem.Function(space), ufl.TestFunction(space)
         conducted = conduction_moved(
             self._theta, v, slice_measure(section.mesh), shape.gradient, shape.thickness
         )
-        self._conducted = section.compile("heat.conducted.moved", conducted)
+        self._conducted = ByMotion(section, shape, "heat.conducted.moved", conducted)
         self._volume = ByMotion(section, shape, "heat.volume.moved", shape.volume)
         self._shares = {
             tag: ByMotion(section, shape, name, form)
@@ -111,7 +116,6 @@ class ShapeChange:
         self.filled: Array = np.zeros((count, section.owned))
         self._motions: Array = np.zeros((count, 0))
         self._strains: Array = np.zeros((count, 4))
-        self._moving: Flags = np.zeros(count, bool)
         self._weights: list[tuple[Patch, Array]] = []
 
     def follow(self, motions: Array, strains: Array, before: Array, solid: Flags) -> None:
@@ -123,10 +127,8 @@ class ShapeChange:
             before: `filled` of the window before.
             solid: Vertices that are (owned,).
         """
-        self._motions, self._strains = motions, strains
-        sizes = [np.abs(part).max(axis=1, initial=0.0) for part in (motions, strains)]
-        self._moving = reductions.largest_of(self._problem.section.comm, np.maximum(*sizes)) > 0.0
         owned = motions[:, : dof_values.owned_of(self._shape.displacement.function_space)]
+        self._motions, self._strains = owned, strains
         volume = self._volume(owned, strains, self._shape.enclosed()) / self._shape.area
         self.filled = np.where(solid, before, volume)
         shares = {tag: form(owned, strains) for tag, form in self._shares.items()}
@@ -136,26 +138,15 @@ class ShapeChange:
         """What stands on the right of a stage (parameters, owned), J/m (collective)."""
         space = self._theta.function_space
         self._theta.x.array[:] = dof_values.with_ghosts(space, stage.point.conduction)
-        flow = self._conduction()
+        here = self._problem.conducted(stage.point.conduction)
+        flow = self._conducted(self._motions, self._strains, here)
         slopes = {id(patch): weights for patch, weights in self._weights}
         for patch, law in self._problem.cooling.laws:
             flux = law.flux(stage.point.temperature[patch.dofs], stage.time)[0]
             flow[:, patch.dofs] += slopes[id(patch)] * flux
         return -stage.tau * (self._problem.area * self.filled * stage.rate + flow)
 
-    def _conduction(self) -> Array:
-        """Derivatives of what is conducted away from the vertices (parameters, owned), W/m."""
-        shape, owned = self._shape, self._problem.section.owned
-        now = shape.displacement.x.array.copy(), shape.generalized_strains.value.copy()
-        here, found = assemble_owned(self._conducted, owned), np.zeros_like(self.filled)
-        for number in np.flatnonzero(self._moving):
-            step = self._steps[number]
-            shape.take(now[0] + step * self._motions[number], now[1] + step * self._strains[number])
-            found[number] = (assemble_owned(self._conducted, owned) - here) / step
-        shape.take(*now)
-        return found
-
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for form in (self._volume, *self._shares.values()):
+        for form in (self._conducted, self._volume, *self._shares.values()):
             form.destroy()

@@ -36,7 +36,7 @@ def residual(setup: SliceSetup, local: Array) -> tuple[Array, Array]:
     problem.residual(vector, vector.duplicate())
     state = problem.residual_state
     assert state is not None
-    stress = ForceOperators(problem).of_stress(problem.response.stress[:, :, None])
+    stress = ForceOperators(problem).of_stress(problem.response.stress[None])
     return state.forces - stress[0][:, 0], problem.interactions.work_on(np.eye(4))
 
 
