@@ -7,7 +7,7 @@ that of the run.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,30 +42,35 @@ class LawChanges:
         strain: Array,
     ) -> None:
         self._run, self._sides, self._begun = run, sides, begun
-        self._here, self._strain = begun[0].stressed, strain
-        self._by = np.array([one.by for one in sides])
-        self._longer = np.array([its.late[1] - its.late[0] for its in begun])
+        here = self._here = begun[0].stressed
+        self._strain = strain
+        self._directions = _directions(run.slice.law, here.now)
+        self._ways = len(self._directions)
+        self._by = np.concatenate([[one.by for one in sides], np.full(self._ways, STRAIN)])
+        self._longer = self._rows(np.array(its.late[1] - its.late[0]) for its in begun)
         self._starts = [
-            np.array([its.start[name][self._here.rows] for its in begun])
+            self._rows(its.start[name][here.rows] for its in begun)
             for name in ("stress", "internal")
         ]
         stiff = run.points.stiffness_temperature
-        self._stiff = [stiff(one)[self._here.rows] for one in begun[0].points]
-        self._warming = [
-            np.array([its.warming[end][self._here.rows] for its in begun]) for end in range(2)
-        ]
+        self._stiff = [stiff(one)[here.rows] for one in begun[0].points]
+        ends = range(2)
+        self._warming = [self._rows(its.warming[end][here.rows] for its in begun) for end in ends]
         self._stiff_warming = self._warming
         if not run.points.whole:
             self._stiff_warming = [
-                np.array([stiff(its.warming[end])[self._here.rows] for its in begun])
-                for end in range(2)
+                self._rows(stiff(its.warming[end])[here.rows] for its in begun) for end in ends
             ]
         self._thermal, self._thermal_changes = self._thermal_strain()
-        first = slice(0, self._here.deviators)
+        first = slice(0, here.deviators)
         self._parts = [self._part(first, False), self._part(slice(first.stop, None), True)]
-        self._directions = _directions(run.slice.law, self._here.now)
         self._strain_held: Array = np.zeros(0)
         self._held = self._rise = ResponseChange.empty(0, 0, 0)
+
+    def _rows(self, changes: Iterable[Array]) -> Array:
+        """Changes by the parameters (k, ...), and none along the directions behind them."""
+        given = list(changes)
+        return np.array([*given, *(np.zeros_like(given[0]) for _ in range(self._ways))])
 
     def _thermal_strain(self) -> tuple[Array, Array]:
         """Thermal strain of the step (m,), and its derivatives (k, m)."""
@@ -117,16 +122,16 @@ class LawChanges:
         Args:
             strain: Of the strain increments (k, m, 4).
         """
-        ways, count, here = len(self._directions), len(self._by), self._here
-        found = ResponseChange.empty(count + ways, len(here.rows), here.internal.shape[1])
+        count, here = len(strain), self._here
+        found = ResponseChange.empty(len(self._by), len(here.rows), here.internal.shape[1])
         given = StepChange(
             coefficients=np.zeros(0),
             strain=np.concatenate([strain, self._directions]),
-            thermal=_and_none(self._thermal_changes, ways),
-            stress_old=_and_none(self._starts[0], ways),
-            state_old=_and_none(self._starts[1], ways),
-            dt=_and_none(self._longer, ways),
-            by=np.concatenate([self._by, np.full(ways, STRAIN)]),
+            thermal=self._thermal_changes,
+            stress_old=self._starts[0],
+            state_old=self._starts[1],
+            dt=self._longer,
+            by=self._by,
         )
         for part in self._parts:
             part.differentiate(self._run.dt, here, (self._strain, self._thermal), given, found)
@@ -167,11 +172,6 @@ def _directions(law: Law, stress: Array) -> Array:
     return np.divide(deviator, length, out=np.zeros_like(deviator), where=length > 0.0)[None]
 
 
-def _and_none(changes: Array, ways: int) -> Array:
-    """Changes by the parameters (k, ...), and none in some ways more."""
-    return np.concatenate([changes, np.zeros((ways, *changes.shape[1:]))])
-
-
 def _softened(table: Array, fed: FedPoints | None, rows: slice) -> Array:
     """Coefficients at some of the points, with the stand-in for liquid that is fed."""
     if fed is not None:
@@ -191,7 +191,7 @@ class _Part:
     Attributes:
         law: The law there. rows: Of the points with stress, these.
         elastic: Whether the mean stress alone counts there.
-        coefficients: Of the law (n, columns). changes: By each parameter (k, n, columns).
+        coefficients: Of the law (n, columns). changes: As of all that is given (k, n, columns).
     """
 
     law: Law
@@ -213,7 +213,7 @@ class _Part:
             given: Changes of all but the coefficients, there.
             found: Derivatives there, to be written to.
         """
-        rows, ways = self.rows, len(given.by) - len(self.changes)
+        rows = self.rows
         out, internal = found.part(rows), slice(0, 0 if self.elastic else None)
         if self.elastic:  # it remembers nothing
             out.state[:] = 0.0
@@ -222,7 +222,7 @@ class _Part:
             strains[0][rows], strains[1][rows], here.before[rows], here.after[rows], dt
         )
         its = StepChange(
-            _and_none(self.changes, ways), given.strain[:, rows], given.thermal[:, rows],
+            self.changes, given.strain[:, rows], given.thermal[:, rows],
             given.stress_old[:, rows], given.state_old[:, rows, internal], given.dt, given.by,
         )  # fmt: skip
         self.law.differentiate(

@@ -29,8 +29,8 @@ class ByMotion:
     Args:
         section: The section.
         shape: The slice, on which the form hangs.
-        name: Of the form. form: Tested with functions of the vertices, proportional to the thickness
-            of the slice.
+        name: Of the form.
+        form: Tested with functions of the vertices; it goes with the thickness of the slice.
     """
 
     def __init__(self, section: Section, shape: Shape, name: str, form: ufl.Form) -> None:
