@@ -4,7 +4,7 @@ The billet's temperatures through its mould. The cost is processor time in memor
 seven by turns, which other work on the machine disturbs least; differences are those of whole runs
 on the same steps, at the best of three distances.
 Then why the factor is not shared between stages, and what the billet in its mould costs, its time
-loop alone and as the command that a user gives.
+loop alone, and whole: as the command that a user gives, and as the function that a script calls.
 Writes tables of docs/sensitivity.md.
 """
 
@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.plain_run import measure
 from benchmarks.report import ROOT, Output, table
-from castfem.api import load
+from castfem.api import load, run, sensitivities
 from castfem.case import Case
 from castfem.materials.curve import CurvePoint
 from castfem.sensitivity.linear import StageTangent
@@ -51,7 +51,7 @@ SHARES = (1e-3, 1e-4, 1e-5)  # of a parameter, or of 100 K: distances of differe
 WIDE = (("casting.speed", 0.2), ("casting.superheat", 10.0))  # over several cells of the shell
 TURNS = 7
 REPEATS = 20  # of a factor
-TURNS_COUPLED, TURNS_COMMANDS = 3, 3
+TURNS_COUPLED, TURNS_WHOLE = 3, 3
 EVERY = 5  # stages, of which one is looked at
 COUPLED = "billet125/taper_1"
 # What is asked is a ratio: the start of the run, on cells that a search would find coarse, and on
@@ -271,23 +271,39 @@ def _cost_coupled(quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def _commands(quick: bool) -> list[dict[str, Any]]:
-    """Processor time of the whole command: a plain run, and derivatives by some parameters."""
-    given = (COUPLED, "-q", *(("--set", "casting.length=45 mm") if quick else ()))
-    of = ("--of", ",".join(OF_MOULD), "--to")
-    words = {0: ("run", *given)} | {
-        n: ("sensitivity", *given, *of, ",".join(SIX_OF_MOULD[:n])) for n in (1, len(SIX_OF_MOULD))
-    }
-    taken: dict[int, list[float]] = {count: [] for count in words}
-    for _ in range(1 if quick else TURNS_COMMANDS + 1):  # the first compiles
-        for count, its in words.items():
-            taken[count].append(measure(ROOT, its)["processor [s]"])
-    plain = min(taken[0])
-    return [
-        {"command": f"castfem {words[count][0]}", "parameters": count, "seconds": min(times),
-         "more": 100.0 * (min(times) / plain - 1.0)}
-        for count, times in taken.items()
-    ]  # fmt: skip
+def _whole(quick: bool) -> list[dict[str, Any]]:
+    """Processor time of a whole run of the billet, plain and with derivatives.
+
+    As the command that a user gives, and as the function that a script calls, which draws nothing.
+    """
+    counts = 0, 1, len(SIX_OF_MOULD)
+    short = {"casting.length": "45 mm"} if quick else {}
+    case = load(COUPLED).with_({"output.figures": False, **short})
+    given = COUPLED, "-q", *(f"--set={key}={value}" for key, value in short.items())
+    of = "--of", ",".join(OF_MOULD), "--to"
+
+    def command(count: int) -> float:
+        words = ("sensitivity", *given, *of, ",".join(SIX_OF_MOULD[:count]))
+        return measure(ROOT, words if count else ("run", *given))["processor [s]"]
+
+    def called(count: int) -> float:
+        start = process_time()
+        if count:
+            sensitivities(case, to=SIX_OF_MOULD[:count], of=OF_MOULD)
+        else:
+            run(case)
+        return process_time() - start
+
+    rows: list[dict[str, Any]] = []
+    for way, take in {"command": command, "Python": called}.items():
+        turns = 1 if quick else TURNS_WHOLE + 1  # the first compiles
+        times = np.array([[take(count) for count in counts] for _ in range(turns)]).min(axis=0)
+        rows += [
+            {"given": way, "parameters": count, "seconds": float(its),
+             "more": 100.0 * (its / times[0] - 1.0)}
+            for count, its in zip(counts, times, strict=True)
+        ]  # fmt: skip
+    return rows
 
 
 def _moved(case: Case, parameter: Parameter, by: float) -> dict[str, float]:
@@ -327,7 +343,7 @@ def main(output: Output, quick: bool) -> None:
     output.csv("sensitivity_least", _least(case))
     output.csv("sensitivity_shared", _shared(case))
     output.csv("sensitivity_coupled", _cost_coupled(quick))
-    output.csv("sensitivity_commands", _commands(quick))
+    output.csv("sensitivity_whole", _whole(quick))
     steel = case_steel(case)
     given, heat_balance.BALANCE = heat_balance.BALANCE, 1e-13  # differences of runs tell more
     try:
@@ -378,11 +394,11 @@ def show(output: Output) -> None:
     forms = {"setup": ".2f", "seconds": ".2f", "more": ".0f", "differences": ".0f"}
     output.insert("coupled", table(output.rows("sensitivity_coupled"), head, forms))
     head = {
-        "command": "whole command", "parameters": "parameters", "seconds": "processor time, s",
+        "given": "whole run, as", "parameters": "parameters", "seconds": "processor time, s",
         "more": "beyond a plain run, %",
     }  # fmt: skip
     forms = {"seconds": ".1f", "more": ".0f"}
-    output.insert("commands", table(output.rows("sensitivity_commands"), head, forms))
+    output.insert("whole", table(output.rows("sensitivity_whole"), head, forms))
     head = {
         "parameter": "by", "heat_removed": "heat removed",
         "surface_temperature_mid_face": "surface, mid-face",
