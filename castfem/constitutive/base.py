@@ -127,7 +127,8 @@ class StepChange:
         stress_old: Stress at the start (k, n, 4), Pa.
         state_old: State at the start (k, n, states).
         dt: Length of the step (k,), s.
-        by: How far a difference quotient goes to either side of each parameter (k,), in its unit.
+        by: How far a difference quotient, where the law takes one, goes to either side of each
+            parameter (k,), in its unit.
     """
 
     coefficients: Array

@@ -87,7 +87,10 @@ def _add_remembered(c, carried, before, rate_before, y, weight, by):  # type: ig
 def rate_partials(  # type: ignore[no-untyped-def]
     c, trial, carried, before, rate_before, increment, rate, dt, by
 ):
-    """Fill the row of ln of the rate that `remembered_rate` finds.
+    """Fill the row of ln of the rate r that `remembered_rate` finds.
+
+    It solves carried (r / old)^m + E dt r = carried + E de, with E de what loads beyond the carried
+    stress; the terms on the left are `along` and `stiff` here.
 
     Returns:
         Its derivative by dp, and by the trial stress.
