@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from castfem.values.quantities import Kind
-from castfem.values.types import Array, Flags
+from castfem.values.types import Array, Flags, Indices
 
 if TYPE_CHECKING:
     from castfem.constitutive.data_range import DataRange
@@ -105,8 +105,8 @@ class Response:
             np.empty(points, dtype=np.bool_),
         )
 
-    def part(self, rows: slice) -> Response:
-        """The response at some of the points; it shares their memory."""
+    def part(self, rows: slice | Indices) -> Response:
+        """The response at some of the points; of a slice of them it shares the memory."""
         return Response(
             self.stress[rows],
             self.tangent[rows],
@@ -229,6 +229,7 @@ class Law(Protocol):
         step: MaterialStep,
         stress_old: Array,
         state_old: Array,
+        answer: Response,
         change: StepChange,
         *,
         coefficients: Array | None = None,
@@ -242,7 +243,8 @@ class Law(Protocol):
             step: Strain, temperature and time.
             stress_old: At the start of the step, (n, 4), Pa.
             state_old: At the start of the step, (n, states).
-            change: Of all these.
+            answer: To this step; its state and what flows are asked for.
+            change: Of all that is given.
             coefficients: From `coefficients`, for the temperatures of this step.
             out: Arrays to write to; new ones are made if left out.
         """

@@ -174,6 +174,7 @@ class RadialReturn:
         step: MaterialStep,
         stress_old: Array,
         state_old: Array,
+        answer: Response,
         change: StepChange,
         *,
         coefficients: Array | None = None,
@@ -196,7 +197,7 @@ class RadialReturn:
         if self.signed:
             difference_points(self.kind, self.signed, *given, change.by, *changes, *found)
         else:
-            differentiate_points(self.kind, *given, *changes, *found)
+            differentiate_points(self.kind, *given, answer.state, answer.flows, *changes, *found)
         return out
 
 

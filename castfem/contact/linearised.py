@@ -112,7 +112,7 @@ class GivenChanges:
             np.zeros(count), vector.copy(), vector.copy(), np.zeros((3, count)), vector.copy(),
         )  # fmt: skip
 
-    def of(self, numbers: list[int]) -> GivenChanges:
+    def of(self, numbers: list[int] | slice) -> GivenChanges:
         """Some of them."""
         return GivenChanges(*(getattr(self, one.name)[..., numbers] for one in fields(self)))
 

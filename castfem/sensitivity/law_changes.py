@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from castfem.constitutive.base import Law, MaterialStep, ResponseChange, StepChange
+from castfem.constitutive.base import Law, MaterialStep, Response, ResponseChange, StepChange
 from castfem.constitutive.flow_laws import ThermoElastic
 from castfem.mechanics.material_points import FedPoints
 from castfem.mechanics.problem import MechanicalProblem
@@ -44,6 +44,8 @@ class LawChanges:
         self._run, self._sides, self._begun = run, sides, begun
         here = self._here = begun[0].stressed
         self._strain = strain
+        whole = len(here.kept) == run.active.count
+        self._answer = run.response if whole else run.response.part(here.kept)
         self._directions = _directions(run.slice.law, here.now)
         self._ways = len(self._directions)
         self._by = np.concatenate([[one.by for one in sides], np.full(self._ways, STRAIN)])
@@ -134,21 +136,22 @@ class LawChanges:
             by=self._by,
         )
         for part in self._parts:
-            part.differentiate(self._run.dt, here, (self._strain, self._thermal), given, found)
+            strains = self._strain, self._thermal
+            part.differentiate(self._run.dt, here, strains, self._answer, given, found)
         self._strain_held = strain
         self._held, self._rise = found.some(slice(0, count)), found.some(slice(count, None))
         return self._held
 
-    def moved(self, strain: Array, numbers: list[int]) -> ResponseChange:
+    def moved(self, strain: Array, some: list[int] | slice) -> ResponseChange:
         """The same by some of the parameters, with which the unknowns move, once `held` is known.
 
         Args:
             strain: Of the strain increments (k, m, 4).
-            numbers: Of these k parameters.
+            some: Of these k parameters.
         """
-        held, rise = self._held.some(numbers), self._rise
-        more = strain - self._strain_held[numbers]
-        tangent = self._run.response.tangent[self._here.kept]
+        held, rise = self._held.some(some), self._rise
+        more = strain - self._strain_held[some]
+        tangent = self._answer.tangent
         share = np.einsum("knc,dnc->dkn", more, self._directions)
         return ResponseChange(
             held.stress + (tangent @ more[..., None])[..., 0],
@@ -201,8 +204,8 @@ class _Part:
     changes: Array
 
     def differentiate(
-        self, dt: float, here: Stressed, strains: tuple[Array, Array], given: StepChange,
-        found: ResponseChange,
+        self, dt: float, here: Stressed, strains: tuple[Array, Array], answer: Response,
+        given: StepChange, found: ResponseChange,
     ) -> None:  # fmt: skip
         """Differentiate the law at these points.
 
@@ -210,11 +213,13 @@ class _Part:
             dt: Length of the step, s.
             here: All points with stress.
             strains: Total and thermal increments there (m, 4), (m,).
+            answer: Of the law there.
             given: Changes of all but the coefficients, there.
             found: Derivatives there, to be written to.
         """
         rows = self.rows
         out, internal = found.part(rows), slice(0, 0 if self.elastic else None)
+        answer = answer.part(rows)
         if self.elastic:  # it remembers nothing
             out.state[:] = 0.0
             out = ResponseChange(out.stress, out.state[:, :, :0], out.dissipation)
@@ -226,6 +231,6 @@ class _Part:
             given.stress_old[:, rows], given.state_old[:, rows, internal], given.dt, given.by,
         )  # fmt: skip
         self.law.differentiate(
-            step, here.stress[rows], here.internal[rows, internal], its,
+            step, here.stress[rows], here.internal[rows, internal], answer, its,
             coefficients=self.coefficients, out=out,
         )  # fmt: skip

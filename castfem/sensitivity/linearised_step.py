@@ -25,6 +25,9 @@ from castfem.sensitivity.moved_state import Slopes
 from castfem.sensitivity.slice_sides import SliceSides
 from castfem.values.types import Array
 
+Some = list[int] | slice
+"""Numbers of some of the parameters, or all."""
+
 ROUNDING = 2e-12  # of the forces in the slice: what a difference of them may have of it
 
 
@@ -122,28 +125,32 @@ class LinearisedStep:
             moves: How the unknowns move with them (k, local); None while they are held.
             numbers: Of these parameters.
         """
-        moved = self._moved(moves, numbers)
-        answers = self._answers(moved, numbers, held=moves is None)
+        # All of them, as a rule: arrays are then looked at, not copied.
+        some = slice(None) if len(numbers) == len(self._sides) else numbers
+        moved = self._moved(moves, some)
+        answers = self._answers(moved, numbers, some, held=moves is None)
         nodal, work = self._borne(answers.inside.stress)
         if self._pressed is not None:
-            nodal += self._pressed[0][:, numbers]
-            work += self._pressed[1][:, numbers]
+            nodal += self._pressed[0][:, some]
+            work += self._pressed[1][:, some]
         touched = None
         if self._contact is not None:
-            touched = self._touched(self._contact, moved, answers, numbers)
+            touched = self._touched(self._contact, moved, answers, numbers, some)
             on_nodes, on_planes = self._contact.forces(touched)
             nodal += summed(self._run, on_nodes)
             work += on_planes
-        rights = self._rights(moves is None, moved, nodal, work, numbers)
-        rounding = np.asarray(self._noise / self._spans[numbers])
+        rights = self._rights(moves is None, moved, nodal, work, some)
+        rounding = np.asarray(self._noise / self._spans[some])
         every = range(len(numbers))
         ended = [moves is not None or not rights[i].any() for i in every]
         slopes = [self._slopes(i, moved, answers, touched) if ended[i] else {} for i in every]
         return OutOfBalance(rights, rounding, slopes)
 
-    def _moved(self, moves: Array | None, numbers: list[int]) -> Moved:
+    def _moved(self, moves: Array | None, some: Some) -> Moved:
         """The motion that goes with moves of the unknowns; that of the planes alone without."""
-        run, free, count = self._run, len(self.given.scalars), len(numbers)
+        run, free = self._run, len(self.given.scalars)
+        offset = self.given.offset[:, some]
+        count = offset.shape[1]
         nodal: Array = np.zeros((len(self.given.displacement), count))
         scalars: Array = np.zeros((free, count))
         if moves is not None:
@@ -151,16 +158,16 @@ class LinearisedStep:
             nodal = np.array([dof_values.with_ghosts(run.space, one) for one in owned]).T
             shares = [run.bordered.share(one) for one in moves]
             scalars = np.reshape(np.array(shares).T, (free, count))
-        strains = self.given.offset[:, numbers] + run.planes.scaled.directions @ scalars
+        strains = offset + run.planes.scaled.directions @ scalars
         return Moved(nodal, scalars, strains)
 
-    def _answers(self, moved: Moved, numbers: list[int], *, held: bool) -> Answers:
+    def _answers(self, moved: Moved, numbers: list[int], some: Some, *, held: bool) -> Answers:
         """What the laws of all sides answer to the motion."""
         given, wall = self.given, self._run.contact
-        change = moved.nodal - given.displacement[:, numbers]
-        strains = moved.strains - given.strains[:, numbers]
+        change = moved.nodal - given.displacement[:, some]
+        strains = moved.strains - given.strains[:, some]
         every = self._forces.strains(change, strains)[:, self._stressed.kept]
-        inside = self._law.held(every) if held else self._law.moved(every, numbers)
+        inside = self._law.held(every) if held else self._law.moved(every, some)
         if wall is None or wall.stress is None:
             return Answers(inside, [])
         surface = []
@@ -177,7 +184,12 @@ class LinearisedStep:
         return summed(self._run, forces), work
 
     def _touched(
-        self, contact: LinearisedContact, moved: Moved, answers: Answers, numbers: list[int]
+        self,
+        contact: LinearisedContact,
+        moved: Moved,
+        answers: Answers,
+        numbers: list[int],
+        some: Some,
     ) -> ContactChanges:
         """Derivatives of contact."""
         wall, given = self._run.contact, self._touching
@@ -187,26 +199,24 @@ class LinearisedStep:
         if answers.surface:
             stress = np.moveaxis(np.array([one.stress[0] for one in answers.surface]), 0, 2)
             liquid = np.array([self._sides[n].liquid_at_surface() for n in numbers]).T
-        return contact.changes(given.of(numbers), places, stress, liquid)
+        return contact.changes(given.of(some), places, stress, liquid)
 
-    def _rights(
-        self, held: bool, moved: Moved, nodal: Array, work: Array, numbers: list[int]
-    ) -> Array:
+    def _rights(self, held: bool, moved: Moved, nodal: Array, work: Array, some: Some) -> Array:
         """What is out of balance, with the sign of a load (k, local), N/m (collective)."""
         run, given, planes = self._run, self.given, self._run.planes
-        balance = planes.scaled.test_directions.T @ work - given.load[:, numbers]
-        balance += np.outer(run.bordered.share(self._local) - planes.begun, given.drag[numbers])
-        balance += planes.drag * (moved.scalars - given.scalars[:, numbers])
-        constraints, fixed = run.constraints, given.fixed[:, numbers]
+        balance = planes.scaled.test_directions.T @ work - given.load[:, some]
+        balance += np.outer(run.bordered.share(self._local) - planes.begun, given.drag[some])
+        balance += planes.drag * (moved.scalars - given.scalars[:, some])
+        constraints, fixed = run.constraints, given.fixed[:, some]
         right = -nodal
         if held and constraints.moving:
             right -= np.array([run.lifted(one[constraints.fixed]) for one in fixed.T]).T
         at = constraints.prescribed
         right[at] = fixed[at] - moved.nodal[at]
         if (springs := constraints.springs) is not None and given.young is not None:
-            drawn = (moved.nodal - given.displacement[:, numbers])[springs.dofs]
-            right[springs.dofs] -= springs.force_change(self._local, given.young[numbers], drawn)
-        every = range(len(numbers))
+            drawn = (moved.nodal - given.displacement[:, some])[springs.dofs]
+            right[springs.dofs] -= springs.force_change(self._local, given.young[some], drawn)
+        every = range(right.shape[1])
         return np.array([run.bordered.join(right[:, i], -balance[:, i]) for i in every])
 
     def _slopes(

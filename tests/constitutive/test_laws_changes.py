@@ -83,8 +83,8 @@ def differences(law: RadialReturn, way: int, by: float) -> tuple[dict[str, Array
 def test_changes_are_differences_of_answers(law: RadialReturn) -> None:
     """As nearly as differences over two distances agree, which they do but where flow sets in."""
     step, stress, state, coefficients, change = asked(law)
-    found = law.differentiate(step, stress, state, change, coefficients=coefficients)
     here = law.integrate(step, stress, state, coefficients=coefficients)
+    found = law.differentiate(step, stress, state, here, change, coefficients=coefficients)
     shear = coefficients[:, constants.SHEAR]
     trial = np.abs(stress).max(axis=1) + shear * np.abs(step.strain_increment).max(axis=1)
     strained = 1e-2 * trial / shear  # what the state of a point that hardly flows is to be seen by
@@ -113,10 +113,11 @@ def test_what_flows_goes_on_flowing(name: str) -> None:
     """At the yield limit the change is that of the side the point is on."""
     law = LAWS[name]
     step, stress, state, coefficients, change = asked(law)
-    found = law.differentiate(step, stress, state, change, coefficients=coefficients)
+    here = law.integrate(step, stress, state, coefficients=coefficients)
+    found = law.differentiate(step, stress, state, here, change, coefficients=coefficients)
     wide = replace(change, by=np.full(WAYS, 1e-4))
-    far = law.differentiate(step, stress, state, wide, coefficients=coefficients)
-    elastic = ~law.integrate(step, stress, state, coefficients=coefficients).flows
+    far = law.differentiate(step, stress, state, here, wide, coefficients=coefficients)
+    elastic = ~here.flows
     assert elastic.any() and not elastic.all()
     assert not found.dissipation[:, elastic].any() and not far.dissipation[:, elastic].any()
 
@@ -129,7 +130,8 @@ def test_nothing_given_nothing_changed() -> None:
           ("coefficients", "strain", "thermal", "stress_old", "state_old", "dt")),
         by=change.by,
     )  # fmt: skip
-    found = law.differentiate(step, stress, state, none, coefficients=coefficients)
+    here = law.integrate(step, stress, state, coefficients=coefficients)
+    found = law.differentiate(step, stress, state, here, none, coefficients=coefficients)
     assert isinstance(found, ResponseChange)
     for name in PARTS:
         assert not getattr(found, name).any(), name

@@ -46,6 +46,7 @@ from castfem.constitutive.kernel.tensors import CARRIED, FLOW
 from castfem.support.compiled import compiled, outermost
 
 TO_EQUIVALENT = math.sqrt(1.5)  # from the length of a deviator
+CLEAR = 1e-4  # of the strain there is: an increment that is a difference of strains to ten digits
 
 
 @compiled
@@ -159,9 +160,22 @@ def _change_flow(  # type: ignore[no-untyped-def]
     return (d_stress - by_increment * softer) / whole, d_increment / whole
 
 
+@compiled
+def _known(kind, c, i, state_old, dt, state_now, flows):  # type: ignore[no-untyped-def]
+    """What an answer that is there tells of dp and of the remembered rate, see `constants.SEEK`."""
+    if kind == ELASTIC or not flows[i]:
+        return 0.0, 0.0
+    before = state_old[i, 0] if c[FRESH] == 0.0 else 0.0
+    slower = 1.0 + c[SHARE] * dt * c[RECOVERY]
+    increment = slower * state_now[i, 0] - before
+    if increment < CLEAR * before:  # a difference of nearly equal numbers
+        return SEEK, 0.0
+    return increment, state_now[i, 1] if kind == CURVE_AUTOMATIC else 0.0
+
+
 @outermost
 def differentiate_points(  # type: ignore[no-untyped-def]
-    kind, coefficients, strain, thermal, stress_old, state_old, dt,
+    kind, coefficients, strain, thermal, stress_old, state_old, dt, state_now, flows,
     d_coefficients, d_strain, d_thermal, d_stress_old, d_state_old, d_dt,
     d_stress, d_state, d_dissipation, sources=None,
 ):  # fmt: skip
@@ -177,6 +191,8 @@ def differentiate_points(  # type: ignore[no-untyped-def]
         stress_old: (n, 4), Pa.
         state_old: (n, states).
         dt: s.
+        state_now: What `integrate_points` has written of the state (n, states).
+        flows: Likewise (n,).
         d_coefficients: Change in each way (k, n, columns).
         d_strain: (k, n, 4).
         d_thermal: (k, n).
@@ -194,8 +210,9 @@ def differentiate_points(  # type: ignore[no-untyped-def]
     columns = coefficients.shape[1]
     for i in range(strain.shape[0]):
         c = coefficients[i]
+        near, near_rate = _known(kind, c, i, state_old, dt, state_now, flows)
         increment, scale, _kept, _by_old, length, rate, _work = respond(
-            kind, False, c, i, strain, thermal[i], stress_old, state_old, dt, SEEK, 0.0,
+            kind, False, c, i, strain, thermal[i], stress_old, state_old, dt, near, near_rate,
             vectors, stress, state, 0,
         )  # fmt: skip
         left_over = scale * TO_EQUIVALENT * length
