@@ -6,6 +6,7 @@ evaluator   all results of a case with some keys changed, run once
 question    what a case asks for by [optimise];  outputs  what a run means for it
 ideal_taper where a search for tapers begins
 search      COBYQA behind the runs that are there;  vicinity  what lies round an optimum
+binding     which constraints hold it;  checked  where it is by the level of the check
 numerical   its numerical error, by the other levels of fidelity
 front       two results weighed;  spread, inputs  what is not known exactly
 study       ask, tell, result;  optimum  the answer, made by `verdict`

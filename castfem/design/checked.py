@@ -3,8 +3,9 @@
 A finer level has other margins than the search. How margins change with the variables the
 quadratics of the search tell, what they are the runs of the finer level: the nearest place at which
 a constraint that binds is just met is run by that level, which shows what the quadratics had wrong,
-and so on until the place stays. Where a constraint is missed there still, for the quadratics end or
-bend, the way goes on by what the runs of that level have gained.
+and so on until the place stays. Where a constraint is missed there still, or one that binds has
+much left, for the quadratics end or bend, the way goes on by what the runs of that level have
+gained. Of all its runs that meet the constraints the best one counts.
 """
 
 from __future__ import annotations
@@ -57,26 +58,29 @@ def best_by(
         model: Quadratics of the runs about it.
         binds: Which constraints keep the objective from being better.
         radius: Share of the ranges by which a place may be off.
-        scatter: Of the margins (m,), SI.
+        scatter: Of cost and margins (1 + m,), SI.
     """
-    found, question = None, outputs.question
+    question = outputs.question
     tried = replace(best, fidelity=level)
+    runs: list[Checked] = []
     for _ in range(1 + _TURNS):
         outputs.fetch([tried])
         vector = outputs.vector_or_nan(tried)
         if np.isnan(vector).any():
             break
-        found, here = Checked(tried, vector), question.shares(tried)
+        runs.append(Checked(tried, vector))
+        here = question.shares(tried)
         off = vector[1:] - model(here[None])[0, 1:]
         there = vicinity.nearest(model, off, binds)
         if np.max(np.abs(there - here)) <= radius:
             break
         tried = replace(question.at(there), fidelity=level)
+    if not runs:
+        return None
     rises = model.weights[1 : 1 + len(model.centre), 1:] / model.step[:, None]
-    allowed = scatter + radius * np.linalg.norm(rises, axis=0)
-    if found is None or _least(found, allowed) >= 0.0:
-        return found
-    return _onward(found, outputs, rises, radius, allowed)
+    allowed = scatter[1:] + radius * np.linalg.norm(rises, axis=0)
+    runs += _onward(runs[-1], outputs, rises, radius, allowed, binds)
+    return _best(runs, scatter[0], allowed)
 
 
 def _least(checked: Checked, allowed: Array) -> float:
@@ -85,32 +89,62 @@ def _least(checked: Checked, allowed: Array) -> float:
     return float(np.min(missed / np.maximum(allowed, 1e-300), initial=0.0))
 
 
+def _best(runs: Sequence[Checked], noise: float, allowed: Array) -> Checked:
+    """The last run that meets all margins, or one before that is better; else what misses least."""
+    meet = [run for run in runs if _least(run, allowed) >= 0.0]
+    if not meet:
+        return replace(max(runs, key=lambda run: _least(run, allowed)), missed=True)
+    cheapest = min(meet, key=lambda run: float(run.vector[0]))
+    return meet[-1] if meet[-1].vector[0] <= cheapest.vector[0] + noise else cheapest
+
+
+def _to_move(margins: Array, allowed: Array, binds: Sequence[bool]) -> int | None:
+    """The margin that is missed most; or, if none is, what binds with most left; None if none."""
+    if not len(margins):
+        return None
+    by = margins / np.maximum(allowed, 1e-300)
+    number = int(np.argmin(by))
+    if by[number] < -1.0:
+        return number
+    number = int(np.argmax(np.where(binds, by, 0.0)))
+    return number if binds[number] and by[number] > 1.0 else None
+
+
 def _onward(
-    found: Checked, outputs: Outputs, rises: Array, radius: float, allowed: Array
-) -> Checked:
-    """Go on until all margins are met; where no run meets them, the one that misses least.
+    found: Checked,
+    outputs: Outputs,
+    rises: Array,
+    radius: float,
+    allowed: Array,
+    binds: Sequence[bool],
+) -> list[Checked]:
+    """Go on until all margins are met, and what binds is just met; return the runs on the way.
 
     Args:
-        found: Where a margin is missed.
+        found: Where to begin.
         outputs: What the runs mean; gets those that are missing.
         rises: Slopes of the margins by the quadratics (n, m), SI per share of a range.
         radius: Share of the ranges by which a place may be off.
         allowed: What of each margin may be missed (m,), SI.
+        binds: Which constraints keep the objective from being better.
     """
-    question, before, best = outputs.question, None, found
+    question, before = outputs.question, None
+    runs: list[Checked] = []
     for _ in range(_ONWARD):
         here, margins = question.shares(found.wanted), found.vector[1:]
-        number = int(np.argmin(margins / np.maximum(allowed, 1e-300)))
+        number = _to_move(margins, allowed, binds)
+        if number is None:
+            break
         rise = rises[:, number]
         if before is not None:  # what the way so far has gained
             way = here - question.shares(before.wanted)
             gain = margins[number] - before.vector[1 + number]
-            if gain > 0.0:
+            if gain * float(rise @ way) > 0.0:
                 rise = gain * way / float(way @ way)
         steep = float(np.linalg.norm(rise))
         if not steep > 0.0:
             break
-        step = min(-margins[number] / steep, _FARTHEST)
+        step = float(np.clip(-margins[number] / steep, -_FARTHEST, _FARTHEST))
         there = np.clip(here + step * rise / steep, 0.0, 1.0)
         if np.max(np.abs(there - here)) <= 0.1 * radius:
             break  # the end of a range
@@ -120,8 +154,5 @@ def _onward(
         if np.isnan(vector).any():
             break
         before, found = found, Checked(tried, vector)
-        if _least(found, allowed) > _least(best, allowed):
-            best = found
-        if _least(found, allowed) >= 0.0:
-            break
-    return replace(best, missed=_least(best, allowed) < 0.0)
+        runs.append(found)
+    return runs

@@ -173,6 +173,12 @@ class Outputs:
         except InputError:
             return np.full(1 + self.count, np.nan)
 
+    def runs_of(self, fidelity: str) -> tuple[Array, Array]:
+        """Places (r, n) of the runs by a level, shares of the ranges, and their vectors."""
+        own = [w for w in self.seen if w.fidelity == fidelity and not (w.ideal or w.inputs)]
+        shares = np.array([self.question.shares(w) for w in own])
+        return shares, np.array([self.vector(w) for w in own])
+
     def _ideal(self, wanted: Wanted, name: str) -> float:
         given = self._look(self.question.ideal(wanted))
         assert given is not None

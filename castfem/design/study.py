@@ -20,6 +20,7 @@ from castfem.accuracy.levels import DEFAULT, LEVELS
 from castfem.api import Result
 from castfem.case.result_names import unit_of
 from castfem.design import vicinity
+from castfem.design.binding import Binding
 from castfem.design.checked import Checked, best_by
 from castfem.design.evaluator import Evaluator, Watcher, lean, variant
 from castfem.design.front import Tracer
@@ -241,14 +242,16 @@ class Study:
         untilted = replace(error, tilt=None, checked="")
         for _ in range(2):
             assert search.noise is not None
-            places = vicinity.intervals(model, search.noise.sigma, untilted)
+            runs = outputs.runs_of(best.fidelity)
+            places = vicinity.intervals(model, search.noise.sigma, untilted, *runs)
             ends = np.array([i.open_low or i.open_high for i in places])
             if not np.any(ends & (step < _WIDEST)):
                 break
             step = np.where(ends, np.minimum(2.0 * step, _WIDEST), step)
             model = self._model(outputs, best, step)
-        there = self._checked(search, best, model, error)
-        found = Findings(question, outputs, search, best, model, error, self._told, there)
+        binds = self._binding(search, best, model, error)
+        there = self._checked(search, best, model, error, binds)
+        found = Findings(question, outputs, search, best, model, error, self._told, there, binds)
         spread_by = None
         if question.inputs:
             self._follows("spread by the inputs")
@@ -285,10 +288,19 @@ class Study:
         question = self.question
         centre = question.shares(best)
         outputs.fetch([question.at(place) for place in vicinity.around(centre, step)])
-        own = [w for w in outputs.seen if w.fidelity == best.fidelity and not w.ideal]
-        shares = np.array([question.shares(w) for w in own])
-        values = np.array([outputs.vector(w) for w in own])
-        return vicinity.Quadratic.fit(centre, step, shares, values)
+        return vicinity.Quadratic.fit(centre, step, *outputs.runs_of(best.fidelity))
+
+    def _binding(
+        self, search: Search, best: Wanted, model: vicinity.Quadratic, error: Numerical
+    ) -> Binding:
+        """Which constraints keep the objective of a best run from being better."""
+        assert search.noise is not None
+        outputs = search.outputs
+        here, (_, seen) = outputs.vector(best), outputs.runs_of(best.fidelity)
+        if search.violation(best) > 0.0:  # better than what nothing meets is no evidence
+            seen = seen[:0]
+        off = np.maximum(error.below, error.above)[1:]
+        return Binding.of(model, search.noise.sigma, here, seen, off)
 
     def _numerical(self, search: Search, best: Wanted, model: vicinity.Quadratic) -> Numerical:
         """The error of cost and margins, by the best run at the other levels."""
@@ -299,25 +311,28 @@ class Study:
         search.outputs.fetch(list(able.values()))
         vectors = {word: search.outputs.vector_or_nan(one) for word, one in able.items()}
         found = Numerical.of(best.fidelity, vectors)
-        assert search.noise is not None
         shares, last = self.question.shares(best), AT_END * search.radius
-        held = sum(vicinity.binding(model, search.noise.sigma))
+        held = sum(self._binding(search, best, model, found).near)
         held += int(np.count_nonzero((shares <= last) | (shares >= 1.0 - last)))
         if held >= len(shares) or next_of(best.fidelity) not in found.through:
             return found
         return found.with_tilt(best.fidelity, self._tilt(search.outputs, best, model.step))
 
     def _checked(
-        self, search: Search, best: Wanted, model: vicinity.Quadratic, error: Numerical
+        self,
+        search: Search,
+        best: Wanted,
+        model: vicinity.Quadratic,
+        error: Numerical,
+        binds: Binding,
     ) -> Checked | None:
         """The optimum by the level of the check."""
         assert search.noise is not None
         if not error.checked:
             return None
         self._follows(f"the best with the constraints as {error.checked} cells have them")
-        binds = vicinity.binding(model, search.noise.sigma)
-        scatter = search.noise.sigma[1:]
-        return best_by(error.checked, search.outputs, best, model, binds, search.radius, scatter)
+        radius, scatter = search.radius, search.noise.sigma
+        return best_by(error.checked, search.outputs, best, model, binds.near, radius, scatter)
 
     def _tilt(self, outputs: Outputs, best: Wanted, step: Array) -> Tilt:
         """How the cost by the next level, less its own, changes about a best run."""

@@ -10,6 +10,7 @@ import numpy as np
 from castfem.accuracy.levels import LEVELS
 from castfem.case.result_names import SMOOTH
 from castfem.design import vicinity
+from castfem.design.binding import Binding
 from castfem.design.checked import Checked
 from castfem.design.front import Front
 from castfem.design.numerical import Numerical, error
@@ -43,6 +44,7 @@ class Findings:
         numerical: The error by the other levels; None where no run has come through.
         told: All runs.
         there: The optimum by the level of the check; None where that failed.
+        binds: Which constraints bind; None where no run has come through.
     """
 
     question: Question
@@ -53,6 +55,7 @@ class Findings:
     numerical: Numerical | None
     told: Mapping[Wanted, Evaluation]
     there: Checked | None = None
+    binds: Binding | None = None
 
     @property
     def noise(self) -> Array:
@@ -111,8 +114,8 @@ def _by_check(found: Findings) -> ByCheck | None:
 def _intervals(found: Findings) -> list[vicinity.Interval]:
     if found.model is None or found.numerical is None:
         return [vicinity.Interval(0.0, 1.0, False, False) for _ in found.question.axes]
-    known = found.numerical
-    return vicinity.intervals(found.model, found.noise, known)
+    runs = found.outputs.runs_of(found.best.fidelity)
+    return vicinity.intervals(found.model, found.noise, found.numerical, *runs)
 
 
 def _values(
@@ -225,10 +228,6 @@ def _known(found: Findings, name: str, place: int) -> Known:
 
 def _constraints(found: Findings) -> list[Kept]:
     outputs, best = found.outputs, found.best
-    count = outputs.count
-    binds = [False] * count
-    if found.model is not None:
-        binds = vicinity.binding(found.model, found.noise)
     kept = []
     for i, margin in enumerate(outputs.margins(best)):
         known = _known(found, outputs.name(i), 1 + i)
@@ -240,7 +239,8 @@ def _constraints(found: Findings) -> list[Kept]:
         kept.append(
             Kept(
                 outputs.text(i), known, margin.bound, margin.left, margin.left + moved,
-                known.noise + numerical, margin.left >= -allowed, binds[i],
+                known.noise + numerical, margin.left >= -allowed,
+                found.binds is not None and found.binds.held[i],
             )
         )  # fmt: skip
     return kept

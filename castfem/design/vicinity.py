@@ -83,42 +83,65 @@ class Interval:
     open_high: bool
 
 
-def intervals(model: Quadratic, scatter: Array, error: Numerical) -> list[Interval]:
+def intervals(
+    model: Quadratic, scatter: Array, error: Numerical, shares: Array, seen: Array
+) -> list[Interval]:
     """Return where the optimum may lie, one interval a variable.
+
+    Runs that are better, and far from the optimum, miss a constraint: by less than its error
+    perhaps, and then the optimum may lie there.
 
     Args:
         model: Of the runs near it.
         scatter: Of cost and margins (1 + m,), SI: noise.
         error: Numerical error of cost and margins. That of the cost counts by how it changes alone.
+        shares: Of the ranges, of all runs (r, n).
+        seen: What they gave: cost and margins (r, 1 + m), NaN where they have failed.
     """
-    places, low, high = _places(model)
-    values = model(places)
+    near, low, high = _places(model)
+    values = model(near)
     beside = float(scatter[0] + model.misfit[0])
-    blurred = scatter[1:] + model.misfit[1:]
+    best = seen[np.argmin(np.max(np.abs(shares - model.centre), axis=1))]
+    far = np.any((shares < low) | (shares > high), axis=1)
+    far &= seen[:, 0] < best[0] - beside  # what has failed is not
+    beyond = seen[far] - best + values[-1]  # against the best run as the quadratics have it
+    places, values = np.vstack([shares[far], near]), np.vstack([beyond, values])
+    moved, pairs = _errors(scatter[1:] + model.misfit[1:], error)
+    kept = np.zeros(len(places), dtype=bool)
+    kept[-1] = True
+    for shift, tilt in pairs:
+        here = slice(np.count_nonzero(far) if tilt else 0, None)  # it is linear near by alone
+        allowed = nearest_to_allowed(values[here, 1:] + shift, moved)
+        cost = values[here, 0] + error.tilted(places[here], tilt)
+        kept[here] |= allowed & (cost <= np.min(cost[allowed]) + beside)
+    found = places[kept]
+    ends = zip(found.min(axis=0), found.max(axis=0), low, high, strict=True)
+    edge = 0.02 * (high - low)
+    return [
+        Interval(
+            float(a), float(b),
+            bool(lo > 0.0 and a <= lo + e), bool(hi < 1.0 and b >= hi - e),
+        )
+        for (a, b, lo, hi), e in zip(ends, edge, strict=True)
+    ]  # fmt: skip
+
+
+def _errors(blurred: Array, error: Numerical) -> tuple[Array, list[tuple[Array, float]]]:
+    """What margins may be off by (m,), and all that margins and cost may be moved by together.
+
+    Args:
+        blurred: Scatter of the margins and misfit of their quadratics (m,), SI.
+        error: Numerical error of cost and margins.
+    """
     up, down = blurred + error.above[1:], -blurred - error.below[1:]
-    count, moved = len(blurred), np.maximum(up, -down)
+    count = len(blurred)
     most = [*np.diag(up), *np.diag(down), *([up, down] if count > 1 else [])]
     shifts = [np.zeros(count), *(part * end for end in most for part in _PARTS)]
     tilts = [0.0, *(part * error.most for part in _PARTS)] if error.tilt is not None else [0.0]
     pairs = list(itertools.product(shifts, tilts))
     if error.better:
         pairs.append((error.moved[1:], 0.0))
-    kept = np.zeros(len(places), dtype=bool)
-    kept[-1] = True
-    for shift, tilt in pairs:
-        allowed = nearest_to_allowed(values[:, 1:] + shift, moved)
-        cost = values[:, 0] + error.tilted(places, tilt)
-        kept |= allowed & (cost <= np.min(cost[allowed]) + beside)
-    found = places[kept]
-    ends = zip(found.min(axis=0), found.max(axis=0), low, high, strict=True)
-    near = 0.02 * (high - low)
-    return [
-        Interval(
-            float(a), float(b),
-            bool(lo > 0.0 and a <= lo + e), bool(hi < 1.0 and b >= hi - e),
-        )
-        for (a, b, lo, hi), e in zip(ends, near, strict=True)
-    ]  # fmt: skip
+    return np.maximum(up, -down), pairs
 
 
 def nearest(model: Quadratic, off: Array, binds: Sequence[bool]) -> Array:
@@ -133,7 +156,7 @@ def nearest(model: Quadratic, off: Array, binds: Sequence[bool]) -> Array:
         binds: Which of them bind.
 
     Returns:
-        Shares of the ranges (n,). Where no place within reach meets all, that which misses least.
+        Shares of the ranges (n,). Where no place within reach does so, that which comes nearest.
     """
     if not len(off):
         return model.centre
@@ -162,13 +185,15 @@ def nearest(model: Quadratic, off: Array, binds: Sequence[bool]) -> Array:
     if found.success:
         return np.asarray(np.clip(model.centre + found.x * model.step, 0.0, 1.0))
     places, _, _ = _places(model)
-    places = places[nearest_to_allowed(model(places)[:, 1:] + off, scale)]
+    left = model(places)[:, 1:] + off
+    left = np.where(binds, -np.abs(left), left)  # what binds is to be met, and no more than that
+    places = places[nearest_to_allowed(left, scale)]
     far = np.linalg.norm((places - model.centre) / model.step, axis=1)
     return np.asarray(places[np.argmin(far)])
 
 
-def binding(model: Quadratic, scatter: Array) -> list[bool]:
-    """Return of each constraint whether the objective would be better without it.
+def better_without(model: Quadratic, scatter: Array) -> list[bool]:
+    """Return of each constraint whether the objective near an optimum would be better without it.
 
     Args:
         model: Of the runs near the optimum.
