@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
-from castfem.design import Optimum, Study, Wanted
+from castfem.design import Optimum, Study, Wanted, study
 from castfem.design.binding import Binding
-from castfem.design.checked import best_by
+from castfem.design.checked import Checked, best_by
 from castfem.design.numerical import Numerical
 from castfem.design.told import told
 from castfem.design.vicinity import Quadratic, intervals
@@ -68,13 +70,23 @@ def jagged(wanted: Wanted) -> dict[str, float]:
     return {STRESS: stress, HEAT: 1e6 * (speed - 2.2 + off)}
 
 
-@pytest.fixture(scope="module")
-def found() -> Optimum:
-    asked = {
+def steep(wanted: Wanted) -> dict[str, float]:
+    """The same with neither dents nor what cells do."""
+    speed = wanted.values[0]
+    return {STRESS: 10.0 + 3.0 * (speed - 2.0), HEAT: 1e6 * (speed - 2.2)}
+
+
+def asked() -> Study:
+    table = {
         "minimise": STRESS, "variable": [{**SPEED, "start": "2.5 m/min"}], "fidelity": "coarse",
         "constraints": ["heat_removed >= 2 MJ/m"],
     }  # fmt: skip
-    return solve(Study(small({"casting.length": "6 mm", "optimise": asked})), jagged)
+    return Study(small({"casting.length": "6 mm", "optimise": table}))
+
+
+@pytest.fixture(scope="module")
+def found() -> Optimum:
+    return solve(asked(), jagged)
 
 
 def test_a_jagged_objective_is_held_by_its_constraint(found: Optimum):
@@ -114,33 +126,63 @@ def test_a_far_run_is_held_against_the_best_run_not_against_its_quadratics():
     assert there.high == pytest.approx(0.9)
 
 
+class Along:
+    """Runs of one variable that give what a function of their place does."""
+
+    def __init__(self, given: Callable[[float], list[float]]) -> None:
+        self.question, self.given, self.seen = self, given, list[float]()
+
+    def shares(self, wanted: Wanted) -> Array:
+        return np.array(wanted.values)
+
+    def at(self, shares: Array) -> Wanted:
+        return Wanted((float(shares[0]),), "coarse")
+
+    def fetch(self, wanted: list[Wanted]) -> None:
+        self.seen += [one.values[0] for one in wanted]
+
+    def vector_or_nan(self, wanted: Wanted) -> Array:
+        return np.array(self.given(wanted.values[0]))
+
+    def checked(self) -> Checked:
+        """The best by the level of the check, from 0.5; heat rises by 1 over the range."""
+        steps = np.linspace(-2.5, 2.5, 6)[:, None]
+        values = np.column_stack([steps, 0.02 * steps])
+        model, best = Quadratic.fit(CENTRE, STEP, CENTRE + steps * STEP, values), self.at(CENTRE)
+        there = best_by("fine", self, best, model, [True], 0.002, SCATTER)  # type: ignore[arg-type]
+        assert there is not None
+        return there
+
+
 def test_of_the_runs_of_the_check_that_meet_all_the_best_counts():
     """By fine cells the stress is least half way to the bound: there it stays."""
+    runs = Along(lambda x: [abs(x - 0.25), x - 0.1])
+    there = runs.checked()
+    assert not there.missed
+    assert min(runs.seen) == pytest.approx(0.1, abs=0.02)
+    assert there.vector[0] == min(abs(x - 0.25) for x in runs.seen)
 
-    class Given:
-        def __init__(self) -> None:
-            self.question = self
-            self.seen: list[float] = []
 
-        def shares(self, wanted: Wanted) -> Array:
-            return np.array(wanted.values)
+@pytest.mark.parametrize("most", [0.4, -0.005, -0.3])
+def test_a_constraint_that_is_missed_at_the_last_is_flagged(most: float):
+    """Heat that ends at its most: the flag is there where that misses by more than scatter."""
+    there = Along(lambda x: [x, min(0.5 * x - 0.3, most)]).checked()
+    assert there.missed == (most < -0.1)
+    assert there.vector[1] == pytest.approx(min(0.0, most), abs=0.015)
 
-        def at(self, shares: Array) -> Wanted:
-            return Wanted((float(shares[0]),), "coarse")
 
-        def fetch(self, wanted: list[Wanted]) -> None:
-            self.seen += [one.values[0] for one in wanted]
+@pytest.mark.parametrize("ends", [(False, False), (False, True)])
+def test_a_value_whose_check_misses_a_constraint_may_lie_beyond(
+    monkeypatch: pytest.MonkeyPatch, ends: tuple[bool, bool]
+) -> None:
+    """The flag alone opens the interval: of two answers alike but for it, on its side alone."""
 
-        def vector_or_nan(self, wanted: Wanted) -> Array:
-            x = wanted.values[0]
-            return np.array([abs(x - 0.25), x - 0.1])
+    def flagged(*given: Any) -> Checked:
+        there = best_by(*given)
+        assert there is not None
+        return replace(there, wanted=Wanted((4.9,), "fine"), missed=ends[1])
 
-    steps = np.linspace(-2.5, 2.5, 6)[:, None]
-    values = np.column_stack([steps, 0.02 * steps])
-    model = Quadratic.fit(CENTRE, STEP, CENTRE + steps * STEP, values)
-    given = Given()
-    best = Wanted((0.5,), "coarse")
-    there = best_by("fine", given, best, model, [True], 0.002, SCATTER)  # type: ignore[arg-type]
-    assert there is not None and not there.missed
-    assert min(given.seen) == pytest.approx(0.1, abs=0.02)
-    assert there.vector[0] == min(abs(x - 0.25) for x in given.seen)
+    monkeypatch.setattr(study, "best_by", flagged)
+    (value,) = solve(asked(), steep).values
+    assert (value.open_low, value.open_high) == ends
+    assert value.high == 4.9
