@@ -192,7 +192,8 @@ class Optimum:
         objective: The result that is best.
         constraints: What must hold.
         away: What steps away from the optimum cost.
-        elsewhere: Values of other runs that are as good within the errors.
+        elsewhere: Values of runs outside of the intervals that are as good within scatter, the best
+            first, one for each valley.
         fidelity: Of the search.
         checked: The level by which it was checked, "" where that failed.
         step: Of the last steps, as a share of the ranges.

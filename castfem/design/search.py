@@ -33,7 +33,7 @@ _LARGEST_LAST = 0.03  # of the ranges: of the last step, however large the noise
 _FAILED = 10.0  # of a failed run's missing way, in scales of the other constraints
 _UNSEEN = 1e-2  # of a result: its scale where no two runs have shown one
 _LOST = 1e30  # violation of a failed run: more than that of any that came to its end
-_ROUNDING = 1e-9  # of a bound: what misses it by less has met it
+ROUNDING = 1e-9  # of a bound: what misses it by less has met it
 
 
 Done = dict[tuple[object, ...], tuple[Wanted, ...]]
@@ -324,7 +324,7 @@ class Search:
             return 0.0
         margins = self.outputs.margins(wanted)
         left = np.array([m.left for m in margins])
-        allowed = self._tolerance() + _ROUNDING * np.array([abs(m.bound) for m in margins])
+        allowed = self._tolerance() + ROUNDING * np.array([abs(m.bound) for m in margins])
         short = np.where(left >= -allowed, 0.0, -left)
         return float(np.max(short / self._scale[1:]))
 

@@ -113,7 +113,8 @@ def _state(optimum: Optimum) -> str:
         held = ", ".join(kept.text for kept in optimum.binding)
         ends += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
         by = "; ".join(part for part in (held, *ends) if part)
-        return f"found; held by {by}" if by else "found; no constraint binds"
+        held_by = f"found; held by {by}" if by else "found; no constraint binds"
+        return f"{held_by}; another place is as good" if optimum.elsewhere else held_by
     worst = optimum.worst
     if worst is None:
         return "no run meets all constraints"
@@ -123,8 +124,10 @@ def _state(optimum: Optimum) -> str:
     return f"the constraints cannot be met; nearest, {worst.text} is missed by {missed}{wider}"
 
 
-def _values(optimum: Optimum) -> str:
-    return ", ".join(f"{v.key} = {v.value:g} {v.unit}".rstrip() for v in optimum.values)
+def _values(optimum: Optimum, other: tuple[float, ...] = ()) -> str:
+    """The variables at the optimum, or with other values of theirs."""
+    pairs = zip(optimum.values, other or [v.value for v in optimum.values], strict=True)
+    return ", ".join(f"{v.key} = {value:g} {v.unit}".rstrip() for v, value in pairs)
 
 
 def _difference_unit(known: Known) -> str:
@@ -246,8 +249,8 @@ def _remarks(optimum: Optimum) -> Iterator[str]:
     if optimum.spent:
         yield "the search has had its runs before it was done: raise optimise.most_runs"
     if optimum.elsewhere:
-        some = "; ".join(", ".join(f"{v:g}" for v in one) for one in optimum.elsewhere[:3])
-        yield f"as good as can be told, elsewhere: {some}"
+        some = "; or ".join(_values(optimum, one) for one in optimum.elsewhere[:3])
+        yield f"not the only one: as good within scatter, outside of these intervals, is {some}"
     objective = optimum.objective
     assert objective is not None
     for known in {k.name: k for k in (objective, *(c.known for c in optimum.constraints))}.values():

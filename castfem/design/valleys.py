@@ -18,7 +18,7 @@ from castfem.values.types import Array
 
 _AT_ONCE = 4
 _SEED = 12
-_APART = 0.2  # of the ranges: between two valleys
+APART = 0.2  # of the ranges: between two valleys
 _MOST = 2
 
 Given = Callable[[list[Array]], list[list[float]]]
@@ -93,7 +93,7 @@ def valleys(places: Array, values: Array) -> list[Array]:
     rank[np.lexsort((values[:, 0], missed))] = np.arange(len(places))
     found: list[Array] = []
     for i in np.argsort(rank):
-        near = np.max(np.abs(places - places[i]), axis=1) < _APART
+        near = np.max(np.abs(places - places[i]), axis=1) < APART
         if rank[i] == np.min(rank[near]) and len(found) < _MOST:
             found.append(places[i])
     return found

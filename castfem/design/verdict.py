@@ -27,9 +27,10 @@ from castfem.design.optimum import (
 )  # fmt: skip
 from castfem.design.outputs import Outputs
 from castfem.design.question import Axis, Question, Wanted
-from castfem.design.search import AT_END, Search
+from castfem.design.search import AT_END, ROUNDING, Search
 from castfem.design.spread import Spread
 from castfem.design.store import Evaluation
+from castfem.design.valleys import APART
 from castfem.output.summary import unit_of_difference
 from castfem.values.types import Array
 
@@ -269,16 +270,21 @@ def _away(found: Findings) -> list[Away]:
 def _elsewhere(
     found: Findings, places: list[vicinity.Interval], own: list[Wanted]
 ) -> tuple[tuple[float, ...], ...]:
-    """Runs outside of the intervals that meet all and are as good as can be told."""
+    """Runs outside of the intervals that meet all and are as good as can be told.
+
+    The best first, and one alone of those that lie in one valley.
+    """
     assert found.model is not None
     outputs, search = found.outputs, found.search
     low = np.array([p.low for p in places]) - search.radius
     high = np.array([p.high for p in places]) + search.radius
     enough = outputs.cost(found.best) + found.noise[0] + found.model.misfit[0]
-    good = []
-    for one in own:
+    enough += ROUNDING * abs(outputs.cost(found.best))
+    good: list[Wanted] = []
+    for one in sorted((w for w in own if search.violation(w) <= 0.0), key=outputs.cost):
         shares = found.question.shares(one)
         outside = bool(np.any((shares < low) | (shares > high)))
-        if outside and search.violation(one) <= 0.0 and outputs.cost(one) <= enough:
-            good.append(one.values)
-    return tuple(good)
+        apart = (np.max(np.abs(shares - found.question.shares(other))) for other in good)
+        if outside and outputs.cost(one) <= enough and all(far >= APART for far in apart):
+            good.append(one)
+    return tuple(one.values for one in good)
