@@ -20,17 +20,25 @@ from castfem.support.atomic_files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 FIGURE_NAME, FRONT_NAME = "optimum.png", "front.png"
 _WIDTH, _HEIGHT = 3.4, 2.3  # inches, of a panel
 
 
 def draw(optimum: Optimum, path: Path) -> None:
-    """Draw an optimum: a column for each variable, a row for the objective and each constraint.
+    """Draw an optimum.
 
     Raises:
         RunFailure: The file cannot be written.
     """
+    figure = optimum_figure(optimum)
+    with look(), replacing(path) as temporary:
+        figure.savefig(temporary, dpi=DPI, format="png")
+
+
+def optimum_figure(optimum: Optimum) -> Figure:
+    """Return a column for each variable, a row for the objective and each constraint."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -49,8 +57,9 @@ def draw(optimum: Optimum, path: Path) -> None:
             grid[-1][column].set_xlabel(f"{value.key}{unit}")
         _name_rows(grid, optimum)
         figure.suptitle(optimum.title, fontsize=9)
-        with replacing(path) as temporary:
-            figure.savefig(temporary, dpi=DPI, format="png")
+        handles, labels = grid[-1][0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", fontsize=7, ncols=len(handles))
+    return figure
 
 
 def draw_front(front: Front, path: Path) -> None:
@@ -91,7 +100,7 @@ def _name_rows(grid: Any, optimum: Optimum) -> None:
 
 
 def _frame(axes: Axes, value: Value) -> None:
-    axes.axvspan(value.low, value.high, color="0.88", lw=0)
+    axes.axvspan(value.low, value.high, color="0.88", lw=0, label="cannot be told from the best")
     axes.axvline(value.value, color="0.5", lw=0.8)
 
 
@@ -100,7 +109,7 @@ def _curve(axes: Axes, optimum: Optimum, value: Value, here: float, there: list[
     places = [step.value for step in optimum.away if step.key == value.key]
     pairs = sorted(zip([*places, value.value], [*there, here], strict=True))
     axes.plot(*zip(*pairs, strict=True), color="#0072b2", marker="o", ms=3.5, lw=1.2)
-    axes.plot([value.value], [here], color="#d55e00", marker="o", ms=5.5, ls="none")
+    axes.plot([value.value], [here], color="#d55e00", marker="o", ms=5.5, ls="none", label="best")
 
 
 def _objective(axes: Axes, optimum: Optimum, value: Value) -> None:
@@ -121,5 +130,7 @@ def _constraint(axes: Axes, optimum: Optimum, value: Value, kept: Kept, number: 
     ]
     _curve(axes, optimum, value, difference_in(known, kept.left), there)
     error = difference_in(known, kept.error)
-    axes.axhspan(-error, error, color="#d55e00", alpha=0.15, lw=0)
+    axes.axhspan(
+        -error, error, color="#d55e00", alpha=0.15, lw=0, label="error of what is left, about 0"
+    )
     axes.axhline(0.0, color="#d55e00", lw=0.9)

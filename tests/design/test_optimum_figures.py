@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from known_results import HEAT, SPEED, STRESS, solve
+from matplotlib.colors import to_hex
+from small_case import small
 
+from castfem.design import Study
+from castfem.design.figure import draw, optimum_figure
 from castfem.design.mould_figure import draw_mould, mould_figure
 from castfem.design.optimum import Spreading, SpreadRow
 from castfem.design.spread_figure import draw_spread, indices_figure
@@ -56,6 +61,25 @@ def test_the_mould_and_the_run_in_it(tmp_path):
     assert len(mould_figure(HEAD, ROWS, run(tmp_path)).axes) == 1
     draw_mould(HEAD, ROWS, folder, tmp_path / "mould.png")
     assert (tmp_path / "mould.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("constraints", [[], ["heat_removed >= 2 MJ/m"]])
+def test_the_bands_of_an_optimum_are_explained(tmp_path: Path, constraints: list[str]) -> None:
+    """The grey one is the interval; the orange one, of constraints alone, their error about 0."""
+    table = {"minimise": STRESS, "variable": [SPEED], "constraints": constraints}
+    asked = Study(small({"casting.length": "6 mm", "optimise": table}))
+    optimum = solve(asked, lambda w: {STRESS: (w.values[0] - 3.0) ** 2, HEAT: 1e6 * w.values[0]})
+    (legend,) = optimum_figure(optimum).legends
+    said = dict(zip((t.get_text() for t in legend.texts), legend.legend_handles, strict=True))
+    assert {"best", "cannot be told from the best"} <= set(said)
+    assert [one for one in said if one.startswith("error")] == (
+        ["error of what is left, about 0"] if constraints else []
+    )
+    for line, handle in said.items():
+        if line.startswith("error"):
+            assert to_hex(handle.get_facecolor()) == "#d55e00" and handle.get_alpha() == 0.15
+    draw(optimum, tmp_path / "optimum.png")
+    assert (tmp_path / "optimum.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_indices_of_each_input(tmp_path):
