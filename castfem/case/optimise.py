@@ -276,9 +276,11 @@ def _objectives(table: Optimise) -> Iterator[Problem]:
     count = len(table.objectives)
     if not 1 <= count <= _MOST_OBJECTIVES:
         told = "nothing is to become best" if not count else f"{count} results are to become best"
+        more = ", and weigh it against another by [optimise.front]" if count else ""
         yield Problem(
             ("optimise",),
-            f'{told}; give minimise = "von_mises_max" or maximise = "heat_removed", one of them',
+            f'{told}; give minimise = "von_mises_max" or maximise = "heat_removed", one of them'
+            f"{more}",
         )
     for key in ("minimise", "maximise"):
         for name in getattr(table, key):

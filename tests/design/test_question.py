@@ -180,3 +180,24 @@ def test_a_search_begins_with_the_value_of_the_case(key: str, ends: list[str], e
     asked = {"minimise": "heat_removed", "variable": [{"key": key, "range": ends}]}
     question = Question(case.with_({"optimise": asked}))
     assert question.start(None) == pytest.approx([expected])
+
+
+def test_a_list_of_one_result_is_that_result(tmp_path: Path):
+    """It means the same, and is written as a list where the case is."""
+    alone, listed = tmp_path / "alone.toml", tmp_path / "listed.toml"
+    alone.write_text(SMALL + TABLE)
+    name = '"surface_temperature_mid_face"'
+    listed.write_text(SMALL + TABLE.replace(name, f"[{name}]"))
+    assert load(listed) == load(alone)
+    assert load(listed).optimise.objectives == (("surface_temperature_mid_face", 1.0),)
+
+
+@pytest.mark.parametrize("two", ['["von_mises_max", "heat_removed"]', '["gap_max", "gap_max"]'])
+def test_a_list_of_two_results_is_refused(tmp_path: Path, two: str) -> None:
+    path = tmp_path / "two.toml"
+    path.write_text(SMALL + TABLE.replace('"surface_temperature_mid_face"', two))
+    with pytest.raises(InputError) as caught:
+        load(path)
+    (line,) = caught.value.problems
+    assert "two.toml: optimise: 2 results are to become best; give minimise = " in line
+    assert line.endswith("one of them, and weigh it against another by [optimise.front]")
