@@ -192,6 +192,28 @@ class Question:
         """The inverse of `at` (n,)."""
         return np.array([a.share(v) for a, v in zip(self.axes, wanted.values, strict=True)])
 
+    def check_place(self, wanted: Wanted) -> None:
+        """Refuse a run that is no place within the ranges.
+
+        Raises:
+            InputError: With what is wrong with it.
+        """
+        if len(wanted.values) != len(self.axes):
+            keys = ", ".join(axis.label for axis in self.axes)
+            raise InputError(
+                f"{self.origin}: optimise.variable: a run has {len(wanted.values)} values where "
+                f"{len(self.axes)} are needed: {keys}"
+            )
+        for number, (axis, value) in enumerate(zip(self.axes, wanted.values, strict=True)):
+            if not axis.low <= value <= axis.high:
+                raise InputError(
+                    f"{self.origin}: optimise.variable.{number}.range: a run with "
+                    f"{axis.key} = {value:g} {axis.unit}".rstrip()
+                    + f" lies outside of it, {axis.low:g} to {axis.high:g} {axis.unit}".rstrip()
+                    + "; widen the range, "
+                    "or leave the run out"
+                )
+
     def ideal(self, wanted: Wanted) -> Wanted:
         """The run in the idealised mould, all else as in another one."""
         pairs = zip(self.axes, wanted.values, strict=True)

@@ -149,8 +149,9 @@ class Study:
                 results by name in SI.
 
         Raises:
-            InputError: It is none of them.
+            InputError: It is none of them, or the run lies outside of the ranges.
         """
+        self.question.check_place(wanted)
         if isinstance(given, Result):
             if wanted.ideal:
                 self._kept.append(given)  # tapers begin by its history: a temporary one must stay

@@ -429,3 +429,22 @@ def test_a_result_that_is_not_there():
     with pytest.raises(InputError, match="without a folder runs nothing"):
         one = study()
         one.run(one.ask())
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ((5.01,), r"casting.speed = 5.01 m/min lies outside of it, 2 to 5 m/min; widen the range"),
+        ((np.nan,), r"casting.speed = nan m/min lies outside of it"),
+        ((3.0, 20.0), r"optimise.variable: a run has 2 values where 1 are needed: casting.speed"),
+    ],
+)
+def test_a_run_outside_of_the_ranges_is_refused(values: tuple[float, ...], said: str) -> None:
+    """In a line; nothing is kept of it. The ends of a range belong to it."""
+    one = study()
+    with pytest.raises(InputError, match=said) as caught:
+        one.tell(Wanted(values, "default"), {STRESS: 1.0})
+    assert len(caught.value.problems) == 1 and not one._told
+    for end in (2.0, 5.0):
+        one.tell(Wanted((end,), "default"), {STRESS: 1.0})
+    assert len(one._told) == 2
