@@ -45,11 +45,6 @@ TUBES: tuple[tuple[str, tuple[str, ...]], ...] = (
                                                     "mould.tube.water_side=100 degC")),
 )  # fmt: skip
 """What is said of each tube, and what it differs in."""
-HOT = (
-    "mould.condition=cold",
-    "mould.wall_temperature=160 degC",
-    "cooling.mould.surface.0.wall=mould",
-)
 TURNS = {
     "heat_removed_slice": ("heat [kJ]", 1e-3),
     "shell_mid_face": ("shell, mid-face [mm]", 1e3),
@@ -120,10 +115,8 @@ def turns(output: Output, quick: bool) -> None:
     """The billet at +1 %/m in a mould that is drawn cold, going round with its copper."""
     cells = ("casting.length=60 mm", "mould.length=60 mm") if quick else ()
     fewer = ("mould.tube.cell_size=40 mm", "mould.tube.cells_across=1") if quick else ()
-    case = load_case(
-        CASES / "taper_1.toml", (*QUIET, *COARSE, *TUBE, *HOT, "mould.taper=1 %/m", *cells, *fewer)
-    )
-    found = hot_mould_of(case, MPI.COMM_SELF, "taper_1", 2 if quick else MOST)
+    case = load_case(CASES / "hot.toml", (*QUIET, *COARSE, *cells, *fewer))
+    found = hot_mould_of(case, MPI.COMM_SELF, "hot", 2 if quick else MOST)
     assert case.mould is not None
     mould = nominal_mould(case.mould, case.section)
     output.csv("hot_mould_turns", [_row(i, turn) for i, turn in enumerate(found, start=1)])

@@ -31,17 +31,34 @@ TUBE = (
 )
 
 
+COLD = (
+    "mould.condition=cold",
+    "mould.wall_temperature=160 degC",
+    "cooling.mould.surface.0.wall=mould",
+)
+
+
 def billet(*changes: str) -> Case:
     return coarse("taper_1", *TUBE, *changes)
 
 
 @pytest.fixture(scope="module")
 def turns() -> list[Turn]:
-    case = billet(
-        "mould.condition=cold", "mould.wall_temperature=160 degC",
-        "cooling.mould.surface.0.wall=mould",
-    )  # fmt: skip
-    return hot_mould_of(case, MPI.COMM_SELF, "case", turns=8)
+    return hot_mould_of(coarse("hot", *TUBE), MPI.COMM_SELF, "case", turns=8)
+
+
+def test_shipped_case_is_the_billet_in_a_mould_drawn_cold() -> None:
+    """What the page says of it: nothing but its mould, and where its wall's heat comes from."""
+    hot, same = load_case(CASES / "hot.toml"), coarse("taper_1", *COLD)
+    assert hot.mould is not None and same.mould is not None and hot.mould.tube is not None
+    assert hot.mould.model_copy(update={"tube": None}) == same.mould
+    assert hot.cooling[0] == same.cooling[0]
+    assert hot.mould.tube.thickness == 0.01 and hot.mould.tube.support == "hung"
+
+
+def test_cold_mould_needs_the_temperature_of_its_wall() -> None:
+    with pytest.raises(InputError, match=r"a cold mould needs its temperature at work: wall_temp"):
+        billet("mould.condition=cold")
 
 
 def test_flux_of_a_run_is_the_heat_it_removes() -> None:
