@@ -1,25 +1,32 @@
 """Continuous casting of steel: one slice of the strand followed from the meniscus.
 
-`load`, `run`, `sensitivities` and `Result` are for scripts (docs/scripting.md); they are imported
-at first use, so that `import castfem` costs nothing.
+For scripts (docs/scripting.md); imported at first use, so that `import castfem` costs nothing:
+
+    load, run, Result, Snapshot     a case, a run of it, what it gives
+    sensitivities                   a run with the derivatives of its results
+    comparison                      finished runs side by side
+    error_table                     the error of each result of a case
+    find_section                    the outline at the meniscus for a wanted section
+    mould_at_work                   how heat distorts the copper tube of a mould
+    InputError, RunFailure          what goes wrong; both are a CastfemError
 
 What there is, upstream first; nothing knows what comes after it (docs/architecture.md):
 
-    errors values/ support/         numbers with units; what everything uses
-    meshes/ forms/ fem/             sections as plain arrays; weak forms in UFL; DOLFINx and PETSc
-    materials/ constitutive/        steels, and what strains them
-    machine/ mould/                 what the strand meets on its way
-    thermal/ contact/ mechanics/    the problems, one step at a time
-    verification/ output/           closed forms; the files of a run
-    coupling/                       temperature and mechanics in turn
-    case/                           case files, checked; those that are shipped
-    simulation/                     from a case to all that computes it
-    results/                        what is read off the slice, and the summary
-    time_loop/                      from the meniscus to the end
-    sensitivity/                    derivatives carried along with a run
-    tensile/                        a tensile test of a law: a case without a slice
-    plots/ report/                  figures and words on a run, from its files alone
-    api sweep/ compare/ cli/        what users call
+    errors values/ support/             numbers with units; what everything uses
+    meshes/ forms/ fem/                 sections as plain arrays; weak forms in UFL; DOLFINx, PETSc
+    materials/ constitutive/            steels, and what strains them
+    machine/ extraction/                the strand's way, its rolls; what they resist, drives pull
+    mould/ hot_mould/                   the wall that it meets; the copper tube at work
+    output/ verification/               the files of a run; closed forms
+    thermal/ bulging/ contact/ mechanics/   the problems, one step at a time
+    coupling/                           temperature and mechanics in turn
+    case/ tensile/                      case files, checked; a tensile test of a law, without slice
+    simulation/ results/ time_loop/     from a case to what computes it, is read off, runs
+    mould_fit/ sensitivity/             strand and mould fitted to each other; derivatives of a run
+    plots/ report/                      figures and words on a run, from its files alone
+    sweep/ accuracy/ design/ compare/   several runs: the error of a number, the best value, a table
+    api studies                         for scripts: one run, several runs
+    html_report/ watch/ cli/            a page of runs, a run at work; the commands
 """
 
 from __future__ import annotations
@@ -29,6 +36,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, load, run, sensitivities
     from castfem.errors import CastfemError, InputError, RunFailure
+    from castfem.studies import comparison, error_table, find_section, mould_at_work
 
 __version__ = "0.1.0"
 __all__ = [
@@ -37,10 +45,15 @@ __all__ = [
     "Result",
     "RunFailure",
     "Snapshot",
+    "comparison",
+    "error_table",
+    "find_section",
     "load",
+    "mould_at_work",
     "run",
     "sensitivities",
 ]
+_STUDIES = ("comparison", "error_table", "find_section", "mould_at_work")
 
 
 def __getattr__(name: str) -> Any:
@@ -50,6 +63,7 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     module = "errors" if name.endswith(("Error", "Failure")) else "api"
+    module = "studies" if name in _STUDIES else module
     found = getattr(import_module(f"castfem.{module}"), name)
     globals()[name] = found
     return found

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from PIL import Image
+
+import castfem
 
 ROOT = Path(__file__).parents[1]
 
@@ -43,6 +46,11 @@ def test_every_package_has_its_place(packages: ModuleType) -> None:
         "machine",
         "mould",
     }
+
+
+def test_every_package_is_named_by_help(packages: ModuleType) -> None:
+    listed = (castfem.__doc__ or "").partition("What there is")[2]
+    assert set(re.findall(r"[a-z_]+", listed)) >= set(packages.ORDER)
 
 
 def test_picture_shows_the_imports_of_today(packages: ModuleType) -> None:

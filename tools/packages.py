@@ -47,6 +47,7 @@ ORDER = {
     "accuracy": "the error of each number",
     "design": "which values are best",
     "compare": "runs side by side",
+    "studies": "Python interface to several runs",
     "html_report": "runs as one HTML page",
     "watch": "runs at work",
     "cli": "commands",

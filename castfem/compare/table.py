@@ -50,6 +50,7 @@ class Line:
         gap: Small ones are printed in micrometres, which stand behind them.
         errors: Of our values, NaN where none is known; empty where none is of any run.
         name: Of the quantity.
+        at: Where, m below the meniscus; None at the end of the runs.
     """
 
     label: str
@@ -60,6 +61,7 @@ class Line:
     gap: bool = False
     errors: tuple[float, ...] = ()
     name: str = ""
+    at: float | None = None
 
     @property
     def scale(self) -> Scale:
@@ -169,6 +171,7 @@ def _line(
         is_gap(name),
         known,
         name,
+        at,
     )
 
 
@@ -202,7 +205,7 @@ def _ratio(line: Line, base: int, judged: Sequence[bool]) -> Line:
         value if may or kind == "value" else math.nan
         for value, may, kind in zip(theirs, judged, line.kinds, strict=True)
     )
-    return Line(line.label, SHARE, share(line.ours), theirs, line.kinds)
+    return Line(line.label, SHARE, share(line.ours), theirs, line.kinds, at=line.at)
 
 
 def printed(runs: Sequence[Run], table: Sequence[Line], width: int) -> list[Table]:

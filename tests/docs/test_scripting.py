@@ -27,10 +27,18 @@ SIZES = {
     "output.figures": False,
 }
 SHORT = {"casting.length": "8 mm", "coupling.interval": "0.1 s"}
+TUBE = {
+    "casting.length": "60 mm",
+    "mould.length": "60 mm",
+    "mould.tube.cell_size": "40 mm",
+    "mould.tube.cells_across": 1,
+}
 # Without the mechanics of "idealised", which the blocks that name it do not ask for.
 QUICK: dict[str, tuple[str, dict[str, Any]]] = {
     "billet125/idealised": ("billet125/thermal", {"thermal.time.step": "1 s"}),
     "billet125/taper_1": ("billet125/taper_1", SHORT),
+    "billet125/coupled": ("billet125/coupled", SHORT),
+    "billet125/hot": ("billet125/hot", {**SHORT, **TUBE}),
     "billet125/optimum_single": ("billet125/optimum_single", SHORT),
 }
 
