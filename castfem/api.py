@@ -19,7 +19,6 @@ import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -296,21 +295,25 @@ class Result(Closing):
         with self._fields() as fields:
             return fields.positions
 
-    def fields(self, *, time: float | None = None, position: float | None = None) -> Snapshot:
+    def fields(
+        self, *, time: float | str | None = None, position: float | str | None = None
+    ) -> Snapshot:
         """The fields at the written time that is nearest; `output.every` says how near that is.
 
         Args:
-            time: Since the meniscus, s.
-            position: Below the meniscus, m; with neither, the end of the run.
+            time: Since the meniscus, "5 s" or a number in s.
+            position: Below the meniscus, "300 mm" or a number in m; with neither, the end of the
+                run.
 
         Raises:
-            InputError: Both are given, one is beyond the run, or there are no fields.
+            InputError: Both are given, one is none or beyond the run, or there are no fields.
         """
+        from castfem.results.places import read_number
+
         if time is not None and position is not None:
             raise InputError("fields: give the time or the position, not both")
-        for name, wanted, unit in (("time", time, "s"), ("position", position, "m")):
-            if wanted is not None and not isinstance(wanted, Real):
-                raise InputError(f"fields: {name} must be a number, in {unit} (given: {wanted!r})")
+        time = read_number("fields: time", time, "s")
+        position = read_number("fields: position", position, "m")
         with self._fields() as file:
             if not len(file.times):
                 raise InputError(f"{self.folder}: the run has written no fields")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import copy
 import os
+import re
 import tomllib
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -159,7 +160,19 @@ def _syntax(message: str, text: str) -> str:
     number = int(place.split()[1].rstrip(","))
     lines = text.splitlines()
     line = lines[number - 1].strip() if number <= len(lines) else ""
+    if what.startswith("Cannot declare") and (table := _heading(line)):
+        first = next((n for n, one in enumerate(lines, 1) if _heading(one) == table), number)
+        before = f"in line {first}" if first < number else "by a key"
+        return f"{place}: {line} is there already, {before}; put its keys under one heading"
+    # The parser writes the names of a table as a tuple of Python.
+    what = re.sub(r"\('(.+?)',?\)", lambda names: names[1].replace("', '", "."), what)
     return f"{place}: {what}: {line}"
+
+
+def _heading(line: str) -> str:
+    """Return the name of the table that a line begins, "mould.tube"; "" if it begins none."""
+    found = re.match(r"\s*\[\[?([^\[\]]+)\]", line)
+    return re.sub(r"\s", "", found[1]) if found else ""
 
 
 def _anchor(data: dict[str, Any], folder: Path) -> None:

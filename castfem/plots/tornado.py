@@ -49,7 +49,12 @@ def spread_of(row: Row) -> str:
 
 
 def _panel(axes: Axes, rows: list[Row]) -> None:
-    """Bars of one result; linear, so that both sides are as long."""
+    """Bars of one result; linear, so that both sides are as long. A sentence where all are zero."""
+    if all(row.change == 0.0 for row in rows):
+        axes.set_axis_off()
+        text = f"{label_shown(rows[0].quantity.label)}\ndepends on none of them"
+        axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=8)
+        return
     order = sorted(rows, key=lambda row: abs(row.change) if np.isfinite(row.change) else -1.0)
     places = np.arange(len(order))
     change = np.array([row.change for row in order])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,24 @@ def read_positions(given: Sequence[str]) -> list[float]:
     if problems:
         raise InputError(problems)
     return found
+
+
+def read_number(name: str, given: float | str | None, unit: str) -> float | None:
+    """Return what a script gives as a number in an SI unit, or as one with its unit; None stays.
+
+    Raises:
+        InputError: It is neither; `name` says what was meant.
+    """
+    if given is None or (isinstance(given, Real) and not isinstance(given, bool)):
+        return None if given is None else float(given)
+    if not isinstance(given, str):
+        raise InputError(
+            f"{name}: must be a number in {unit}, or one with its unit (given: {given!r})"
+        )
+    try:
+        return units.parse(given, unit)
+    except ValueError as error:
+        raise InputError(f"{name} {given}: {error}") from None
 
 
 def quantities_at(

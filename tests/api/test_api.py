@@ -81,6 +81,10 @@ def test_fields(result):
     start = result.fields(position=0.0)["temperature"]
     assert np.ptp(start) < 1e-3
     assert result.fields(time=0.6).time == pytest.approx(0.5)
+    assert result.fields(time="600 ms").time == pytest.approx(0.5)
+    assert result.fields(position="25 mm").position == pytest.approx(0.03)
+    with pytest.raises(castfem.InputError, match=r"^fields: position 3 kg: .*kg"):
+        result.fields(position="3 kg")
     assert end.cells.max() < len(end.points)
 
 
@@ -167,8 +171,9 @@ def test_what_is_of_the_wrong_kind_is_told_in_one_line(case, result):
         lambda: castfem.run(None),
         lambda: case.with_({3: "x"}),
         lambda: case.with_("speed"),
-        lambda: result.fields(position="3 mm"),
-        lambda: result.fields(time="3 s"),
+        lambda: result.fields(position="3 kg"),
+        lambda: result.fields(time="3"),
+        lambda: result.fields(position=[0.03]),
     ):
         with pytest.raises(castfem.InputError) as caught:
             wrong()

@@ -369,6 +369,26 @@ def test_syntax_error_names_the_line(write, text, said):
     assert str(caught.value).startswith(f"{path}: {said}")
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[mould.tube]\na = 1\n[ mould . tube ]\n", "3, column 16: [ mould . tube ] is there alr"
+         "eady, in line 1; "),
+        ('[[cooling]]  # one\nname = "a"\n[cooling]\n', "3, column 9: [cooling] is there already, "
+         "in line 1; "),
+        ("[mould]\ntube.above = 1\n[mould.tube]\n", "3, column 12: [mould.tube] is there already, "
+         "by a key; "),
+        ("mould.tube = {}\n[[mould.tube]]\n", "2, column 13: Cannot mutate immutable namespace "
+         "mould.tube: "),
+    ],
+)  # fmt: skip
+def test_a_table_that_is_there_twice_is_named_as_it_is_written(write, text, said):
+    path = write(text)
+    with pytest.raises(InputError) as caught:
+        load_case(path)
+    assert str(caught.value).startswith(f"{path}: line {said}")
+
+
 def test_not_utf8(tmp_path):
     path = tmp_path / "latin.toml"
     path.write_bytes(b'title = "x"\n# \xe9\n')

@@ -145,6 +145,18 @@ def test_the_figure_in_units_that_were_chosen(tmp_path: Path, monkeypatch: Any) 
     }
 
 
+def test_a_result_that_depends_on_nothing_has_no_axes(tmp_path: Path, monkeypatch: Any) -> None:
+    kept: list[Figure] = []
+    monkeypatch.setattr("castfem.plots.tornado.save", lambda figure, path: kept.append(figure))
+    none = [Derivative("shell_mid_face", one.name, 0.0, 0.0) for one in FOUND.parameters]
+    some = (one for one in FOUND.derivatives if one.quantity != "shell_mid_face")
+    draw_tornado(replace(FOUND, derivatives=(*some, *none)), tmp_path / "none.png")
+    surface, shell = kept[0].axes
+    assert surface.axison and not surface.texts
+    assert not shell.axison and not shell.patches
+    assert shell.texts[0].get_text() == "shell, mid-face\ndepends on none of them"
+
+
 def test_units_of_the_case_and_of_the_command(tmp_path: Path) -> None:
     write_small(tmp_path)
     words = ["sensitivity", str(tmp_path / "case.toml"), "--to", "casting.superheat"]
