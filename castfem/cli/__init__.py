@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _on_all_ranks(words: Sequence[str]) -> bool:
     """Return whether it is done by all ranks: runs and hot tubes are, the rest by rank 0 alone."""
     if words[:1] == ["mould"]:
-        return "--hot" in words
+        return "--hot" in words or "--coupled" in words
     return bool(words) and words[0] in ALL_RANKS
 
 

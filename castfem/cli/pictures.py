@@ -39,12 +39,13 @@ def mould(
     coupled: Annotated[
         bool,
         typer.Option(
-            "--coupled", help="With --hot: the strand in the hot mould heats it, until both agree."
+            "--coupled",
+            help="As --hot, and again with the strand in the hot mould, until both agree.",
         ),
     ] = False,
     set_: Overrides = None,
 ) -> None:
-    """Print size and taper of a case's mould, and draw it; with --hot, cold and at work."""
+    """Print size and taper of a case's mould, and draw it; --hot, --coupled: cold and at work."""
     from castfem.case import load_case
     from castfem.case.shipped_cases import find
     from castfem.cli.mould import draw_mould

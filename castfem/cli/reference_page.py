@@ -55,7 +55,7 @@ def _row(parameter: click.Parameter) -> str:
         words.insert(0, ", ".join(f"`{name}`" for name in names))
     about = re.sub(r"([|<>])", r"\\\1", str(getattr(parameter, "help", "")))
     if isinstance(parameter, click.Option) and words[0].startswith("`--no-"):
-        about = f"Not: {about[0].lower()}{about[1:]}"
+        about = f"Do not {about[0].lower()}{about[1:]}"
     return f"| {' '.join(words)} | {about}{' Required.' * _is_needed(parameter)} |\n"
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from ranks import needs_mpirun, python_on
 
+from castfem.cli import execute, parallel
 from castfem.cli.parallel import console
 
 pytestmark = needs_mpirun
@@ -103,6 +104,12 @@ def test_commands_that_take_all_ranks_have_them(tmp_path, words, told):
     done = python_on(2, str(script), *words, folder=tmp_path, timeout=120.0)
     assert done.returncode == 1, done.stderr
     assert done.stderr.count(told) == 1, done.stderr
+
+
+def test_a_hot_mould_has_all_ranks_by_either_word(monkeypatch):
+    monkeypatch.setattr(parallel, "launched", lambda: (1, 2))
+    for words, status in ((["--hot"], 1), (["--coupled"], 1), ([], 0)):
+        assert execute(["mould", "no_such_case", *words]) == status
 
 
 def test_check_runs_on_one_rank(tmp_path):

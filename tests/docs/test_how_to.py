@@ -45,7 +45,6 @@ QUICK = {
     ("how_to/asymmetric_cooling.md", "run"): COARSE,
     ("how_to/calibrate.md", "calibrate"): COARSE,
     ("how_to/cluster.md", "sweep"): COARSE | SHORT,
-    ("how_to/error.md", "error"): COARSE | SHORT,
     ("how_to/locked_roll.md", "run"): SHORT | {"casting.start.at": "meniscus"},
     ("how_to/my_billet.md", "run"): COARSE | {"casting.length": "5 m"},
     ("how_to/report.md", "run"): COARSE | {"casting.length": "1 m"},
@@ -64,6 +63,8 @@ QUICK = {
         "coupling.interval": "0.2 s",
     },
 }
+# Differences of runs, which versions of the libraries move a little: numbers to this part.
+ROUGHLY = {"how_to/error.md": 0.1}
 # What belongs to the machine: an environment that is there, a batch system that is not.
 NOT_HERE = ("make env", "export PATH=$PWD/.castfem/bin:$PATH")
 # The case that a piece of a case file is of.
@@ -148,6 +149,29 @@ def added(piece: dict[str, object], above: str = "") -> Iterator[str]:
             yield f"{above}{key}={inline(value)}"
 
 
+def same(said: str, printed: str, part: float) -> bool:
+    """Whether two lines have the same words, and numbers that differ by no more than a part."""
+    one, other = said.split(), printed.split()
+    if len(one) != len(other):
+        return False
+    for word, found in zip(one, other, strict=True):
+        try:
+            ours, theirs = (float(text.strip("(),;")) for text in (word, found))
+        except ValueError:
+            if word != found:
+                return False
+            continue
+        if abs(ours - theirs) > part * abs(theirs):
+            return False
+    return True
+
+
+def test_lines_that_are_roughly_the_same() -> None:
+    assert same("shell  8.98   0.080 (1.4)", "shell 8.98 0.081 (1.41)", 0.1)
+    assert not same("shell 8.98 0.080", "shell 8.98 0.091", 0.1)
+    assert not same("shell 8.98", "shells 8.98", 0.1) and not same("8.98", "8.98 mm", 0.1)
+
+
 def test_every_how_to_is_a_page() -> None:
     assert len(PAGES) == 13
     assert {page for page, _ in QUICK} <= set(PAGES)
@@ -190,6 +214,8 @@ def test_a_page_does_what_it_says(
             if not other:
                 found = {" ".join(line.split()) for line in printed.splitlines()}
                 missing = [x for x in text.splitlines() if " ".join(x.split()) not in found]
+                part = ROUGHLY.get(page, 0.0)
+                missing = [x for x in missing if not any(same(x, one, part) for one in found)]
                 assert not missing, printed
             status = 0
         else:
