@@ -121,7 +121,8 @@ def _missing(model: type[TableModel] | None, path: Path) -> str:
     for kind in field.metadata:
         if isinstance(kind, Kind | Curve):
             plain = kind.kind if isinstance(kind, Curve) else kind
-            return f'is missing; {field.description}, such as "{plain.example}"'
+            example = field.examples[0] if field.examples else plain.example
+            return f'is missing; {field.description}, such as "{example}"'
     if submodels(field.annotation):
         if _listed(field.annotation):
             return f"is missing; at least one table {_entry(path)} is needed"

@@ -68,6 +68,9 @@ def draw_hot_mould(case: Case, picture: Path, origin: str, *, coupled: bool) -> 
     if not first:
         return
     found = drawn(table, nominal_mould(table, case.section), wall)
+    if coupled and turns[0].strand is None:
+        given = "flux" if table.tube is not None and table.tube.hot_face is None else "hot_face"
+        print(f"mould.tube.{given} heats the tube: the strand is not run, nothing to repeat\n")
     print_rows(hot_rows(wall))
     print()
     print("\n".join(size_lines(found, wall)))

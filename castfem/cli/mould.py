@@ -46,6 +46,8 @@ def draw_mould(case: Case, picture: Path, origin: str) -> None:
     if mould.expansion is not None:
         print("\nas made, cold")
         print("\n".join(taper_lines(mould.zones(as_made=True))))
+    if table.tube is not None:
+        print(f"\nas heat distorts its copper tube: castfem mould {origin} --hot")
     with drawing(picture):
         draw(mould, picture, case.title)
 

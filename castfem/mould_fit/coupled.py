@@ -143,11 +143,12 @@ def hot_mould_of(
         case: With [mould.tube].
         comm: Ranks.
         origin: What the user called the case, for messages.
-        turns: Most of them; 1 heats the tube once. They end before where wall and heat agree.
+        turns: Most of them; 1 heats the tube once. They end before where wall and heat agree, and
+            after one where the tube's flux or its faces' temperatures are given.
         told: Called after each.
 
     Raises:
-        InputError: The case has no tube, or nothing to go round again for.
+        InputError: The case has no tube.
         RunFailure: A run or a solver fails.
     """
     table = table_of(case, origin)

@@ -71,6 +71,23 @@ def test_mould_given_at_work_says_what_to_make(hot, tmp_path):
     assert not (tmp_path / "case_hot.csv").exists()
 
 
+@pytest.mark.parametrize(
+    ("key", "given"),
+    [
+        ("flux", 'flux = "2 MW/m^2"'),
+        ("hot_face", 'hot_face = "150 degC"\nwater_side = "100 degC"'),
+    ],
+)
+def test_given_heat_has_no_strand_to_couple(castfem, write, key, given):
+    """The plain command says nothing of it: it was not asked."""
+    path = write(TUBE.replace('flux = "2 MW/m^2"', given))
+    status, out, _ = castfem("mould", path, "--coupled")
+    assert status == 0
+    assert out.startswith(f"mould.tube.{key} heats the tube: the strand is not run, nothing to rep")
+    _, out, _ = castfem("mould", path, "--hot")
+    assert "strand" not in out
+
+
 def test_copper_that_softens_is_told(hot):
     _, (_, out, _) = hot("", "--set", "mould.tube.flux=7 MW/m^2")
     assert "warning: above 400 degC the copper softens" in out

@@ -53,6 +53,12 @@ def test_cold_mould_is_told_as_made_too(castfem, write):
     assert rows(working)[0][3] == 125.0
     assert rows(made)[0][5] == 1.0
     assert rows(working)[0][5] > 1.2
+    assert "--hot" not in out
+
+
+def test_case_with_a_tube_says_which_command_bends_it(castfem, write):
+    _, out, _ = castfem("mould", write('[mould.tube]\nthickness = "10 mm"'), "-o", "m.png")
+    assert out.count("as heat distorts its copper tube: castfem mould ") == 1 and " --hot\n" in out
 
 
 @pytest.mark.parametrize(
@@ -62,6 +68,10 @@ def test_cold_mould_is_told_as_made_too(castfem, write):
         (("case.toml", "-o", "m.doc"), "a picture ends in .png"),
         (("case.toml", "-o", "none/m.png"), "none/m.png: cannot be written"),
         (("case.toml", "--set", "mould.taper=x"), "mould.taper"),
+        (
+            ("billet125/idealised", "--set", "mould.taper=1 %/m"),
+            'mould.length: is missing; from the meniscus to the end of the mould, such as "600 mm"',
+        ),
     ],
 )
 def test_mistakes(words, message, castfem, write):
