@@ -266,9 +266,11 @@ class Result(Closing):
         Raises:
             InputError: It is no position, or the run has not been there.
         """
-        from castfem.results.places import quantities_at, read_positions
+        from castfem.results.places import quantities_at, read_number
 
-        (place,) = read_positions([position]) if isinstance(position, str) else (float(position),)
+        place = read_number("at", position, "m")
+        if place is None:
+            raise InputError('at: a position is needed, such as "800 mm"')
         found = quantities_at(self.history, place, self.folder)
         return {name: quantity.value for name, quantity in found.items()}
 
@@ -358,10 +360,10 @@ class Result(Closing):
         """
         from castfem.output.chosen_units import units_of_run
         from castfem.plots.interactive import plot_field
-        from castfem.results.places import read_positions
+        from castfem.results.places import read_number
         from castfem.values.shown_units import shown_in
 
-        place = read_positions([at])[0] if isinstance(at, str) else at
+        place = read_number("at", at, "m")
         with self._fields() as file:
             if not len(file.times):
                 raise InputError(f"{self.folder}: the run has written no fields")

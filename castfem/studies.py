@@ -36,12 +36,28 @@ if TYPE_CHECKING:
     from castfem.mould_fit.section import Attempt, Outline
 
 
+def _case(given: Case | str | Path, asked: str) -> Case:
+    """Return a case, or the one that `load` takes.
+
+    Raises:
+        InputError: It is neither.
+    """
+    from castfem.case import Case
+
+    sound = load(given) if isinstance(given, str | Path) else given
+    if not isinstance(sound, Case):
+        raise InputError(
+            f"{asked}: a case is needed, its path or the name of a shipped one, not {sound!r}"
+        )
+    return sound
+
+
 def comparison(
-    folders: Sequence[Path | str],
+    folders: Path | str | Sequence[Path | str],
     base: str | None = None,
     *,
     everything: bool = False,
-    at: Sequence[float | str] = (),
+    at: float | str | Sequence[float | str] = (),
 ) -> pandas.DataFrame:
     """Set finished runs side by side, as `castfem compare` does.
 
@@ -50,7 +66,8 @@ def comparison(
         base: Label or folder of the run whose heat the others' is a share of; by default
             "idealised", or the first.
         everything: All results instead of the headline ones.
-        at: Positions, "300 mm" or numbers in m: the results there instead of those at the end.
+        at: One or more positions, "300 mm" or numbers in m: the results there instead of those at
+            the end.
 
     Returns:
         A row a result, by its name ("heat_removed_share": of the base run's heat); columns `at` (m
@@ -58,15 +75,20 @@ def comparison(
         label, and "LABEL: error", "LABEL: reference", "LABEL: bound" where there is any. SI.
 
     Raises:
-        InputError: A folder holds no run that has ended, or there are fewer than two.
+        InputError: A folder holds no run that has ended, there are fewer than two, or none has
+            been at a position.
     """
     from castfem.compare.runs import base_of, read_runs
     from castfem.compare.table import lines
-    from castfem.results.places import read_positions
+    from castfem.results.places import read_number
 
-    runs = read_runs([Path(folder) for folder in folders])
-    places = [read_positions([one])[0] if isinstance(one, str) else float(one) for one in at]
+    several = [folders] if isinstance(folders, str | Path) else folders
+    runs = read_runs([Path(folder) for folder in several])
+    given = [at] if isinstance(at, str | float | int) else at
+    places = [place for one in given if (place := read_number("at", one, "m")) is not None]
     found = lines(runs, base_of(runs, base), everything=everything, at=places)
+    if not found:
+        raise InputError(f"at {at}: none of the runs has been there")
     return _compared(runs, found)
 
 
@@ -131,7 +153,7 @@ def error_table(
 
     if MPI.COMM_WORLD.size > 1:
         raise InputError("error_table: runs on one rank; under mpirun use castfem error")
-    sound = load(case) if isinstance(case, str | Path) else case
+    sound = _case(case, "error_table")
     if folder is None:
         with tempfile.TemporaryDirectory() as made:
             return error_table(sound, made, processes=processes)
@@ -227,10 +249,10 @@ def find_section(
     from mpi4py import MPI
 
     from castfem.mould_fit import section
-    from castfem.results.places import read_positions
+    from castfem.results.places import read_number
 
-    sound = load(case) if isinstance(case, str | Path) else case
-    place = read_positions([at])[0] if isinstance(at, str) else at
+    sound = _case(case, "find_section")
+    place = read_number("at", at, "m")
     comm = MPI.COMM_WORLD if comm is None else comm
     attempts = section.find_section(sound, comm, "find_section", place)
     sides = section.sides_of_section(sound.section)  # type: ignore[arg-type]
@@ -284,7 +306,7 @@ def mould_at_work(
     from castfem.case.build_mould import nominal_mould
     from castfem.mould_fit.coupled import MOST, drawing, hot_mould_of, table_of
 
-    sound = load(case) if isinstance(case, str | Path) else case
+    sound = _case(case, "mould_at_work")
     table = table_of(sound, "mould_at_work")
     comm = MPI.COMM_WORLD if comm is None else comm
     turns = hot_mould_of(sound, comm, "mould_at_work", MOST if coupled else 1)

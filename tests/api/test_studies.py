@@ -67,8 +67,14 @@ def test_comparison_at_places_is_that_of_the_results(runs: list[Path]) -> None:
     assert list(heat["at"]) == [0.03, 0.05]
     there = castfem.Result(runs[0]).at("30 mm")["heat_removed"]
     assert heat["slow"].iloc[0] == pytest.approx(there)
+    alone = castfem.comparison(runs, at="30 mm", everything=True).loc["heat_removed"]
+    assert alone["slow"] == pytest.approx(there)
     with pytest.raises(castfem.InputError, match="two runs are needed"):
-        castfem.comparison(runs[:1])
+        castfem.comparison(runs[0])
+    with pytest.raises(castfem.InputError, match=r"^at 5\.0: none of the runs has been there"):
+        castfem.comparison(runs, at=5.0)
+    with pytest.raises(castfem.InputError, match=r"^at 3 kg: 'kg' is"):
+        castfem.comparison(runs, at=["3 kg"])
 
 
 def test_comparison_tells_references_as_the_command_does(
@@ -115,6 +121,12 @@ def test_runs_that_fail_are_told(case: Case) -> None:
 def test_a_folder_of_one_run_is_not_taken(case: Case, runs: list[Path]) -> None:
     with pytest.raises(castfem.InputError, match="holds a single run"):
         castfem.error_table(case, runs[0])
+
+
+@pytest.mark.parametrize("name", ["error_table", "find_section", "mould_at_work"])
+def test_what_is_no_case_is_told(name: str) -> None:
+    with pytest.raises(castfem.InputError, match=f"^{name}: a case is needed"):
+        getattr(castfem, name)(None)
 
 
 def test_section_comes_out_as_it_is_wanted() -> None:
