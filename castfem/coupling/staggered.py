@@ -391,7 +391,8 @@ def take_window(
             continue
         kept = coupling.max_iterations == 1 or short
         if attempt.converged and (attempt.gap_converged or kept):
-            control.learn(taken, 0.0 if fine else attempt.error)
+            if not fine or control.accepts(attempt.error):  # or else the next one is as long
+                control.learn(taken, attempt.error)
             return replace(attempt, cut_for_error=cut), failed
         reason = "the gap does not converge" if attempt.converged else attempt.mechanical.reason
         log.logger.debug("t = %.6g s: coupling window %.3g s: %s", state.time, taken, reason)
