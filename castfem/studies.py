@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,12 +52,15 @@ def _case(given: Case | str | Path, asked: str) -> Case:
     return sound
 
 
+_COLUMNS = "name", "at", "label", "unit"
+
+
 def comparison(
     folders: Path | str | Sequence[Path | str],
     base: str | None = None,
     *,
     everything: bool = False,
-    at: float | str | Sequence[float | str] = (),
+    at: float | str | Sequence[float | str] | None = None,
 ) -> pandas.DataFrame:
     """Set finished runs side by side, as `castfem compare` does.
 
@@ -70,13 +73,14 @@ def comparison(
             the end.
 
     Returns:
-        A row a result, by its name ("heat_removed_share": of the base run's heat); columns `at` (m
-        below the meniscus, NaN: the end of the run), `label`, `unit`, one for each run under its
-        label, and "LABEL: error", "LABEL: reference", "LABEL: bound" where there is any. SI.
+        A row a result and place, by the name of the result ("heat_removed_share": of the base run's
+        heat); columns `at` (m below the meniscus, NaN: the end of the run), `label`, `unit`, one
+        for each run under its label, and "LABEL: error", "LABEL: reference", "LABEL: bound" where
+        there is any. SI.
 
     Raises:
-        InputError: A folder holds no run that has ended, there are fewer than two, or none has
-            been at a position.
+        InputError: A folder holds no run that has ended, there are fewer than two, none has been at
+            a position, or one has the name of another column.
     """
     from castfem.compare.runs import base_of, read_runs
     from castfem.compare.table import lines
@@ -84,7 +88,11 @@ def comparison(
 
     several = [folders] if isinstance(folders, str | Path) else folders
     runs = read_runs([Path(folder) for folder in several])
-    given = [at] if isinstance(at, str | float | int) else at
+    for run in runs:
+        if run.label in _COLUMNS:
+            raise InputError(f"{run.label}: a column of the table has that name; rename the folder")
+    several_at = isinstance(at, Iterable) and not isinstance(at, str)
+    given: Any = at if several_at else [at]
     places = [place for one in given if (place := read_number("at", one, "m")) is not None]
     found = lines(runs, base_of(runs, base), everything=everything, at=places)
     if not found:

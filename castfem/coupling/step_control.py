@@ -32,7 +32,7 @@ def rung(step: float, unit: float) -> float:
         unit: 1, 4/5, 5/8, 1/2 and so on of it are on the ladder, likewise what is longer.
     """
     limit = step / unit * (1.0 + _NEARLY)
-    whole = 2.0 ** math.floor(math.log2(limit))
+    whole = 2.0 ** (math.frexp(limit)[1] - 1)
     return unit * max(whole * part for part in _RUNGS if whole * part <= limit)
 
 

@@ -64,7 +64,7 @@ def _kept_from(
     whose bounds are within their errors, or else all of them.
     """
     found = np.zeros(len(within), dtype=bool)
-    better = seen[seen[:, 0] < here[0] - _SIGMAS * max(scatter[0], blurred[0])]
+    better = seen[seen[:, 0] < here[0] - _SIGMAS * blurred[0]]
     missed = better[:, 1:] < -scatter[1:]
     for which in sorted(missed, key=np.count_nonzero):
         if np.any(which) and not np.any(which & found):

@@ -135,6 +135,7 @@ class Kept:
         error: Of that: noise and numerical error.
         met: Whether it holds.
         binding: Whether it keeps the objective from being better.
+        near: Whether it does so here: its bound is at the optimum, as far as can be told.
     """
 
     text: str
@@ -145,6 +146,7 @@ class Kept:
     error: float
     met: bool
     binding: bool
+    near: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,6 +263,7 @@ class Optimum:
                     "error": kept.known.shown_difference(kept.error),
                     "met": kept.met,
                     "binding": kept.binding,
+                    "near": kept.near,
                 }
                 for kept in self.constraints
             ],

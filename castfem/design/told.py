@@ -29,6 +29,9 @@ _VAGUE = 0.25  # of 5 to 95 %, some three standard deviations: an error of that 
 _SIGMAS = 4.0  # of noise, that a handful of runs may lie apart by it
 
 
+AFAR = " (which bars better places)"  # a constraint that binds, though not where the optimum is
+
+
 def told(optimum: Optimum) -> Iterator[Table | str]:
     """Yield what there is to say, in order."""
     if optimum.objective is None:
@@ -110,7 +113,7 @@ def _state(optimum: Optimum) -> str:
     ends = [f"{v.key} at the {v.at_end} of its range" for v in optimum.values
             if v.at_end in ("lowest", "highest")]  # fmt: skip
     if optimum.status == "found":
-        held = ", ".join(kept.text for kept in optimum.binding)
+        held = ", ".join(kept.text + ("" if kept.near else AFAR) for kept in optimum.binding)
         ends += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
         by = "; ".join(part for part in (held, *ends) if part)
         held_by = f"found; held by {by}" if by else "found; no constraint binds"
@@ -187,7 +190,7 @@ def _word(kept: Kept) -> str:
     if not kept.met:
         return "not met"
     if kept.binding:
-        return "binds"
+        return "binds" if kept.near else "bars better places"
     return "" if kept.left >= kept.error else "met, within its error"
 
 

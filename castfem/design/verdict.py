@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from castfem.accuracy.levels import LEVELS
 from castfem.case.result_names import SMOOTH
 from castfem.design import vicinity
+from castfem.design.as_good import AsGood
 from castfem.design.binding import Binding
 from castfem.design.checked import Checked
 from castfem.design.front import Front
@@ -30,7 +31,6 @@ from castfem.design.question import Axis, Question, Wanted
 from castfem.design.search import AT_END, ROUNDING, Search
 from castfem.design.spread import Spread
 from castfem.design.store import Evaluation
-from castfem.design.valleys import APART
 from castfem.output.summary import unit_of_difference
 from castfem.values.types import Array
 
@@ -77,7 +77,8 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
     level = found.question.table.fidelity
     own = [w for w in outputs.seen if w.fidelity == level and not w.ideal]
     status: Status = "found" if found.search.violation(best) <= 0.0 else "impossible"
-    places = _intervals(found)
+    good = None if status != "found" or given.failed else _as_good(found)
+    places = _intervals(found, good)
     return Optimum(
         title=found.question.case.title,
         status="failed" if given.failed else status,
@@ -86,7 +87,7 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
         objective=None if given.failed else _known(found, outputs.objective, 0),
         constraints=() if given.failed else tuple(_constraints(found)),
         away=tuple(_away(found)),
-        elsewhere=() if status != "found" or given.failed else _elsewhere(found, places, own),
+        elsewhere=() if good is None else _elsewhere(found, places, good),
         fidelity=level,
         checked=found.checked,
         step=found.search.radius,
@@ -112,11 +113,23 @@ def _by_check(found: Findings) -> ByCheck | None:
     return ByCheck(found.outputs.sense * cost, tuple(left))
 
 
-def _intervals(found: Findings) -> list[vicinity.Interval]:
+def _as_good(found: Findings) -> AsGood:
+    assert found.model is not None
+    scatter = float(found.noise[0] + found.model.misfit[0])
+    return AsGood.of(found.outputs, found.search, found.best, scatter)
+
+
+def _intervals(found: Findings, good: AsGood | None) -> list[vicinity.Interval]:
+    """Where the optimum may lie: by the quadratics, and by runs of its valley that are as good."""
     if found.model is None or found.numerical is None:
         return [vicinity.Interval(0.0, 1.0, False, False) for _ in found.question.axes]
     runs = found.outputs.runs_of(found.best.fidelity)
-    return vicinity.intervals(found.model, found.noise, found.numerical, *runs)
+    places = vicinity.intervals(found.model, found.noise, found.numerical, *runs)
+    if good is None:
+        return places
+    shares = np.array([found.question.shares(one) for one in good.near])
+    ends = zip(places, shares.min(axis=0), shares.max(axis=0), strict=True)
+    return [replace(p, low=min(p.low, float(a)), high=max(p.high, float(b))) for p, a, b in ends]
 
 
 def _values(
@@ -236,12 +249,13 @@ def _constraints(found: Findings) -> list[Kept]:
         if found.numerical is not None:
             moved = float(found.numerical.moved[1 + i])
             numerical = float(max(found.numerical.below[1 + i], found.numerical.above[1 + i]))
-        allowed = known.noise + 1e-9 * abs(margin.bound)
+        allowed = known.noise + ROUNDING * abs(margin.bound)
         kept.append(
             Kept(
                 outputs.text(i), known, margin.bound, margin.left, margin.left + moved,
                 known.noise + numerical, margin.left >= -allowed,
                 found.binds is not None and found.binds.held[i],
+                found.binds is None or found.binds.near[i],
             )
         )  # fmt: skip
     return kept
@@ -268,23 +282,10 @@ def _away(found: Findings) -> list[Away]:
 
 
 def _elsewhere(
-    found: Findings, places: list[vicinity.Interval], own: list[Wanted]
+    found: Findings, places: list[vicinity.Interval], good: AsGood
 ) -> tuple[tuple[float, ...], ...]:
-    """Runs outside of the intervals that meet all and are as good as can be told.
-
-    The best first, and one alone of those that lie in one valley.
-    """
-    assert found.model is not None
-    outputs, search = found.outputs, found.search
-    low = np.array([p.low for p in places]) - search.radius
-    high = np.array([p.high for p in places]) + search.radius
-    enough = outputs.cost(found.best) + found.noise[0] + found.model.misfit[0]
-    enough += ROUNDING * abs(outputs.cost(found.best))
-    good: list[Wanted] = []
-    for one in sorted((w for w in own if search.violation(w) <= 0.0), key=outputs.cost):
-        shares = found.question.shares(one)
-        outside = bool(np.any((shares < low) | (shares > high)))
-        apart = (np.max(np.abs(shares - found.question.shares(other))) for other in good)
-        if outside and outputs.cost(one) <= enough and all(far >= APART for far in apart):
-            good.append(one)
-    return tuple(one.values for one in good)
+    """Runs of other valleys that are as good, and outside of the intervals."""
+    low = np.array([p.low for p in places]) - found.search.radius
+    high = np.array([p.high for p in places]) + found.search.radius
+    shares = {one: found.question.shares(one) for one in good.elsewhere}
+    return tuple(one.values for one, at in shares.items() if np.any((at < low) | (at > high)))

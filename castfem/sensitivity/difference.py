@@ -47,7 +47,8 @@ def slope(above: Array, here: Array, below: Array, by: float) -> Array:
     Where there is a kink or a jump between them, it is that of the half which is less.
     """
     found = np.empty(np.shape(here))
-    flat = (np.ascontiguousarray(one, dtype=np.float64).ravel() for one in (above, here, below))
+    every = (np.broadcast_to(one, found.shape) for one in (above, here, below))
+    flat = (np.ascontiguousarray(one, dtype=np.float64).ravel() for one in every)
     _slopes(*flat, by, found.reshape(-1))
     return found
 

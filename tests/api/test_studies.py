@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import shutil
 from pathlib import Path
 
 import pandas
@@ -157,3 +158,10 @@ def test_mould_at_work_is_what_a_run_takes() -> None:
     assert working.changes() == {} and working.displacement is None
     with pytest.raises(castfem.InputError, match=r"^mould_at_work: mould.tube: the table"):
         castfem.mould_at_work(billet("taper_1"))
+
+
+def test_a_run_named_as_a_column_is_refused(runs: list[Path], tmp_path: Path) -> None:
+    taken = shutil.copytree(runs[0], tmp_path / "label")
+    with pytest.raises(castfem.InputError, match="label: a column of the table has that name"):
+        castfem.comparison([taken, runs[1]])
+    assert len(castfem.comparison(runs, at=None)) == len(castfem.comparison(runs))

@@ -7,13 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from castfem.constitutive import MaterialStep, Response, equivalent_stress
+from castfem.constitutive import MaterialStep, NortonHoff, Response, equivalent_stress
 from castfem.constitutive.base import ResponseChange, StepChange
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.constitutive.kernel import constants
+from castfem.values.tables import Constant
 from castfem.values.types import Array, Flags
 
-from .samples import SOLIDUS, every_law, random_states
+from .samples import SOLIDUS, every_law, random_states, steel_like
 
 LAWS = every_law()
 POINTS, WAYS, DT = 4000, 3, 0.2
@@ -135,3 +136,25 @@ def test_nothing_given_nothing_changed() -> None:
     assert isinstance(found, ResponseChange)
     for name in PARTS:
         assert not getattr(found, name).any(), name
+
+
+@pytest.mark.parametrize("exponent", [0.003, 0.005, 0.008, 0.01])
+def test_a_law_that_hardly_knows_the_rate_has_finite_changes(exponent: float) -> None:
+    """At low stress its increments are all but 0, and dS/d dp all but as large as numbers are."""
+    constants_of = [Constant(value) for value in (300e6, 0.0, exponent, 0.0, 0.0)]
+    law = NortonHoff(steel_like(), *constants_of)
+    count, along = 20000, np.array([1.0, 0.0, 0.0, 0.0])
+    stress = np.geomspace(1e5, 1e8, count)[:, None] * along
+    nothing, warm = np.zeros(count), np.full(count, 1200.0)
+    step = MaterialStep(np.zeros((count, 4)), nothing, warm, warm, DT)
+    state = law.initial_state(count)
+    here, columns = law.integrate(step, stress, state), law.coefficients(warm, warm)
+    given = np.array([1e8, 1e10, 1e11])
+    change = StepChange(
+        coefficients=np.zeros((3, *columns.shape)), strain=np.zeros((3, count, 4)),
+        thermal=np.zeros((3, count)), stress_old=given[:, None, None] * np.tile(along, (count, 1)),
+        state_old=np.zeros((3, *state.shape)), dt=np.zeros(3), by=np.ones(3),
+    )  # fmt: skip
+    found = law.differentiate(step, stress, state, here, change)
+    assert here.flows.any()
+    assert (np.abs(found.stress) <= (1.0 + 1e-9) * given[:, None, None]).all()

@@ -92,7 +92,10 @@ def found() -> Optimum:
 def test_a_jagged_objective_is_held_by_its_constraint(found: Optimum):
     assert found.values[0].value == pytest.approx(4.2, abs=0.03)
     assert found.constraints[0].binding
-    assert "found; held by heat_removed >= 2 MJ/m" in str(next(iter(told(found))))
+    assert str(next(iter(told(found)))).endswith("found; held by heat_removed >= 2 MJ/m")
+    (afar,) = (replace(kept, near=False) for kept in found.constraints)
+    elsewhere = replace(found, constraints=(afar,))
+    assert str(next(iter(told(elsewhere)))).endswith("2 MJ/m (which bars better places)")
 
 
 def test_the_level_of_the_check_goes_on_to_where_its_constraint_is_met(found: Optimum):

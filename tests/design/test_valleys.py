@@ -135,3 +135,16 @@ def test_it_is_missed_before_a_run(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"Optuna is not installed; pip install \"castfem\[opti"):
         study(SPEED)
+
+
+def test_a_valley_that_is_flat_is_one_valley() -> None:
+    """Runs beyond the quadratics that are as good are of it: the interval reaches to them."""
+
+    def quartic(wanted: Wanted) -> dict[str, float]:
+        return {STRESS: 10.0 + 1e-3 * (wanted.values[0] - 3.5) ** 4}
+
+    for given in (quartic, lambda wanted: {STRESS: 10.0}):
+        found = solve(study({**SPEED, "start": "2.2 m/min"}, method="cobyqa"), given)
+        assert not found.elsewhere
+        assert "another place" not in str(next(iter(told(found))))
+    assert found.values[0].low <= 2.2  # of the last, which is flat

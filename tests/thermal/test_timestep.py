@@ -110,6 +110,11 @@ def test_rungs_are_parts_of_a_step_and_those_next_to_one_another_share_them(
     assert min(abs(part - np.log2(one)) for one in (1.0, 1.25, 1.6, 2.0)) < 1e-9 or part < 1e-9
 
 
+@pytest.mark.parametrize("step", [6.3999936000063995, 2.0**-5 * (1.0 - 2.0**-53)])
+def test_a_step_that_is_all_but_a_rung_has_one_below(step: float) -> None:
+    assert 0.0 < rung(step, 0.1) <= step * (1.0 + 1e-5)
+
+
 def test_two_runs_whose_errors_differ_little_take_the_same_steps() -> None:
     ends = []
     for error in (7.0, 7.2):

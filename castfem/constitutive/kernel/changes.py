@@ -153,11 +153,12 @@ def _change_flow(  # type: ignore[no-untyped-def]
     """Changes of the stress and of dp of a point that flows, by the implicit function theorem."""
     shear3, softer = 3.0 * shear, 3.0 * d_shear * increment
     whole = by_increment + shear3
-    if not whole > 0.0:
+    if whole <= 0.0:
         return 0.0, 0.0
-    d_stress = (by_increment + shear3 * by_trial) * d_trial + shear3 * d_flow
-    d_increment = (1.0 - by_trial) * d_trial - d_flow - softer
-    return (d_stress - by_increment * softer) / whole, d_increment / whole
+    # Of a law that hardly knows the rate dS/d dp may be all but as large as numbers are.
+    hard, soft = by_increment / whole, shear3 / whole
+    d_stress = (hard + soft * by_trial) * d_trial + soft * d_flow - hard * softer
+    return d_stress, ((1.0 - by_trial) * d_trial - d_flow - softer) / whole
 
 
 @compiled

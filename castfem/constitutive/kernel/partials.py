@@ -64,7 +64,7 @@ def _add_strain_factor(c, strain, times, by, row):  # type: ignore[no-untyped-de
 
 
 @compiled
-def _add_remembered(c, carried, before, rate_before, y, weight, by):  # type: ignore[no-untyped-def]
+def _add_remembered(c, carried, before, rate_before, weight, by):  # type: ignore[no-untyped-def]
     """Add `weight` times the derivatives of ln of the old rate, of which the curve knows."""
     exponent, young = c[RATE_EXPONENT], c[YOUNG]
     strain = before + carried / young
@@ -106,7 +106,7 @@ def rate_partials(  # type: ignore[no-untyped-def]
     along = 0.0
     if carried > 0.0:
         along = carried + max(sign * (trial - carried) - less * increment, 0.0) - stiff
-        ln_old = _add_remembered(c, carried, before, rate_before, y, exponent * along, by)
+        ln_old = _add_remembered(c, carried, before, rate_before, exponent * along, by)
         by[RATE, RATE_EXPONENT] -= along * (y - ln_old)
         by[RATE, CARRIED_ALONG] += 1.0 - along / carried
     by[RATE, CARRIED_ALONG] -= loads * sign
