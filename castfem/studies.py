@@ -91,8 +91,9 @@ def comparison(
     for run in runs:
         if run.label in _COLUMNS:
             raise InputError(f"{run.label}: a column of the table has that name; rename the folder")
-    several_at = isinstance(at, Iterable) and not isinstance(at, str)
-    given: Any = at if several_at else [at]
+    given: list[Any] = [at]
+    if isinstance(at, Iterable) and not isinstance(at, str):
+        given = list(at)
     places = [place for one in given if (place := read_number("at", one, "m")) is not None]
     found = lines(runs, base_of(runs, base), everything=everything, at=places)
     if not found:
