@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -128,8 +129,13 @@ class Readings:
 
         assert isinstance(coupling.mechanics, FollowedMechanics)
         slopes = coupling.mechanics.mechanical
-        step = self._derivatives.variations[number].parameter.step
-        above, below = (slopes.moved(number, state, sign * step) for sign in (1.0, -1.0))
+        variation = self._derivatives.variations[number]
+        step = variation.parameter.step
+        # Each at its own time, for it meets its wall where it is then.
+        above, below = (
+            replace(slopes.moved(number, state, by), time=end.time(state.time))
+            for end, by in ((variation.above, step), (variation.below, -step))
+        )
         return above, below
 
     def _state(self, end: Varied, number: int, state: ThermalState, by: float) -> ThermalState:

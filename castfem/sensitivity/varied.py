@@ -166,7 +166,11 @@ def _varied(simulation: Simulation, parameter: Parameter, by: float) -> Varied:
     # Its ends and its zero are those of the run: what lies beyond its temperatures has no part in
     # it, and where enthalpies count from is a convention.
     datum, ends = simulation.start_temperature, (held.knots[0], held.knots[-1])
-    curve = held if same else steel.thermal_curve(*ends, datum)
+    # A slice that moves keeps its mass: what its enthalpy is depends on how the steel was poured.
+    poured = None if simulation.problem.shape is None else start
+    if poured is not None and start != datum and np.ptp(steel.density(held.knots)) > 0.0:
+        same = False
+    curve = held if same else steel.thermal_curve(*ends, datum, poured)
     problem = simulation.problem.of_curve(curve)
     stepper = ThermalStepper(problem, simulation.stepper.scheme)
     other = replace(

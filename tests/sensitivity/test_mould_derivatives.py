@@ -164,14 +164,14 @@ def short() -> Case:
     return billet().with_({"casting.length": "15 mm"})
 
 
-def results(case: Case) -> tuple[RunState, dict[str, float]]:
+def results(case: Case, asked: tuple[str, ...] = READ) -> tuple[RunState, dict[str, float]]:
     """The end of a plain run, and what is read there."""
     simulation = build(case, MPI.COMM_SELF)
     simulation.problem.tolerance = 1e-12
     loop = TimeLoop(simulation)
     sample = loop.run()
     having = {one.named(probe): (one, probe) for one, probe in columns_of(simulation)}
-    read = {name: float(having[name][0].value(sample, having[name][1]) or 0.0) for name in READ}
+    read = {name: float(having[name][0].value(sample, having[name][1]) or 0.0) for name in asked}
     simulation.destroy()
     return loop.run_state, read
 
@@ -203,6 +203,36 @@ def test_windows_that_are_cut_are_cut_alike_in_runs_beside_this_one() -> None:
     for result in READ:
         known = (ends[0][result] - ends[1][result]) / (2.0 * by)
         assert slopes.gradient[result][name] == pytest.approx(known, rel=1e-3), result
+
+
+def test_a_steel_whose_density_changes_keeps_its_mass_in_its_derivatives() -> None:
+    """Of a slice that moves the enthalpy hangs on density at the solidus, and on the pouring."""
+    steel = {"steel.name": "plain_carbon", "steel.composition": {"C": 0.123, "Mn": 0.6, "Si": 0.2}}
+    case, asked = billet().with_(steel), ("heat_removed", "axial_strain", "von_mises_max")
+    for name in ("steel.composition.C", "casting.superheat"):
+        slopes = castfem.sensitivities(case, name, ",".join(asked)).gradient
+        (parameter,) = read_parameters(case, case_steel(case), [name])
+        by = 1e-4 * parameter.value
+        ends = [results(parameter.case_at(case, parameter.value + s * by))[1] for s in (1.0, -1.0)]
+        for result in asked:
+            known = (ends[0][result] - ends[1][result]) / (2.0 * by)
+            assert slopes[result][name] == pytest.approx(known, rel=3e-3), (name, result)
+
+
+def test_a_gap_by_the_speed_is_read_where_the_strand_is() -> None:
+    """At the end of the run, not where it would be at the time of the run."""
+    case, name, asked = billet(), "casting.speed", ("gap_corner", "gap_max", "von_mises_max")
+    slopes = castfem.sensitivities(case, name, ",".join(asked)).gradient
+    (parameter,) = read_parameters(case, case_steel(case), [name])
+    ends = []
+    for share in (1e-3, -1e-3):
+        window = f"{0.25 / (1.0 + share)!r} s"  # on the same places of the strand
+        held = {"coupling.interval": window, "thermal.time.step": window}
+        moved = parameter.case_at(case, parameter.value * (1.0 + share))
+        ends.append(results(moved.with_(held), asked)[1])
+    for result in asked:
+        known = (ends[0][result] - ends[1][result]) / (2e-3 * parameter.value)
+        assert slopes[result][name] == pytest.approx(known, rel=1e-2), result
 
 
 @pytest.mark.parametrize(
