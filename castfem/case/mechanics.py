@@ -313,8 +313,8 @@ class Coupling(TableModel):
     window_error: PositiveDifference | None = Field(
         None,
         description="error of the surface temperature allowed in a window whose gap changes; a "
-        "window with more is cut back, to 0.1 s or a fiftieth of the interval at most; by default "
-        "2 K",
+        "window with more is cut back, unless it is shorter than 0.1 s and than a fiftieth of the "
+        "interval; by default 2 K",
         examples=["2 K"],
     )
     growth: Growth | None = Field(
