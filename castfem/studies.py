@@ -57,7 +57,7 @@ _COLUMNS = "name", "at", "label", "unit"
 
 def comparison(
     folders: Path | str | Sequence[Path | str],
-    base: str | None = None,
+    base: Path | str | None = None,
     *,
     everything: bool = False,
     at: float | str | Sequence[float | str] | None = None,
@@ -86,7 +86,11 @@ def comparison(
     from castfem.compare.table import lines
     from castfem.results.places import read_number
 
-    several = [folders] if isinstance(folders, str | Path) else folders
+    several: Any = [folders] if isinstance(folders, str | Path) else folders
+    if not isinstance(several, Sequence) or not all(isinstance(f, str | Path) for f in several):
+        raise InputError(f"comparison: folders of runs are needed, not {folders!r}")
+    if base is not None and not isinstance(base, str | Path):
+        raise InputError(f"comparison: base must be the label or folder of a run, not {base!r}")
     runs = read_runs([Path(folder) for folder in several])
     for run in runs:
         if run.label in _COLUMNS:
@@ -95,7 +99,9 @@ def comparison(
     if isinstance(at, Iterable) and not isinstance(at, str):
         given = list(at)
     places = [place for one in given if (place := read_number("at", one, "m")) is not None]
-    found = lines(runs, base_of(runs, base), everything=everything, at=places)
+    found = lines(
+        runs, base_of(runs, None if base is None else str(base)), everything=everything, at=places
+    )
     if not found:
         raise InputError(f"at {at}: none of the runs has been there")
     return _compared(runs, found)

@@ -20,8 +20,6 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NotImplementedError:
-        # The system call flock() has failed with ENOSYS, for which filelock raises this, and for
-        # nothing else: the file system has no locks, and a run must be able to write there.
+    except NotImplementedError:  # by filelock for ENOSYS alone: no locks here, yet runs must write
         return False
     return True

@@ -165,3 +165,11 @@ def test_a_run_named_as_a_column_is_refused(runs: list[Path], tmp_path: Path) ->
     with pytest.raises(castfem.InputError, match="label: a column of the table has that name"):
         castfem.comparison([taken, runs[1]])
     assert len(castfem.comparison(runs, at=None)) == len(castfem.comparison(runs))
+
+
+def test_what_is_no_run_is_told_in_a_line(runs: list[Path]) -> None:
+    for given in (5, [None], [*runs, 3]):
+        with pytest.raises(castfem.InputError, match="comparison: folders of runs are needed"):
+            castfem.comparison(given)  # type: ignore[arg-type]
+    with pytest.raises(castfem.InputError, match="comparison: base must be the label"):
+        castfem.comparison(runs, 3)  # type: ignore[arg-type]
