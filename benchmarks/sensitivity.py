@@ -25,11 +25,13 @@ from benchmarks.report import ROOT, Output, table
 from castfem.api import load, run, sensitivities
 from castfem.case import Case
 from castfem.materials.curve import CurvePoint
+from castfem.sensitivity.followed_steps import followed
 from castfem.sensitivity.linear import StageTangent
 from castfem.sensitivity.parameters import Parameter, read_parameters
 from castfem.sensitivity.readings import Readings, asked_quantities
+from castfem.sensitivity.recorder import FollowedLoop, Recorder
 from castfem.sensitivity.result import Sensitivity
-from castfem.sensitivity.run import Recorder, follow, followed, sensitivity
+from castfem.sensitivity.run import follow, sensitivity
 from castfem.sensitivity.varied import surface_heat
 from castfem.simulation.simulation import build, case_steel
 from castfem.thermal import problem as heat_balance
@@ -233,13 +235,14 @@ def _shared(case: Case) -> list[dict[str, Any]]:
 
 def _coupled(case: Case, count: int) -> tuple[float, float]:
     """Processor times, s, of set-up and time loop of a billet in its mould, with derivatives."""
-    start, simulation, recorder = process_time(), build(case, MPI.COMM_SELF), None
+    start, simulation = process_time(), build(case, MPI.COMM_SELF)
+    loop = TimeLoop(simulation)
     if count:
         slopes = follow(simulation, SIX_OF_MOULD[:count])
         readings = Readings(simulation, slopes, asked_quantities(simulation, OF_MOULD))
-        recorder = Recorder(simulation, slopes, readings, None)
+        loop = FollowedLoop(simulation, Recorder(simulation, slopes, readings, None))
     begun = process_time()
-    TimeLoop(simulation, recorder).run()
+    loop.run()
     taken = begun - start, process_time() - begun
     if count:
         assert simulation.coupling is not None

@@ -60,6 +60,7 @@ def _largest_there(sample: Sample) -> str:
     column=False,
     place=_largest_there,
     needs=("mechanics",),
+    of_way=True,
 )
 def way_von_mises_max(sample: Sample) -> float:
     """Largest von Mises stress from the meniscus to here."""
@@ -89,6 +90,7 @@ def von_mises_smooth(sample: Sample) -> float:
     label="smooth twin of the largest von Mises stress on the way",
     column=False,
     needs=("smooth",),
+    of_way=True,
 )
 def way_von_mises_smooth(sample: Sample) -> float:
     """The same mean over section and way from the meniscus to here; below `way_von_mises_max`."""
@@ -103,7 +105,11 @@ def von_mises(sample: Sample, probe: str) -> float:
 
 
 @quantity(
-    "displacement", unit="mm", label="outward displacement, {}", each="probe", needs=("mechanics",)
+    "displacement",
+    unit="mm",
+    label="outward displacement, {}",
+    each="probe",
+    needs=("mechanics",),
 )
 def displacement(sample: Sample, probe: str) -> float:
     """Displacement of the surface, outwards."""
@@ -202,6 +208,7 @@ def _beyond(sample: Sample, kind: str) -> float:
     column=False,
     place=_beyond_at("colder"),
     needs=("mechanics", "law_data"),
+    of_way=True,
 )
 def colder_than_data(sample: Sample) -> float:
     """Largest share of the shell on the way that was colder than the data of its law.
@@ -218,6 +225,7 @@ def colder_than_data(sample: Sample) -> float:
     column=False,
     place=_beyond_at("hotter"),
     needs=("mechanics", "law_data"),
+    of_way=True,
 )
 def hotter_than_data(sample: Sample) -> float:
     """Largest share of the shell on the way that was hotter than the data of its law."""
@@ -231,6 +239,7 @@ def hotter_than_data(sample: Sample) -> float:
     column=False,
     place=_beyond_at("faster"),
     needs=("mechanics", "law_data"),
+    of_way=True,
 )
 def faster_than_data(sample: Sample) -> float:
     """Largest share of the shell on the way that was strained faster than the data of its law."""

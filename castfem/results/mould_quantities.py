@@ -27,7 +27,12 @@ def _at(find: Callable[[ContactSummary], Iterable[float] | None]) -> Callable[[S
 
 
 @quantity(
-    "gap", unit="mm", label="gap to the mould, {}", each="probe", axis="gap", needs=("mould",)
+    "gap",
+    unit="mm",
+    label="gap to the mould, {}",
+    each="probe",
+    axis="gap",
+    needs=("mould",),
 )
 def gap(sample: Sample, probe: str) -> float:
     """Gap between the surface and the wall; below 0 the surface lies in the wall.
@@ -191,6 +196,7 @@ def mould_pull(sample: Sample) -> float:
     label="heat removed in the mould",
     column=False,
     needs=("mould",),
+    of_way=True,
 )
 def mould_heat_removed(sample: Sample) -> float:
     """In the mould, per metre of the whole strand."""
@@ -198,7 +204,12 @@ def mould_heat_removed(sample: Sample) -> float:
 
 
 @quantity(
-    "mould_gap_max", unit="mm", label="largest gap in the mould", column=False, needs=("mould",)
+    "mould_gap_max",
+    unit="mm",
+    label="largest gap in the mould",
+    column=False,
+    needs=("mould",),
+    of_way=True,
 )
 def mould_gap_max(sample: Sample) -> float:
     """On the way through the mould."""
@@ -211,6 +222,7 @@ def mould_gap_max(sample: Sample) -> float:
     label="least contact in the mould, share of the surface",
     column=False,
     needs=("mould",),
+    of_way=True,
 )
 def mould_contact_least(sample: Sample) -> float:
     """On the way through the mould."""
@@ -223,6 +235,7 @@ def mould_contact_least(sample: Sample) -> float:
     column=False,
     label="largest contact pressure in the mould, mean over 5 mm",
     needs=("mould",),
+    of_way=True,
 )
 def mould_mean_pressure_max(sample: Sample) -> float:
     """On the way through the mould."""
@@ -235,6 +248,7 @@ def mould_mean_pressure_max(sample: Sample) -> float:
     label="largest contact pressure in the mould, at a point",
     column=False,
     needs=("mould",),
+    of_way=True,
 )
 def mould_pressure_max(sample: Sample) -> float:
     """On the way through the mould."""
@@ -247,6 +261,7 @@ def mould_pressure_max(sample: Sample) -> float:
     label="largest penetration of the mould, on the way",
     column=False,
     needs=("mould",),
+    of_way=True,
 )
 def mould_penetration_max(sample: Sample) -> float:
     """On the way through the mould."""

@@ -113,6 +113,7 @@ class QuantityDefinition:
         place: Where in the section the value was found, shown after the label; "" for nowhere.
         labels: Labels at single probes that differ.
         axis: On the axis of a figure, if not the label.
+        of_way: Whether it hangs on all steps so far, not on the last alone.
     """
 
     name: str
@@ -128,6 +129,7 @@ class QuantityDefinition:
     place: Callable[[Sample], str] | None = None
     labels: Mapping[str, str] = field(default_factory=dict)
     axis: str = ""
+    of_way: bool = False
 
     @property
     def about(self) -> str:
@@ -181,6 +183,7 @@ def quantity(
     place: Callable[[Sample], str] | None = None,
     labels: Mapping[str, str] | None = None,
     axis: str = "",
+    of_way: bool = False,
 ) -> Callable[[Computed], Computed]:
     """Declare the decorated function as a quantity: a column, a result, a row of tables.
 
@@ -198,7 +201,7 @@ def quantity(
             raise ValueError(f"{name} needs what is not known: {', '.join(sorted(unknown))}")
         _declared[name] = QuantityDefinition(
             name, unit, label, compute, needs, each, shown, column, row, after, place,
-            labels or {}, axis,
+            labels or {}, axis, of_way,
         )  # fmt: skip
         return compute
 

@@ -156,6 +156,7 @@ def energy_error(sample: Sample) -> float:
     label="metallurgical length",
     column=False,
     after="mould_penetration_max",
+    of_way=True,
 )
 def metallurgical_length(sample: Sample) -> float | None:
     """Where the last of the section passed the solidus; none while liquid is left."""
@@ -168,6 +169,7 @@ def metallurgical_length(sample: Sample) -> float | None:
     label="end of the liquid core, fs = 0",
     column=False,
     after="mould_penetration_max",
+    of_way=True,
 )
 def liquid_end(sample: Sample) -> float | None:
     """Where the last of the section passed the liquidus; none while some is above it."""
@@ -180,6 +182,7 @@ def liquid_end(sample: Sample) -> float | None:
     label="mean heat flux in the mould",
     column=False,
     after="cooling_power",
+    of_way=True,
 )
 def mould_mean_flux(sample: Sample) -> float | None:
     """Heat removed in the mould so far, over the surface of the strand and the time there.

@@ -29,10 +29,13 @@ from castfem.thermal.stepper import ThermalState
 from castfem.values import units
 from castfem.values.same_place import EXACT
 
-_OF_STEPS = ("step", "newton", "energy_error", "solidus_cell")
-"""Results that tell of steps and cells, which are held."""
-_OF_THE_WAY = ("metallurgical_length", "liquid_end", "mould_mean_flux")
-"""Results that are known only to who has followed all steps."""
+_OF_STEPS = (
+    "step", "newton", "energy_error", "force_error", "solidus_cell",
+    "colder_than_data", "hotter_than_data", "faster_than_data",
+)  # fmt: skip
+"""Results that tell of steps, cells and points, which are held."""
+_OF_TEMPERATURE = ("metallurgical_length", "liquid_end", "mould_mean_flux")
+"""Results of the whole way that hang on the temperatures alone."""
 _USUAL = ("heat_removed", "shell", "surface_temperature")
 """Results that are read if none is named."""
 
@@ -49,8 +52,11 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
         InputError: With all that the run has no such result of, a line each.
     """
     having: Asked = {}
+    judged: set[str] = set()
     for definition, probe in (*columns_of(simulation), *results_of(simulation)):
-        if definition.name not in _OF_STEPS and not definition.name.startswith("way_"):
+        if "quality" in definition.needs:
+            judged.add(definition.named(probe))
+        if definition.name not in _OF_STEPS and "quality" not in definition.needs:
             having[definition.named(probe)] = definition, probe
     wanted = [part.strip() for name in names for part in name.split(",")]
     if not wanted:
@@ -59,8 +65,11 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
     for name in wanted:
         if name in having:
             continue
-        if name.startswith("way_"):
-            problems.append(f"--of {name}: it is the largest of all steps; ask for it at the end")
+        if name in judged:
+            problems.append(
+                f"--of {name}: crack indexes and soft reduction are not differentiated; compare "
+                "runs (castfem sweep)"
+            )
         elif any(name == own or name.startswith(f"{own}_") for own in _OF_STEPS):
             problems.append(f"--of {name}: it tells of steps or cells, which are held")
         else:
@@ -85,7 +94,9 @@ class Readings:
         self, simulation: Simulation, derivatives: ThermalDerivatives, asked: Asked
     ) -> None:
         self._simulation, self._derivatives, self.asked = simulation, derivatives, asked
-        self.follows = any(one.name in _OF_THE_WAY for one, _ in asked.values())
+        way = [one.name for one, _ in asked.values() if one.of_way]
+        self._follows_heat = bool(way)
+        self._follows_all = any(name not in _OF_TEMPERATURE for name in way)
         depths = [(one.name, probe) for one, probe in asked.values() if one.name in LEVELS]
         self.fronts = Fronts(derivatives, depths)
         self._samplers = [
@@ -93,15 +104,34 @@ class Readings:
             for v in derivatives.variations
         ]
 
+    @property
+    def reads_all(self) -> bool:
+        """Whether samples of all steps are wanted, not of the last alone."""
+        return self._follows_heat or bool(self.fronts.fronts)
+
     def follow(self, sample: Sample) -> None:
         """Note a committed state, for results that hang on the way (collective)."""
         state = sample.state.thermal
         self.fronts.follow(self._zone(state.time), sample)
-        if not self.follows:
-            return
-        for number, pair in enumerate(self._samplers):
-            for sampler, its in zip(pair, self._states(number, state), strict=True):
-                sampler.follow(its)
+        if self._follows_all:
+            for number in range(len(self._samplers)):
+                self._sides(number, sample)
+        elif self._follows_heat:
+            for number, pair in enumerate(self._samplers):
+                for sampler, its in zip(pair, self._states(number, state), strict=True):
+                    sampler.follow(its)
+
+    def _sides(self, number: int, sample: Sample) -> tuple[Sample, Sample]:
+        """Samples above and below a parameter, which their samplers note (collective)."""
+        states, strained = (
+            self._states(number, sample.state.thermal),
+            self._strained(number, sample),
+        )
+        above, below = (
+            sampler.read(StrandState(state, its, np.zeros(0)), None)
+            for sampler, state, its in zip(self._samplers[number], states, strained, strict=True)
+        )
+        return above, below
 
     def _zone(self, time: float) -> int:
         """The zone that a step has been in which ends at a time (s); the first at the meniscus."""
@@ -125,7 +155,7 @@ class Readings:
         coupling, state = self._simulation.coupling, sample.state.mechanical
         if coupling is None or state is None:
             return None, None
-        from castfem.sensitivity.run import FollowedMechanics
+        from castfem.sensitivity.followed_steps import FollowedMechanics
 
         assert isinstance(coupling.mechanics, FollowedMechanics)
         slopes = coupling.mechanics.mechanical
@@ -157,13 +187,7 @@ class Readings:
         }
         found = []
         for number, variation in enumerate(self._derivatives.variations):
-            states = self._states(number, sample.state.thermal)
-            above, below = (
-                sampler.read(StrandState(state, strained, np.zeros(0)), None)
-                for sampler, state, strained in zip(
-                    self._samplers[number], states, self._strained(number, sample), strict=True
-                )
-            )
+            above, below = self._sides(number, sample)
             for name, (definition, probe) in self.asked.items():
                 sides = [_number(definition.value(s, probe)) for s in (below, above)]
                 step = variation.parameter.step

@@ -153,9 +153,15 @@ class TimeLoop:
             with self.simulation.watch.section("output"):
                 self.recorder.step(run, sample)
         run.remember()
+        self._tell(substeps, mechanical)
+
+    def _tell(self, substeps: SubSteps | None, mechanical: MechanicalResult | None) -> None:
+        """Tell of a committed step, and stop there if that is asked."""
+        run = self.run_state
         if self.progress is not None:
-            newton = sample.newton + (sample.mechanics.newton if sample.mechanics else 0)
-            self.progress.update(sample.position, sample.time, newton, sample.step, self._note())
+            newton = sum(step.newton for step in (substeps, mechanical) if step is not None)
+            length = 0.0 if substeps is None else substeps.step
+            self.progress.update(run.position, run.state.time, newton, length, self._note())
         if self.interrupt is not None:
             self.interrupt.heed()
 

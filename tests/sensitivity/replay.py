@@ -14,8 +14,8 @@ from small_case import small
 
 from castfem.case import Case
 from castfem.sensitivity import varied
+from castfem.sensitivity.followed_steps import FollowedSteps
 from castfem.sensitivity.parameters import Parameter, read_parameters
-from castfem.sensitivity.run import FollowedSteps
 from castfem.sensitivity.thermal import ThermalDerivatives
 from castfem.sensitivity.varied import Varied, vary
 from castfem.simulation.simulation import Simulation, build

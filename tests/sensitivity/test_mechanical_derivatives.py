@@ -18,10 +18,11 @@ from castfem.coupling.staggered import StrandState
 from castfem.errors import InputError
 from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
+from castfem.sensitivity.followed_steps import FollowedMechanics, mark_coupled
 from castfem.sensitivity.mechanical import MechanicalDerivatives
 from castfem.sensitivity.moved_state import CARRIED
 from castfem.sensitivity.parameters import Parameter, read_parameters
-from castfem.sensitivity.run import FollowedMechanics, follow, mark_coupled
+from castfem.sensitivity.run import follow
 from castfem.sensitivity.thermal import ThermalDerivatives
 from castfem.simulation import mechanics as making
 from castfem.simulation import simulation as building

@@ -81,6 +81,27 @@ def test_a_block_has_the_derivatives_of_its_closed_form(method: str) -> None:
     assert not found.kinks
 
 
+def test_the_worst_of_the_way_has_the_derivative_of_where_it_was() -> None:
+    """A mould that opens again behind 100 mm: at its exit pressure and stress are past their worst.
+
+    The run is kept in memory, which samples what is asked for on the way and nothing else.
+    """
+    worst = {
+        "mould_pressure_max": "contact_pressure_max", "way_von_mises_max": "von_mises_max",
+    }  # fmt: skip
+    opens = [{"to": "100 mm", "taper": "0.05 %/m"}, {"to": "400 mm", "taper": "-0.02 %/m"}]
+    case, taper = block("penalty").with_({"mould.taper": opens}), "mould.taper.0.taper"
+    found = castfem.sensitivities(case, taper, [*worst, *worst.values()])
+    there = castfem.sensitivities(
+        case.with_({"casting.length": "100 mm"}), taper, list(worst.values())
+    )
+    for way, here in worst.items():
+        assert found.quantities[way].value == there.quantities[here].value
+        assert found.quantities[way].value > 1.1 * found.quantities[here].value
+        slope = there.gradient[here][taper]
+        assert found.gradient[way][taper] == pytest.approx(slope, rel=1e-9), way
+
+
 def test_a_face_that_is_moved_in_time_moves_by_the_speed() -> None:
     """By 0.1 um/s: after z / v the block is drawn by that, and narrower by nu of it."""
     document = block("penalty").document()

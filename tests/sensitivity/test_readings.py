@@ -13,7 +13,7 @@ import castfem
 from castfem.case.load import from_document
 from castfem.errors import InputError
 from castfem.sensitivity.parameters import read_parameters
-from castfem.sensitivity.run import CHECKPOINT_NAME
+from castfem.sensitivity.recorder import CHECKPOINT_NAME
 from castfem.simulation.simulation import case_steel
 from castfem.thermal.stepper import ThermalState
 from castfem.time_loop.loop import TimeLoop
@@ -236,6 +236,9 @@ def test_what_is_no_result_is_refused_by_name() -> None:
         castfem.sensitivities(bare(), "casting.speed", "heat_removd")
     with pytest.raises(InputError, match="--of newton: it tells of steps or cells, which are held"):
         castfem.sensitivities(bare(), "casting.speed", "newton")
+    judged = bare({"quality": {}})
+    with pytest.raises(InputError, match="--of centre_solid_fraction: crack indexes and soft red"):
+        castfem.sensitivities(judged, "casting.speed", "centre_solid_fraction")
 
 
 def test_runs_with_parts_that_are_not_differentiated_are_refused() -> None:

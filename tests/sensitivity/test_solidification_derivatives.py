@@ -16,7 +16,8 @@ import castfem
 from castfem.case.load import from_document
 from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
-from castfem.sensitivity.run import FollowedMechanics, follow
+from castfem.sensitivity.followed_steps import FollowedMechanics
+from castfem.sensitivity.run import follow
 from castfem.simulation.simulation import build
 from castfem.time_loop.loop import TimeLoop
 from castfem.verification import Neumann
