@@ -275,11 +275,11 @@ def _cost_coupled(quick: bool) -> list[dict[str, Any]]:
 
 
 def _whole(quick: bool) -> list[dict[str, Any]]:
-    """Processor time of a whole run of the billet, plain and with derivatives.
+    """Processor time of whole runs, plain and with derivatives.
 
-    As the command that a user gives, and as the function that a script calls, which draws nothing.
+    The billet in its mould as the command that a user gives, and as the function that a script
+    calls, which draws nothing; its temperatures as the function.
     """
-    counts = 0, 1, len(SIX_OF_MOULD)
     short = {"casting.length": "45 mm"} if quick else {}
     case = load(COUPLED).with_({"output.figures": False, **short})
     given = COUPLED, "-q", *(f"--set={key}={value}" for key, value in short.items())
@@ -289,16 +289,25 @@ def _whole(quick: bool) -> list[dict[str, Any]]:
         words = ("sensitivity", *given, *of, ",".join(SIX_OF_MOULD[:count]))
         return measure(ROOT, words if count else ("run", *given))["processor [s]"]
 
-    def called(count: int) -> float:
-        start = process_time()
-        if count:
-            sensitivities(case, to=SIX_OF_MOULD[:count], of=OF_MOULD)
-        else:
-            run(case)
-        return process_time() - start
+    def called(case: Case, to: tuple[str, ...], of: tuple[str, ...]) -> Callable[[int], float]:
+        def take(count: int) -> float:
+            start = process_time()
+            if count:
+                sensitivities(case, to=to[:count], of=of)
+            else:
+                run(case)
+            return process_time() - start
 
+        return take
+
+    ways = {
+        "command": command,
+        "Python": called(case, SIX_OF_MOULD, OF_MOULD),
+        "Python, temperatures alone": called(_case(quick), SIX, OF),
+    }
     rows: list[dict[str, Any]] = []
-    for way, take in {"command": command, "Python": called}.items():
+    counts = 0, 1, len(SIX)
+    for way, take in ways.items():
         turns = 1 if quick else TURNS_WHOLE + 1  # the first compiles
         times = np.array([[take(count) for count in counts] for _ in range(turns)]).min(axis=0)
         rows += [
