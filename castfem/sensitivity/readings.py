@@ -30,10 +30,12 @@ from castfem.values import units
 from castfem.values.same_place import EXACT
 
 _OF_STEPS = (
-    "step", "newton", "energy_error", "force_error", "solidus_cell",
+    "step", "newton", "newton_mechanics", "energy_error", "force_error", "solidus_cell",
     "colder_than_data", "hotter_than_data", "faster_than_data",
 )  # fmt: skip
 """Results that tell of steps, cells and points, which are held."""
+_OF_POINTS = ("contact_share", "contact_sticking", "mould_contact_least")
+"""Results that count points of the surface: a derivative holds what touches and what sticks."""
 _OF_TEMPERATURE = ("metallurgical_length", "liquid_end", "mould_mean_flux")
 """Results of the whole way that hang on the temperatures alone."""
 _USUAL = ("heat_removed", "shell", "surface_temperature")
@@ -52,33 +54,41 @@ def asked_quantities(simulation: Simulation, names: Sequence[str]) -> Asked:
         InputError: With all that the run has no such result of, a line each.
     """
     having: Asked = {}
-    judged: set[str] = set()
+    refused: dict[str, str] = {}
     for definition, probe in (*columns_of(simulation), *results_of(simulation)):
-        if "quality" in definition.needs:
-            judged.add(definition.named(probe))
-        if definition.name not in _OF_STEPS and "quality" not in definition.needs:
-            having[definition.named(probe)] = definition, probe
+        name, why = definition.named(probe), _refusal(definition)
+        if why:
+            refused[name] = why
+        else:
+            having[name] = definition, probe
     wanted = [part.strip() for name in names for part in name.split(",")]
     if not wanted:
         wanted = [name for name, (one, _) in having.items() if one.name in _USUAL]
     problems = []
     for name in wanted:
-        if name in having:
-            continue
-        if name in judged:
-            problems.append(
-                f"--of {name}: crack indexes and soft reduction are not differentiated; compare "
-                "runs (castfem sweep)"
-            )
-        elif any(name == own or name.startswith(f"{own}_") for own in _OF_STEPS):
-            problems.append(f"--of {name}: it tells of steps or cells, which are held")
-        else:
-            fault = fault_of(simulation.case, name)
+        if name not in having:
+            fault = refused.get(name) or fault_of(simulation.case, name)
             near = units.nearest(name, having)
             problems.append(f"--of {name}: {fault or f'is no result of this run{near}'}")
     if problems:
         raise InputError(problems)
     return {name: having[name] for name in dict.fromkeys(wanted)}
+
+
+def _refusal(definition: QuantityDefinition) -> str:
+    """Why a result is not differentiated; "" where it is."""
+    if definition.name in _OF_STEPS:
+        return "it tells of steps or cells, which are held"
+    if definition.name in _OF_POINTS:
+        return (
+            "it counts points of the surface; what touches and what sticks is held; compare runs "
+            "(castfem sweep)"
+        )
+    if "quality" in definition.needs:
+        return (
+            "crack indexes and soft reduction are not differentiated; compare runs (castfem sweep)"
+        )
+    return ""
 
 
 class Readings:

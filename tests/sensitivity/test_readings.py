@@ -239,6 +239,13 @@ def test_what_is_no_result_is_refused_by_name() -> None:
     judged = bare({"quality": {}})
     with pytest.raises(InputError, match="--of centre_solid_fraction: crack indexes and soft red"):
         castfem.sensitivities(judged, "casting.speed", "centre_solid_fraction")
+    with pytest.raises(InputError) as told:
+        castfem.sensitivities("billet125/taper_1", "mould.taper", "contact_share,newton_mechanics")
+    assert str(told.value).splitlines() == [
+        "--of contact_share: it counts points of the surface; what touches and what sticks is "
+        "held; compare runs (castfem sweep)",
+        "--of newton_mechanics: it tells of steps or cells, which are held",
+    ]
 
 
 def test_runs_with_parts_that_are_not_differentiated_are_refused() -> None:
