@@ -9,13 +9,17 @@ import numpy as np
 from castfem.support.compiled import compiled, outermost
 from castfem.values.types import Array
 
-WARMER = 1e-3  # K: to either side, in differences by temperature
-UNEVEN = 1e-3  # of a difference: how far its two halves may be apart
+WARMER = 1e-4  # K: to either side, in differences by temperature
+UNEVEN = 0.1  # of a difference: its halves are farther apart where there is a kink, not a bend
 
 
 @compiled
 def _slope(above, here, below, by):  # type: ignore[no-untyped-def]
-    """Derivative by both halves, or by the one that is less where they are not even."""
+    """Derivative by both halves, or by the one that is less where there is a kink between them.
+
+    One half alone is off by half the bend of the curve over the distance, so it is taken nowhere
+    else: the weight of a phase whose blend is narrow bends from 0 to all it has within kelvins.
+    """
     up, down = (above - here) / by, (here - below) / by
     if abs(up - down) <= UNEVEN * max(abs(up), abs(down)):
         return 0.5 * (up + down)

@@ -8,7 +8,7 @@ import pytest
 from castfem.materials.curve import ThermalCurve
 from castfem.sensitivity.alike import same_laws
 from castfem.sensitivity.curve_difference import CurveDifference
-from castfem.sensitivity.difference import slope, slope_by_temperature
+from castfem.sensitivity.difference import WARMER, slope, slope_by_temperature
 from castfem.thermal.boundary import Cooling, Patch
 from castfem.thermal.flux_laws import Contact, Convection, SurfaceLaw
 from castfem.values.types import Array
@@ -69,8 +69,21 @@ def test_a_slope_beside_a_jump_or_a_kink_is_that_of_the_side_that_changes_less()
     def bends(t: Array) -> Array:
         return np.where(t > 1000.0, 5.0, 2.0) * (t - 1000.0)
 
-    at = np.array([900.0, 1000.0, 1000.0 + 5e-4])
+    at = np.array([900.0, 1000.0, 1000.0 + 0.5 * WARMER])
     assert slope_by_temperature(jumps, at, jumps(at)) == pytest.approx([3.0, 3.0, 3.0], rel=1e-3)
     assert slope_by_temperature(bends, at, bends(at))[:2] == pytest.approx([2.0, 2.0])
     smooth = slope(np.array([1.0201]), np.array([1.0]), np.array([0.9801]), 0.01)
-    assert smooth == pytest.approx([1.99])  # halves that are apart: the less
+    assert smooth == pytest.approx([2.0])  # it bends, and has no kink there
+
+
+def test_what_bends_within_a_kelvin_has_its_slope_where_it_begins_to() -> None:
+    """As the weight of delta ferrite does, whose blend is narrow: that is no kink."""
+
+    def blended(t: Array) -> Array:
+        x = np.clip((t - 1700.0) / 3.0, 0.0, 1.0)
+        return x * x * (3.0 - 2.0 * x)
+
+    for x in (0.01, 0.1, 0.5, 0.99):
+        at = np.array([1700.0 + 3.0 * x])
+        (found,) = slope_by_temperature(blended, at, blended(at))
+        assert found == pytest.approx(2.0 * x * (1.0 - x), rel=1e-5), x

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -42,7 +43,16 @@ LAWS: dict[str, dict[str, Any]] = {
     "signed": {
         "law": "norton_hoff_kozlowski_signed", "elasticity": "elastic_steel", "ferrostatic": "full",
     },
+    "blended": {
+        "law": str(Path(__file__).with_name("blended_steel.toml")), "elasticity": "elastic_steel",
+        "ferrostatic": "full",
+    },
 }  # fmt: skip
+CARBON = {
+    "steel": {"name": "plain_carbon", "composition": {"C": 0.15}},
+    "casting": {"speed": "1 m/min", "length": "10 mm", "superheat": "5 K"},
+}  # fmt: skip
+"""A steel that is delta ferrite as it freezes, and turns to austenite while the run goes on."""
 
 
 @cache
@@ -51,6 +61,8 @@ def strip(law: str = "plastic") -> Case:
     document = castfem.load("verification/weiner_boley_coarse").with_(FREE).document()
     del document["verification"]
     document["mechanics"] |= LAWS[law]
+    if law == "blended":
+        document |= CARBON
     return from_document(document)
 
 
@@ -101,6 +113,7 @@ ASKED = {
     "plastic": ("steel.thermal_expansion", "law.yield_stress"),
     "viscoplastic": ("steel.conductivity",),
     "signed": ("law.strength",),
+    "blended": ("casting.superheat",),
 }
 
 
