@@ -10,7 +10,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Self
 
 import numpy as np
@@ -75,6 +75,15 @@ class RadialReturn:
             elasticity, **given.curves(cls.parameters), **given.numbers(cls.numbers),
             **given.words(cls.words),
         )  # fmt: skip
+
+    def given_curve(self, name: str) -> Curve | None:
+        """Return one of its `parameters`; None if it has none by that name over temperature."""
+        found = getattr(self, name, None) if name in self.parameters else None
+        return found if callable(found) else None
+
+    def with_curve(self, name: str, curve: Curve) -> Self:
+        """Return the law with another curve for one of its `parameters`, all others as given."""
+        return replace(self, **{name: curve})
 
     def flow_curve(self, temperature: float) -> FlowCurve | None:
         """Return the stress that flow at a constant rate follows at a temperature, K.
@@ -290,6 +299,19 @@ class NortonCreep(RadialReturn):
     def at_stress(cls, elasticity: Elasticity, stress: Curve, rate: Curve, exponent: Curve) -> Self:
         """The law that creeps at `rate` [1/s] under `stress` [Pa], each over temperature in K."""
         return cls(elasticity, _LnFactor(stress, rate, exponent), exponent)
+
+    def given_curve(self, name: str) -> Curve | None:
+        """See `RadialReturn.given_curve`; of rate and stress where the law was made by them."""
+        holder = self if name == "exponent" else self.ln_factor
+        found = getattr(holder, name, None) if name in self.parameters else None
+        return found if callable(found) else None
+
+    def with_curve(self, name: str, curve: Curve) -> Self:
+        """See `RadialReturn.with_curve`: by another exponent it creeps alike at its stress."""
+        if not isinstance(self.ln_factor, _LnFactor):
+            return replace(self, **{name: curve})
+        factor = replace(self.ln_factor, **{name: curve})
+        return replace(self, ln_factor=factor, exponent=factor.exponent)
 
     def own_columns(self, temperature: Array) -> list[Array]:
         """See `RadialReturn.own_columns`."""

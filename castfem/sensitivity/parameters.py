@@ -117,8 +117,8 @@ class Parameter:
         """The constitutive law with another value."""
         if not self.law:
             return law
-        changed: Any = law
-        return replace(changed, **{self.law: Multiplied(getattr(law, self.law), value / 100.0)})
+        given: Any = law
+        return given.with_curve(self.law, Multiplied(given.given_curve(self.law), value / 100.0))
 
     def steel_at(self, steel: Steel, value: float) -> Steel:
         """The steel with another value."""
@@ -266,7 +266,7 @@ def _of_law(case: Case, steel: Steel, name: str, entry: str) -> Parameter:
     from castfem.simulation.law import build_law
 
     law = build_law(case.mechanics, steel)
-    having = [n for n in law.parameters if callable(getattr(law, n, None))]
+    having = [n for n in law.parameters if law.given_curve(n) is not None]
     if entry not in having:
         near = units.nearest(entry, having)
         those = choices(having) or "no number that is given over temperature"
