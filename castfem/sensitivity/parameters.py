@@ -280,6 +280,8 @@ def _of_steel(steel: Steel, name: str, entry: str, *, strained: bool) -> Paramet
     if entry in scaled:
         if not steel.has(entry):
             raise ValueError(f"{steel.name} has none")
+        if entry == "specific_heat" and "enthalpy" in steel.properties:
+            raise ValueError(f"{steel.name} takes up its heat by its enthalpy; {_BY_CARBON}")
         return Parameter(name, "", 100.0, "percent", 0.0, entry)
     if entry not in ("solidus", "liquidus", "latent_heat"):
         allowed = (*scaled, "solidus", "liquidus", "latent_heat", "composition.C")
@@ -306,6 +308,8 @@ def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
     key, value = _found(document, key)
     if value is None and key.startswith("steel.composition."):
         value = steel.composition.get(key.rpartition(".")[2])
+        if value is not None:
+            _check_composition(case, steel, key, value, name)
     if isinstance(value, Mapping) and isinstance(value.get("value"), list):
         levels = value.get("unit") in LEVELS
         start, unit = (0.0, "K") if levels else (100.0, "percent")
@@ -319,6 +323,22 @@ def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
     except ValueError:
         raise ValueError(f'it is no number ("{value}")') from None
     return Parameter(name, key, float(number), unit, 0.0)
+
+
+def _check_composition(case: Case, steel: Steel, key: str, value: float, name: str) -> None:
+    """Refuse an element that the case leaves out, of a steel that is not computed from it.
+
+    Raises:
+        ValueError: With a composition the case would have another steel.
+    """
+    from castfem.simulation.simulation import case_steel
+
+    other = case_steel(changed(case, {key: value}, name))
+    if (other.name, other.solidus, other.liquidus) != (steel.name, steel.solidus, steel.liquidus):
+        raise ValueError(
+            f"{steel.name} is not computed from its composition; name steel.solidus, "
+            "steel.liquidus or steel.latent_heat"
+        )
 
 
 def _found(document: Mapping[str, Any], key: str) -> tuple[str, Any]:

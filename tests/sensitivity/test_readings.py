@@ -187,6 +187,7 @@ WRONG = [
     ("cooling.3.coefficient", "'3' is no entry of cooling; give an index from 0 to 0"),
     ("steel.conductance", "no number of a steel; .* did you mean conductivity"),
     ("steel.youngs_modulus", "no number of a steel"),
+    ("steel.composition.C", "carbon_042 is not computed from its composition; name steel.solidus"),
     ("casting.speed=1 kg", "'kg' is the unit of a mass, a speed is needed"),
     ("casting.speed=-1 m/min", "by how much it may differ must be above 0"),
     ("casting.speed,casting.speed", "it is named twice"),
@@ -224,6 +225,8 @@ def test_steels_without_a_number_and_numbers_without_a_size_are_refused() -> Non
         InputError, match=r"solid fraction of plain_carbon; name steel.composition.C"
     ):
         read_parameters(mixed, case_steel(mixed), ["steel.solidus"])
+    with pytest.raises(InputError, match=r"takes up its heat by its enthalpy; name steel.comp"):
+        read_parameters(mixed, case_steel(mixed), ["steel.specific_heat"])
     (carbon,) = read_parameters(mixed, case_steel(mixed), ["steel.composition.C=0.01"])
     assert (carbon.value, carbon.unit, carbon.spread) == (0.1, "", 0.01)
     billet = castfem.load("billet125/thermal")
