@@ -6,10 +6,14 @@ import os
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from mpi4py import MPI
 
+import psutil
 import pytest
 
 _LAUNCHER = ("OMPI_", "PMIX_", "PMI_", "PRTE_")
@@ -33,6 +37,38 @@ def python_on(
         folder: Where it runs.
         timeout: After which the test has failed, s.
     """
+    command, environment = _start(ranks, words)
+    return subprocess.run(
+        command,
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
+
+
+def killed_on(
+    ranks: int, *words: str, folder: Path, when: Callable[[], bool], timeout: float = 300.0
+) -> None:
+    """Run Python on so many ranks, and kill all of them as soon as something is so."""
+    command, environment = _start(ranks, words)
+    with subprocess.Popen(
+        command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as launcher:
+        end = time.monotonic() + timeout
+        while not when() and launcher.poll() is None and time.monotonic() < end:
+            time.sleep(0.02)
+        assert launcher.poll() is None, "it ended before it could be killed"
+        every = [launcher, *psutil.Process(launcher.pid).children(recursive=True)]
+        for process in every:
+            with suppress(psutil.NoSuchProcess):
+                process.kill()
+
+
+def _start(ranks: int, words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Command line and environment."""
     # What the launcher of this process has left would be taken for the new one's.
     clean = {
         key: value
@@ -40,12 +76,4 @@ def python_on(
         if key in _KEPT or not key.startswith(_LAUNCHER)
     }
     launcher = ["mpirun", "--oversubscribe", "-n", str(ranks)] if ranks > 1 else []
-    return subprocess.run(
-        [*launcher, sys.executable, *words],
-        cwd=folder,
-        env=clean | _ROOT,
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-        check=False,
-    )
+    return [*launcher, sys.executable, *words], clean | _ROOT

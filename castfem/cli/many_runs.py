@@ -149,13 +149,14 @@ def run_all(
         view.stop()
 
 
-def evaluator(case: Case, folder: Path, processes: int | None) -> Evaluator:
+def evaluator(case: Case, folder: Path, processes: int | None, ranks: int = 1) -> Evaluator:
     """Return what does runs for a search: ranks under a launcher, else processes.
 
     Args:
         case: The case.
         folder: Where the runs go.
         processes: How many at once without a launcher; None for one a core, 0 in this process.
+        ranks: Of each run, under a launcher.
 
     Raises:
         InputError: The folder is none, or holds something else.
@@ -165,7 +166,8 @@ def evaluator(case: Case, folder: Path, processes: int | None) -> Evaluator:
     check_folder(folder)
     comm = parallel.communicator()
     at_once = cores() if processes is None else processes
-    return Evaluator(case, folder, processes=0 if comm is not None else at_once, comm=comm)
+    at_once = 0 if comm is not None else at_once
+    return Evaluator(case, folder, processes=at_once, comm=comm, ranks=ranks)
 
 
 def check_folder(folder: Path) -> None:
@@ -180,16 +182,26 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: holds a single run; choose another with -o")
 
 
-def check_processes(processes: int | None, ranks: bool) -> None:
-    """Refuse a number of processes that cannot be.
+def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> None:
+    """Refuse a number of processes that cannot be, or of ranks.
+
+    Args:
+        processes: How many at once, None where that is not given.
+        ranks: Whether a launcher has started several.
+        of_each: How many of them each run is to have.
 
     Raises:
-        InputError: There are none, or the ranks of a launcher do the work.
+        InputError: There are none, or the ranks of a launcher do the work, or they cannot be
+            parted so.
     """
     if ranks and processes is not None:
         raise InputError("-j is for one machine; under mpirun the ranks do the work")
     if processes is not None and processes < 1:
         raise InputError(f"-j {processes}: at least one process is needed")
+    if of_each != 1:
+        from castfem.sweep.groups import check
+
+        check(of_each, parallel.launched()[1])
 
 
 def cores() -> int:

@@ -40,6 +40,7 @@ class Options:
         figures: Draw the answer.
         quiet: Print nothing but errors.
         units: Those of --units.
+        ranks: Of each run, under mpirun.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Options:
     figures: bool
     quiet: bool
     units: tuple[str, ...] = ()
+    ranks: int = 1
 
 
 class Teller:
@@ -107,12 +109,12 @@ def _prepared(options: Options, ranks: bool) -> tuple[Study, Path]:
     Raises:
         InputError: As `optimise_case`.
     """
-    many_runs.check_processes(options.processes, ranks)
+    many_runs.check_processes(options.processes, ranks, options.ranks)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
     alone = shipped_cases.default_folder(options.name, path)
     target = options.folder or alone.with_name(f"{alone.name}_optimise")
-    evaluator = many_runs.evaluator(case, target, options.processes)
+    evaluator = many_runs.evaluator(case, target, options.processes, options.ranks)
     return Study(case, evaluator=evaluator, origin=str(path)), target
 
 

@@ -150,6 +150,9 @@ def optimise(
     jobs: Annotated[
         int | None, typer.Option("-j", help="How many runs at once; by default one a core.")
     ] = None,
+    ranks: Annotated[
+        int, typer.Option(metavar="K", help="Under mpirun: run each case on K ranks.")
+    ] = 1,
     figures: Annotated[bool, typer.Option(help="Draw the answer.")] = True,
     units: Units = None,
     quiet: Quiet = False,
@@ -158,7 +161,9 @@ def optimise(
     from castfem.cli.optimising import Options, optimise_case
 
     words = sound_units(units)
-    status = optimise_case(Options(case, output, tuple(set_ or ()), jobs, figures, quiet, words))
+    status = optimise_case(
+        Options(case, output, tuple(set_ or ()), jobs, figures, quiet, words, ranks)
+    )
     if status:
         raise typer.Exit(status)
 

@@ -143,11 +143,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     Raises:
         InputError: As `sweep_case`.
     """
-    many_runs.check_processes(options.processes, ranks)
-    if options.ranks != 1:
-        from castfem.sweep.groups import check
-
-        check(options.ranks, parallel.launched()[1])
+    many_runs.check_processes(options.processes, ranks, options.ranks)
     everything, target = _planned(options)
     share = Share.read(options.part) if options.part else Share(1, 1)
     variants = tuple(share.of(everything))

@@ -12,10 +12,10 @@ front       two results weighed;  spread, inputs  what is not known exactly
 study       ask, tell, result;  optimum  the answer, made by `verdict`
 """
 
-from castfem.design.evaluator import Evaluator
+from castfem.design.evaluator import Evaluator, serve
 from castfem.design.optimum import Optimum
 from castfem.design.question import Wanted
 from castfem.design.store import Evaluation
 from castfem.design.study import Study
 
-__all__ = ["Evaluation", "Evaluator", "Optimum", "Study", "Wanted"]
+__all__ = ["Evaluation", "Evaluator", "Optimum", "Study", "Wanted", "serve"]

@@ -16,6 +16,8 @@ from castfem.errors import InputError, RunFailure
 from castfem.support.atomic_files import folder_refused
 from castfem.support.closing import Closing
 from castfem.support.messages import shown
+from castfem.sweep.groups import Groups
+from castfem.sweep.groups import check as check_groups
 from castfem.sweep.local import Team
 from castfem.sweep.work import Job, Outcome, work
 
@@ -54,7 +56,9 @@ class Evaluator(Closing):
         folder: Where the runs go.
         processes: How many runs at once, each in a process of its own, for which a script needs
             `if __name__ == "__main__":`; 0: in this process, one after the other.
-        comm: Ranks that do the runs instead, the others within `serve`.
+        comm: Ranks that do the runs instead, the others within `serve`: each run is on one of
+            them, or with `ranks` on a group of so many, which is worth while for large sections.
+        ranks: Of each run; they divide those of `comm`.
 
     Attributes:
         case: The case that is changed.
@@ -62,7 +66,7 @@ class Evaluator(Closing):
         runs: How many were done by this object.
 
     Raises:
-        InputError: The folder holds something else.
+        InputError: The folder holds something else, or the ranks cannot be parted so.
     """
 
     def __init__(
@@ -72,10 +76,14 @@ class Evaluator(Closing):
         *,
         processes: int = 0,
         comm: MPI.Intracomm | None = None,
+        ranks: int = 1,
     ) -> None:
+        check_groups(ranks, 1 if comm is None else comm.size, "ranks=")
         self.case, self.store, self.runs = lean(case), Store(Path(folder)), 0
         self._processes, self._comm = processes, comm
+        self._ranks = ranks
         self._team: Team | None = None
+        self._groups: Groups | None = None
 
     def __call__(
         self, changes: Mapping[str, Any] | None = None, fidelity: str = DEFAULT
@@ -166,10 +174,15 @@ class Evaluator(Closing):
 
     def _do(self, jobs: list[Job], ended: Any, watcher: Watcher | None) -> None:
         begun, tick = (watcher.begun, watcher.tick) if watcher else (_nothing, _nothing)
-        if self._comm is not None:
+        if self._comm is not None and self._ranks > 1:
+            self._comm.bcast(self._ranks)
+            if self._groups is None:
+                self._groups = Groups(self._comm, self._ranks)
+            self._groups.run_for_first(jobs, begun, ended)
+        elif self._comm is not None:
             from castfem.sweep.ranks import run_on_ranks
 
-            self._comm.bcast(True)
+            self._comm.bcast(1)
             run_on_ranks(self._comm, jobs, begun, ended, tick)
         elif self._processes:
             if self._team is None:
@@ -185,16 +198,30 @@ class Evaluator(Closing):
         if self._team is not None:
             self._team.close()
         if self._comm is not None:
-            self._comm.bcast(False)
-        self._team = self._comm = None
+            self._comm.bcast(0)
+        if self._groups is not None:
+            self._groups.close()
+        self._team = self._comm = self._groups = None
 
 
 def serve(comm: MPI.Intracomm) -> None:
-    """Do runs for the evaluator on rank 0 until it is closed (on every other rank)."""
+    """Do runs for the evaluator on rank 0 until it is closed (on every other rank).
+
+    Args:
+        comm: That of the evaluator, which knows how many ranks a run has.
+    """
     from castfem.sweep.ranks import run_on_ranks
 
-    while comm.bcast(None):
-        run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+    groups: Groups | None = None
+    while ranks := comm.bcast(0):
+        if ranks == 1:
+            run_on_ranks(comm, (), _nothing, _nothing, _nothing)
+            continue
+        if groups is None:
+            groups = Groups(comm, ranks)
+        groups.run_for_first()
+    if groups is not None:
+        groups.close()
 
 
 def variant(

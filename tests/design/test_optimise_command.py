@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
 import sys
 
 import pytest
-from ranks import needs_mpirun, python_on
+from ranks import killed_on, needs_mpirun, python_on
 from small_case import SMALL
 
 from castfem.api import load
@@ -98,6 +99,48 @@ def test_over_ranks(case):
     assert wrong.stderr.count('("von_mises_max") is none of this case, for it has no [mech') == 1
 
 
+@needs_mpirun
+def test_on_groups_of_ranks(case):
+    """Killed in the middle it goes on, and its answer is that of one process."""
+    words = ("-m", "castfem.cli", "optimise", "small", "--no-figures")
+    tight = ("--set", 'optimise.constraints=["heat_removed <= 0.12 MJ/m"]')
+    assert python_on(1, *words, *tight, "-j", "1", "-o", "alone", folder=case).returncode == 0
+    in_groups = (*words, *tight, "--ranks", "2", "-o", "out")
+
+    def half_way() -> bool:
+        return len(list((case / "out").glob("*/summary.json"))) >= 12
+
+    killed_on(2, *in_groups, folder=case, when=half_way)
+    assert not (case / "out" / "optimum.json").exists()
+    done = python_on(2, *in_groups, folder=case)
+    assert done.returncode == 0, done.stderr
+    assert "run 1, " in done.stderr and "run 10, " not in done.stderr
+    alone, out = (
+        json.loads((case / name / "optimum.json").read_text()) for name in ("alone", "out")
+    )
+    assert alone["status"] == out["status"] == "found"
+    assert alone["runs"] == out["runs"]
+    for key in ("value", "low", "high", "checked"):
+        assert out["values"][0][key] == pytest.approx(alone["values"][0][key], rel=1e-4), key
+    assert out["objective"]["value"] == pytest.approx(alone["objective"]["value"], rel=1e-9)
+    records = [json.loads(path.read_text()) for path in (case / "out").glob("*/run.json")]
+    assert {record["ranks"] for record in records} == {2}
+
+
+@needs_mpirun
+def test_ranks_that_cannot_be(case):
+    words = ("-m", "castfem.cli", "optimise", "small", "-o", "out")
+    for count, more, message in (
+        (3, ("--ranks", "2"), "castfem: --ranks 2: 3 ranks cannot be parted so; start it with"),
+        (2, ("--ranks", "2", "-j", "2"), "castfem: -j is for one machine"),
+        (1, ("--ranks", "2"), "castfem: --ranks 2: 1 rank cannot be parted so"),
+    ):
+        refused = python_on(count, *words, *more, folder=case)
+        assert refused.returncode == 1
+        assert refused.stderr.count(message) == 1
+        assert not (case / "out").exists()
+
+
 def test_table_of_the_mould():
     case = load("billet125/taper_1").with_(
         {"mould.taper": [{"to": "125 mm", "taper": "2 %/m"}, {"taper": "0.5 %/m"}]}
@@ -116,8 +159,6 @@ def test_table_of_the_mould():
 
 def test_a_plain_run_imports_nothing_of_it(case):
     """Nor, of the temperature alone, scipy.sparse: it doubled the imports of a run."""
-    import subprocess
-
     script = (
         "import sys, castfem\ncastfem.run(castfem.load('small')).close()\n"
         "print([n for n in sys.modules if n.startswith(('castfem.design', 'scipy.sparse'))])"
