@@ -6,7 +6,7 @@ Equation numbers are those of [Pascon2003] (docs/references.md).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -21,13 +21,15 @@ from castfem.case import Case
 from castfem.case.load import from_document
 from castfem.cli.sensitivity import remarks
 from castfem.errors import InputError
+from castfem.materials import Steel
 from castfem.results.registry import columns_of
 from castfem.results.run_state import RunState
 from castfem.sensitivity import mechanical
-from castfem.sensitivity.parameters import read_parameters
+from castfem.sensitivity.parameters import Parameter, read_parameters
 from castfem.sensitivity.restart import CoupledCheckpoint
 from castfem.sensitivity.result import Sensitivity
 from castfem.sensitivity.run import follow
+from castfem.simulation import simulation as building
 from castfem.simulation.simulation import build, case_steel
 from castfem.time_loop.loop import TimeLoop
 
@@ -238,6 +240,28 @@ def test_a_steel_whose_density_changes_keeps_its_mass_in_its_derivatives() -> No
         for result in asked:
             known = (ends[0][result] - ends[1][result]) / (2.0 * by)
             assert slopes[result][name] == pytest.approx(known, rel=3e-3), (name, result)
+
+
+def test_a_steel_computed_from_its_composition_has_the_differences_of_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By a hundred-thousandth: farther apart points freeze and touch that did not."""
+    case = billet().with_({"steel.name": "plain_carbon", "steel.composition": {"C": 0.2}})
+    names, asked = ["steel.density", "steel.composition.C", "steel.thermal_expansion"], READ[:3]
+    slopes = castfem.sensitivities(case, ",".join(names), ",".join(asked)).gradient
+    for one in read_parameters(case, case_steel(case), names):
+        ends = []
+        for value in (one.value * (1.0 + 1e-5), one.value * (1.0 - 1e-5)):
+            with monkeypatch.context() as patch:
+                patch.setattr(building, "case_steel", partial(_steel_at, one, value))
+                ends.append(results(one.case_at(case, value), asked)[1])
+        for result in asked:
+            known = (ends[0][result] - ends[1][result]) / (2e-5 * one.value)
+            assert slopes[result][one.name] == pytest.approx(known, rel=5e-6), (one.name, result)
+
+
+def _steel_at(parameter: Parameter, value: float, case: Case) -> Steel:
+    return parameter.steel_at(case_steel(case), value)
 
 
 def test_a_gap_by_the_speed_is_read_where_the_strand_is() -> None:
