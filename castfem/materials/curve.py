@@ -53,6 +53,9 @@ class ThermalCurve:
         datum: Temperature at which H and theta are zero, K; near the casting temperature what a
             short step changes is then not lost in the rounding of a large number.
 
+    Attributes:
+        divided: Into how many knots heat capacity and conductivity are divided, each by itself.
+
     Raises:
         ValueError: If a heat capacity or conductivity is not positive or a jump is negative.
     """
@@ -66,6 +69,7 @@ class ThermalCurve:
         t_c, c_left, c_right, latent, jump = (np.asarray(a, float) for a in capacity_knots)
         t_k, k_left, k_right = (np.asarray(a, float) for a in conductivity_knots)
         lower, upper = max(t_c[0], t_k[0]), min(t_c[-1], t_k[-1])
+        self.divided = len(t_c), len(t_k)
         knots = np.union1d(t_c, t_k)
         knots = knots[(knots >= lower) & (knots <= upper)]
         cl, cr = _resample(knots, t_c, c_left, c_right)

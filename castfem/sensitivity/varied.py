@@ -140,10 +140,9 @@ def vary(simulation: Simulation, parameter: Parameter) -> Variation:
         step = finer * parameter.step
         tried = replace(parameter, step=step)
         below, above = (_varied(simulation, tried, sign * step) for sign in (-1.0, 1.0))
-        knots = [len(end.simulation.problem.curve.knots) for end in (below, above)]
-        if knots[0] == knots[1]:
+        curves = [end.simulation.problem.curve for end in (above, below)]
+        if curves[0].divided == curves[1].divided:
             _check_effect(tried, below, above)
-            curves = [end.simulation.problem.curve for end in (above, below)]
             alike = below.same_curve and above.same_curve
             return Variation(tried, below, above, None if alike else CurveDifference(*curves))
     raise InputError(

@@ -106,6 +106,12 @@ def test_sprays_radiation_tables_and_the_places_of_zones() -> None:
     check(SPRAYED, BELOW)
 
 
+def test_a_steel_whose_solidus_follows_from_its_carbon_until_it_is_named() -> None:
+    """On one side the conductivity bends where the heat capacity does, on the other beside it."""
+    steel = {"steel.name": "plain_carbon_linear", "steel.composition": {"C": 0.25}}
+    check({**steel, "casting.length": "40 mm"}, ("steel.solidus", "steel.liquidus"))
+
+
 def test_given_temperatures_by_backward_euler() -> None:
     run = check(HELD, ("cooling.mould.value", "steel.conductivity", "casting.speed"))
     assert {stages for _, stages in run.ends} == {1}
