@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -83,7 +83,8 @@ class RadialReturn:
 
     def with_curve(self, name: str, curve: Curve) -> Self:
         """Return the law with another curve for one of its `parameters`, all others as given."""
-        return replace(self, **{name: curve})
+        changed: dict[str, Any] = {name: curve}
+        return replace(self, **changed)
 
     def flow_curve(self, temperature: float) -> FlowCurve | None:
         """Return the stress that flow at a constant rate follows at a temperature, K.
@@ -308,9 +309,10 @@ class NortonCreep(RadialReturn):
 
     def with_curve(self, name: str, curve: Curve) -> Self:
         """See `RadialReturn.with_curve`: by another exponent it creeps alike at its stress."""
+        changed: dict[str, Any] = {name: curve}
         if not isinstance(self.ln_factor, _LnFactor):
-            return replace(self, **{name: curve})
-        factor = replace(self.ln_factor, **{name: curve})
+            return replace(self, **changed)
+        factor = replace(self.ln_factor, **changed)
         return replace(self, ln_factor=factor, exponent=factor.exponent)
 
     def own_columns(self, temperature: Array) -> list[Array]:
