@@ -9,6 +9,7 @@ search      COBYQA behind the runs that are there;  vicinity  what lies round an
 binding     which constraints hold it;  checked  where it is by the level of the check
 numerical   its numerical error, by the other levels of fidelity
 front       two results weighed;  spread, inputs  what is not known exactly
+beyond      whether a wider range may meet what cannot be met
 study       ask, tell, result;  optimum  the answer, made by `verdict`
 """
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from castfem.design.beyond import promising_ends
 from castfem.design.chosen_units import (
     difference_in,
     difference_scale,
@@ -110,9 +111,8 @@ def _front(front: Front) -> Iterator[Table | str]:
 
 
 def _state(optimum: Optimum) -> str:
-    ends = [f"{v.key} at the {v.at_end} of its range" for v in optimum.values
-            if v.at_end in ("lowest", "highest")]  # fmt: skip
     if optimum.status == "found":
+        ends = _ends(v for v in optimum.values if v.at_end in ("lowest", "highest"))
         held = ", ".join(kept.text + ("" if kept.near else AFAR) for kept in optimum.binding)
         ends += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
         by = "; ".join(part for part in (held, *ends) if part)
@@ -123,8 +123,13 @@ def _state(optimum: Optimum) -> str:
         return "no run meets all constraints"
     short = difference_in(worst.known, -worst.left)
     missed = f"{short:.3g} {_difference_unit(worst.known)}".rstrip()
+    ends = _ends(promising_ends(optimum))
     wider = f", with {' and '.join(ends)}: a wider one may meet them" if ends else ""
     return f"the constraints cannot be met; nearest, {worst.text} is missed by {missed}{wider}"
+
+
+def _ends(values: Iterable[Value]) -> list[str]:
+    return [f"{v.key} at the {v.at_end} of its range" for v in values]
 
 
 def _values(optimum: Optimum, other: tuple[float, ...] = ()) -> str:
