@@ -8,6 +8,7 @@ ideal_taper where a search for tapers begins
 search      COBYQA behind the runs that are there;  vicinity  what lies round an optimum
 binding     which constraints hold it;  checked  where it is by the level of the check
 numerical   its numerical error, by the other levels of fidelity
+unknown     what of its error was not checked
 front       two results weighed;  spread, inputs  what is not known exactly
 beyond      whether a wider range may meet what cannot be met
 study       ask, tell, result;  optimum  the answer, made by `verdict`

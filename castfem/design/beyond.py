@@ -15,8 +15,8 @@ def promising_ends(optimum: Optimum) -> tuple[Value, ...]:
     """The variables at an end of their range beyond which all that is missed may be met.
 
     Towards such an end something that is missed falls, by more than noise, and nothing that is
-    missed grows; and each constraint that is missed falls towards one of them. A variable may lie at
-    an end and change nothing of what is missed: more of it does not help.
+    missed grows; and each constraint that is missed falls towards one of them. A variable may lie
+    at an end and change nothing of what is missed: more of it does not help.
     """
     missed = [(number, kept) for number, kept in enumerate(optimum.constraints) if not kept.met]
     falls = {

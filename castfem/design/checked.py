@@ -33,11 +33,16 @@ class Checked:
         wanted: Its run by that level.
         vector: What it has given: cost and margins (1 + m,), SI.
         missed: Whether a constraint is missed there still, by more than scatter.
+        further: Which way it would have gone on, by variable -1, 0 or 1; empty where it is done, or
+            the range ends.
+        why: It did not.
     """
 
     wanted: Wanted
     vector: Array
     missed: bool = False
+    further: tuple[float, ...] = ()
+    why: str = ""
 
 
 def best_by(
@@ -79,8 +84,12 @@ def best_by(
         return None
     rises = model.weights[1 : 1 + len(model.centre), 1:] / model.step[:, None]
     allowed = scatter[1:] + radius * np.linalg.norm(rises, axis=0)
-    runs += _onward(runs[-1], outputs, rises, radius, allowed, binds)
-    return _best(runs, scatter[0], allowed)
+    more, target, why = _onward(runs[-1], outputs, rises, radius, allowed, binds)
+    found = _best([*runs, *more], scatter[0], allowed)
+    if target is None:
+        return found
+    way = np.sign(question.shares(target) - question.shares(found.wanted))
+    return replace(found, further=tuple(float(step) for step in way), why=why)
 
 
 def _least(checked: Checked, allowed: Array) -> float:
@@ -117,8 +126,8 @@ def _onward(
     radius: float,
     allowed: Array,
     binds: Sequence[bool],
-) -> list[Checked]:
-    """Go on until all margins are met, and what binds is just met; return the runs on the way.
+) -> tuple[list[Checked], Wanted | None, str]:
+    """Go on until all margins are met, and what binds is just met.
 
     Args:
         found: Where to begin.
@@ -127,10 +136,13 @@ def _onward(
         radius: Share of the ranges by which a place may be off.
         allowed: What of each margin may be missed (m,), SI.
         binds: Which constraints keep the objective from being better.
+
+    Returns:
+        The runs on the way; if it did not come to its end, the run that it needed, and why not.
     """
     question, before = outputs.question, None
     runs: list[Checked] = []
-    for _ in range(_ONWARD):
+    while True:
         here, margins = question.shares(found.wanted), found.vector[1:]
         number = _to_move(margins, allowed, binds)
         if number is None:
@@ -149,10 +161,12 @@ def _onward(
         if np.max(np.abs(there - here)) <= 0.1 * radius:
             break  # the end of a range
         tried = replace(question.at(there), fidelity=found.wanted.fidelity)
+        if len(runs) == _ONWARD:
+            return runs, tried, f"{_ONWARD} runs towards it were not enough"
         outputs.fetch([tried])
         vector = outputs.vector_or_nan(tried)
         if np.isnan(vector).any():
-            break
+            return runs, tried, "a run towards it fails"
         before, found = found, Checked(tried, vector)
         runs.append(found)
-    return runs
+    return runs, None, ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -130,7 +131,8 @@ def _constraint(axes: Axes, optimum: Optimum, value: Value, kept: Kept, number: 
     ]
     _curve(axes, optimum, value, difference_in(known, kept.left), there)
     error = difference_in(known, kept.error)
-    axes.axhspan(
-        -error, error, color="#d55e00", alpha=0.15, lw=0, label="error of what is left, about 0"
-    )
+    if math.isfinite(error):
+        axes.axhspan(
+            -error, error, color="#d55e00", alpha=0.15, lw=0, label="error of what is left, about 0"
+        )
     axes.axhline(0.0, color="#d55e00", lw=0.9)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from castfem.accuracy.estimate import convergence_index
 from castfem.accuracy.levels import LEVELS
-from castfem.values.types import Array
+from castfem.values.types import Array, Flags
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,17 +24,20 @@ class Tilt:
     Attributes:
         centre: The optimum (n,), shares of the ranges.
         slope: Of the cost along each variable (n,), SI over the range.
+        unknown: Along which variables (n,) no run has come through; the slope is 0 there.
     """
 
     centre: Array
     slope: Array
+    unknown: Flags
 
     @classmethod
     def fit(cls, centre: Array, shares: Array, change: Array) -> Tilt:
         """Fit changes (r,) at some places (r, n); those that are NaN do not count."""
         there = np.isfinite(change)
         columns = np.column_stack([np.ones(np.count_nonzero(there)), shares[there] - centre])
-        return cls(centre, np.linalg.lstsq(columns, change[there], rcond=1e-8)[0][1:])
+        slope = np.linalg.lstsq(columns, change[there], rcond=1e-8)[0][1:]
+        return cls(centre, slope, ~np.any(columns[:, 1:] != 0.0, axis=0))
 
     def __call__(self, shares: Array) -> Array:
         """The change (r,) at some places (r, n), less that at the optimum."""
@@ -55,6 +58,8 @@ class Numerical:
         tilt: How the cost by the next better level, less that of the search, changes near the
             optimum; None where bounds hold all variables, or runs have failed.
         most: By what it may have to be multiplied to be the numerical error.
+        untilted: Along which variables (n,) that is needed and not known, for runs have failed;
+            empty where it is not needed.
     """
 
     through: frozenset[str]
@@ -65,6 +70,12 @@ class Numerical:
     better: bool
     tilt: Tilt | None = None
     most: float = 0.0
+    untilted: Flags = field(default_factory=lambda: np.zeros(0, dtype=bool))
+
+    @property
+    def known(self) -> bool:
+        """Whether another level has come through."""
+        return len(self.through) > 1
 
     def tilted(self, places: Array, share: float) -> Array:
         """Return a share of what the cost changes by at some places (r, n) near the optimum (r,).
@@ -80,7 +91,7 @@ class Numerical:
         other = next_of(fidelity)
         most = error({fidelity: 0.0, other: 1.0}, fidelity)
         finer = LEVELS[other].cells < LEVELS[fidelity].cells
-        return replace(self, tilt=tilt, most=most if finer else -most)
+        return replace(self, tilt=tilt, most=most if finer else -most, untilted=tilt.unknown)
 
     @classmethod
     def of(cls, fidelity: str, vectors: Mapping[str, Array]) -> Numerical:

@@ -103,6 +103,7 @@ class Known:
         numerical: Its numerical error, by all levels of fidelity; NaN where only that of the search
             came through.
         twin: Of a smooth one the maximum that it stands for, and that at the best run; else None.
+        measured: Whether its noise was; it stands as 0 otherwise.
     """
 
     name: str
@@ -112,6 +113,7 @@ class Known:
     noise: float
     numerical: float
     twin: tuple[str, float] | None = None
+    measured: bool = True
 
     def shown(self, value: float) -> float:
         """A value in the unit in which it is shown."""
@@ -132,7 +134,7 @@ class Kept:
         bound: In SI.
         left: How far it is on the right side, SI.
         checked: The same by the level of the check; NaN where that failed.
-        error: Of that: noise and numerical error.
+        error: Of that: noise and numerical error; NaN where the latter is not known.
         met: Whether it holds.
         binding: Whether it keeps the objective from being better.
         near: Whether it does so here: its bound is at the optimum, as far as can be told.
@@ -207,6 +209,7 @@ class Optimum:
             too many of its runs have failed.
         front: Of the objective and what it is weighed against; None where that was not asked for.
         by_check: Results of the run with the values `checked`; None where there are none.
+        unknown: What of its error was not checked, a clause each: intervals are open for it.
     """
 
     title: str
@@ -227,6 +230,7 @@ class Optimum:
     front: Front | None = None
     spread: Spreading | None = None
     by_check: ByCheck | None = None
+    unknown: tuple[str, ...] = ()
 
     @property
     def binding(self) -> tuple[Kept, ...]:
@@ -276,6 +280,7 @@ class Optimum:
             "spent": self.spent,
             "seconds": self.seconds,
             "best": self.best,
+            "unknown": list(self.unknown),
             **self._by_check(),
             **({} if self.spread is None else {"spread": asdict(self.spread)}),
             **({} if self.front is None else {"front": self.front.to_json()}),
@@ -311,7 +316,7 @@ def _known(known: Known) -> dict[str, Any]:
         "label": known.label,
         "unit": known.shown_unit,
         "value": known.shown(known.value),
-        "noise": known.shown_difference(known.noise),
+        "noise": known.shown_difference(known.noise) if known.measured else None,
         "numerical": known.shown_difference(known.numerical),
         **({} if known.twin is None else {known.twin[0]: known.shown(known.twin[1])}),
     }

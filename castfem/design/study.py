@@ -315,8 +315,10 @@ class Study:
         shares, last = self.question.shares(best), AT_END * search.radius
         held = sum(self._binding(search, best, model, found).near)
         held += int(np.count_nonzero((shares <= last) | (shares >= 1.0 - last)))
-        if held >= len(shares) or next_of(best.fidelity) not in found.through:
+        if held >= len(shares):
             return found
+        if next_of(best.fidelity) not in found.through:
+            return replace(found, untilted=np.ones(len(shares), dtype=bool))
         return found.with_tilt(best.fidelity, self._tilt(search.outputs, best, model.step))
 
     def _checked(

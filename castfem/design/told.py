@@ -19,6 +19,7 @@ from castfem.design.chosen_units import (
     value_in,
 )
 from castfem.design.front import Front
+from castfem.design.numerical import checks_of
 from castfem.design.optimum import Kept, Known, Optimum, Spreading, Value
 from castfem.report.numbers import shown
 from castfem.values.shown_units import label_shown
@@ -196,6 +197,8 @@ def _word(kept: Kept) -> str:
         return "not met"
     if kept.binding:
         return "binds" if kept.near else "bars better places"
+    if math.isnan(kept.error):
+        return "met, error not known"
     return "" if kept.left >= kept.error else "met, within its error"
 
 
@@ -204,7 +207,8 @@ def _shown(known: Known) -> str:
 
 
 def _errors(known: Known) -> tuple[str, str]:
-    return _number(known, known.noise), _number(known, known.numerical)
+    noise = _number(known, known.noise) if known.measured else "?"
+    return noise, _number(known, known.numerical)
 
 
 def _steps(optimum: Optimum) -> Table:
@@ -249,11 +253,16 @@ def _remarks(optimum: Optimum) -> Iterator[str]:
     runs = optimum.runs
     failed = f", {runs['failed']} of them failed" if runs["failed"] else ""
     checked = f"checked by {optimum.checked}" if optimum.checked else "the check of it failed"
+    finest = checks_of(optimum.fidelity)[0]
+    if optimum.checked not in ("", finest):
+        checked += f" (the best run fails by {finest})"
     yield (
         f"{runs['search']} runs ({optimum.fidelity}{failed}), {runs['all']} in all; {checked}; "
         f"{optimum.seconds:.0f} s of runs; best run: {optimum.best or 'told by others'}"
     )
     yield from _by_check(optimum)
+    for why in optimum.unknown:
+        yield f"the interval is open, for {why}"
     if optimum.spent:
         yield "the search has had its runs before it was done: raise optimise.most_runs"
     if optimum.elsewhere:

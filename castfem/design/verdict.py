@@ -31,6 +31,7 @@ from castfem.design.question import Axis, Question, Wanted
 from castfem.design.search import AT_END, ROUNDING, Search
 from castfem.design.spread import Spread
 from castfem.design.store import Evaluation
+from castfem.design.unknown import Unknown
 from castfem.output.summary import unit_of_difference
 from castfem.values.types import Array
 
@@ -79,11 +80,12 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
     status: Status = "found" if found.search.violation(best) <= 0.0 else "impossible"
     good = None if status != "found" or given.failed else _as_good(found)
     places = _intervals(found, good)
+    unknown = _unknown(found, spread)
     return Optimum(
         title=found.question.case.title,
         status="failed" if given.failed else status,
         sense="minimise" if outputs.sense > 0 else "maximise",
-        values=_values(found, places, spread),
+        values=_values(found, places, spread, unknown),
         objective=None if given.failed else _known(found, outputs.objective, 0),
         constraints=() if given.failed else tuple(_constraints(found)),
         away=tuple(_away(found)),
@@ -102,7 +104,16 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
         front=front,
         spread=None if spread is None else _spread(found, spread),
         by_check=_by_check(found),
+        unknown=() if unknown is None else unknown.reasons,
     )
+
+
+def _unknown(found: Findings, spread: Spread | None) -> Unknown | None:
+    """What of the error was not checked; None where no run has come through."""
+    if found.numerical is None:
+        return None
+    best, there = found.best, found.there
+    return Unknown.of(found.question, found.search, best, found.numerical, there, spread)
 
 
 def _by_check(found: Findings) -> ByCheck | None:
@@ -133,7 +144,10 @@ def _intervals(found: Findings, good: AsGood | None) -> list[vicinity.Interval]:
 
 
 def _values(
-    found: Findings, places: list[vicinity.Interval], spread: Spread | None
+    found: Findings,
+    places: list[vicinity.Interval],
+    spread: Spread | None,
+    unknown: Unknown | None,
 ) -> tuple[Value, ...]:
     shares, last = found.question.shares(found.best), AT_END * found.search.radius
     moved = found.there
@@ -161,6 +175,10 @@ def _values(
             high = min(value + float(np.hypot(high - value, max(drawn[1] - value, 0.0))), axis.high)
             open_low, open_high = (flag or spread.open[number] for flag in (open_low, open_high))
             safe = None if spread.safe is None else axis.value(float(spread.safe[number]))
+        if unknown is not None:
+            lower, higher = unknown.sides[number]
+            open_low |= lower and low > axis.low
+            open_high |= higher and high < axis.high
         values.append(
             Value(
                 axis.key, axis.unit, value, low, high, open_low, open_high,
@@ -237,7 +255,10 @@ def _known(found: Findings, name: str, place: int) -> Known:
     noise = float(found.noise[place])
     of = SMOOTH.get(name)
     twin = None if of is None else (of, outputs.seen[best][of])
-    return Known(name, quantity.label, quantity.shown_unit, quantity.value, noise, numerical, twin)
+    measured = found.search.noise is not None and found.search.noise.runs > 0
+    return Known(
+        name, quantity.label, quantity.shown_unit, quantity.value, noise, numerical, twin, measured
+    )  # fmt: skip
 
 
 def _constraints(found: Findings) -> list[Kept]:
@@ -245,8 +266,8 @@ def _constraints(found: Findings) -> list[Kept]:
     kept = []
     for i, margin in enumerate(outputs.margins(best)):
         known = _known(found, outputs.name(i), 1 + i)
-        moved, numerical = np.nan, 0.0
-        if found.numerical is not None:
+        moved, numerical = np.nan, np.nan
+        if found.numerical is not None and found.numerical.known:
             moved = float(found.numerical.moved[1 + i])
             numerical = float(max(found.numerical.below[1 + i], found.numerical.above[1 + i]))
         allowed = known.noise + ROUNDING * abs(margin.bound)
