@@ -11,6 +11,7 @@ from castfem.accuracy.levels import DEFAULT
 from castfem.case.load import changed, from_document
 from castfem.case.result_names import SMOOTH
 from castfem.design.fidelity import at_level, idealised
+from castfem.design.given import case_of, changes_of, fidelity_of, folder_of, whole
 from castfem.design.store import Evaluation, Store
 from castfem.errors import InputError, RunFailure
 from castfem.support.atomic_files import folder_refused
@@ -52,7 +53,7 @@ class Evaluator(Closing):
     killed goes on from its checkpoint. A run that fails is kept, too, with how far it came.
 
     Args:
-        case: The case; its [optimise] is left out of the runs.
+        case: The case, or what `castfem.load` takes; its [optimise] is left out of the runs.
         folder: Where the runs go.
         processes: How many runs at once, each in a process of its own, for which a script needs
             `if __name__ == "__main__":`; 0: in this process, one after the other.
@@ -71,17 +72,23 @@ class Evaluator(Closing):
 
     def __init__(
         self,
-        case: Case,
+        case: Case | str | Path,
         folder: Path | str,
         *,
         processes: int = 0,
         comm: MPI.Intracomm | None = None,
         ranks: int = 1,
     ) -> None:
-        check_groups(ranks, 1 if comm is None else comm.size, "ranks=")
-        self.case, self.store, self.runs = lean(case), Store(Path(folder)), 0
-        self._processes, self._comm = processes, comm
-        self._ranks = ranks
+        self.case, target = lean(case_of(case, "Evaluator")), folder_of(folder, "Evaluator")
+        self._processes = whole(processes, 0, "Evaluator: processes")
+        self._ranks = whole(ranks, 1, "Evaluator: ranks")
+        size = 1 if comm is None else getattr(comm, "size", None)
+        if not isinstance(size, int):
+            raise InputError(f"Evaluator: comm: a communicator of mpi4py is needed, not {comm!r}")
+        check_groups(ranks, size, "Evaluator: ranks=")
+        self._comm = comm if size > 1 else None  # a rank alone does its runs itself
+        self.store, self.runs = Store(target), 0
+        self.store.check_is_of(self.case)
         self._team: Team | None = None
         self._groups: Groups | None = None
 
@@ -98,13 +105,17 @@ class Evaluator(Closing):
             InputError: The changed case is not sound.
             RunFailure: A file cannot be written. A run that fails raises nothing.
         """
-        return self.many([changes or {}], fidelity)[0]
+        return self.many([changes_of(changes, "evaluate")], fidelity)[0]
 
     def many(
         self, changes: Sequence[Mapping[str, Any]], fidelity: str = DEFAULT
     ) -> list[Evaluation]:
         """Return what the case gives with each of some changes; see `__call__`."""
-        cases = [variant(self.case, one, fidelity) for one in changes]
+        if not isinstance(changes, Sequence) or isinstance(changes, str):
+            raise InputError(f"many: several changes are needed, a list of them, not {changes!r}")
+        changes = [changes_of(one, "many") for one in changes]
+        word = fidelity_of(fidelity, "evaluate")
+        cases = [variant(self.case, one, word) for one in changes]
         given = [{key: shown(value).strip('"') for key, value in one.items()} for one in changes]
         return self.evaluate(cases, given)
 
@@ -238,7 +249,7 @@ def variant(
     Raises:
         InputError: The changed case is not sound.
     """
-    made = changed(case, changes) if changes else case
+    made = changed(case, changes, "changes") if changes else case
     return at_level(lean(idealised(made)) if ideal else made, fidelity)
 
 

@@ -111,6 +111,12 @@ class Outputs:
             raise Needs(missing)
         if missing and self._obtain is not None:
             self._obtain(missing)
+        lost = [one for one in missing if self._look(one) is None]
+        if lost:
+            raise InputError(
+                f"solve: obtain has told nothing of {len(lost)} of the {len(missing)} runs that it "
+                "was handed; tell(run, results) each"
+            )
         given = [found[one] or self._look(one) for one in wanted]
         self.seen.update({w: e for w, e in zip(wanted, given, strict=True) if e is not None})
         return [one for one in given if one is not None]

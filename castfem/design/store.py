@@ -15,22 +15,29 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from castfem.case.key_names import full_key
 from castfem.case.portable import portable
-from castfem.errors import CastfemError
+from castfem.errors import CastfemError, InputError
 from castfem.output.folder import CASE_NAME, PROPERTIES_NAME, RunRecord
 from castfem.output.summary import Quantity, Summary
 from castfem.support.atomic_files import UNWRITTEN
+from castfem.support.messages import differences
 from castfem.sweep.plan import Variant, run_name
 from castfem.sweep.record import Record
 from castfem.sweep.results import TABLE_NAME, rows, write_table
 from castfem.sweep.work import Job, Outcome
+from castfem.values import units
 
 if TYPE_CHECKING:
     from castfem.case import Case
 
 _NO_RESULT = ("title", "reference", "verification", "optimise")
 _RESULT = ("every", "smooth")
+_NO_KEYS = ("fidelity", "mould")  # of what is varied: how well a run is computed, the ideal mould
 _DIGITS = 10  # of the key in the name of a run
+
+
+Strand = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +76,13 @@ class Evaluation:
         """A result in SI.
 
         Raises:
-            KeyError: The run has none of that name.
+            InputError: The run has none of that name, or has failed.
         """
+        if name not in self.quantities:
+            if self.failed:
+                raise InputError(f'"{name}": the run has failed: {self.message}; see `failed`')
+            near = units.nearest(str(name), self.quantities)
+            raise InputError(f'"{name}" is no result of this run{near}')
         return self.quantities[name].value
 
 
@@ -108,6 +120,7 @@ class Store:
         self.record = Record(folder)
         self._known: dict[str, Evaluation] = {}
         self._variants: dict[str, Variant] = {}
+        self._strands: dict[str, Strand] = {}
         for name in self.record.entries:
             self._look_at(name)
 
@@ -115,6 +128,39 @@ class Store:
     def folder(self) -> Path:
         """Where the folders of the runs lie."""
         return self.record.folder
+
+    def check_is_of(self, case: Case) -> None:
+        """Refuse a folder of which every run is of another section or steel than a case.
+
+        Whatever else the runs differ in may have been varied by an earlier call.
+
+        Raises:
+            InputError: It is one.
+        """
+        text, _ = portable(case, PROPERTIES_NAME)
+        here, there = _strand(tomllib.loads(text)), list(self._strands.items())
+        for name, other in there:
+            tables = {k: other[k] for k in other if not self._varied(name, k, case)}
+            if tables == {k: here[k] for k in tables}:
+                return
+        if there:
+            what = differences(there[0][1], here)
+            raise InputError(
+                f"{self.folder}: holds runs of another case ({what}); choose another folder"
+            )
+
+    def _varied(self, name: str, table: str, case: Case) -> bool:
+        """Whether a run has another value of a key within a table than its case had."""
+        for key in self.record.entries[name].given:
+            if key in _NO_KEYS:
+                continue
+            try:
+                full = full_key(type(case), case.document(), key)
+            except ValueError:
+                full = table  # of whatever table
+            if full.partition(".")[0] == table:
+                return True
+        return False
 
     def find(self, case: Case) -> Evaluation | None:
         """Return what the run of a case has given, None where there is none that has ended."""
@@ -174,7 +220,9 @@ class Store:
                 for path in sorted(beside.rglob("*"))
                 if path.is_file()
             }
-            length = _length(tomllib.loads(text))
+            tables = tomllib.loads(text)
+            length = _length(tables)
+            self._strands[name] = _strand(tables)
             found = self._read(name, length)
         except (OSError, ValueError, KeyError, CastfemError):
             return  # whatever it is, it is no run that could be used
@@ -200,10 +248,14 @@ class Store:
         return Evaluation(summary.quantities, 1.0, "", entry.seconds, place)
 
 
+def _strand(tables: Mapping[str, Any]) -> Strand:
+    """What is cast: the section, and the name of the steel, of a resolved case."""
+    steel = tables.get("steel", {})
+    return {"section": dict(tables.get("section", {})), "steel": {"name": steel.get("name", "")}}
+
+
 def _length(tables: Mapping[str, Any]) -> float:
     """The followed length of a resolved case, m."""
-    from castfem.values import units
-
     return units.parse(tables["casting"]["length"], "m")
 
 

@@ -1,6 +1,6 @@
 """A search that is driven from outside: ask which runs it needs, tell what they have given.
 
-study = Study(castfem.load("billet125/optimum_single"))
+study = Study("billet125/optimum_single")
 while wanted := study.ask():
 for one in wanted:
 study.tell(one, castfem.run(study.case(one)))
@@ -12,18 +12,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from castfem.accuracy.levels import DEFAULT, LEVELS
 from castfem.api import Result
-from castfem.case.result_names import unit_of
 from castfem.design import vicinity
 from castfem.design.binding import Binding
 from castfem.design.checked import Checked, best_by
 from castfem.design.evaluator import Evaluator, Watcher, lean, variant
 from castfem.design.front import Tracer
+from castfem.design.given import case_of, folder_of, origin_of, quantities_of, wanted_of
 from castfem.design.numerical import Numerical, Tilt, next_of
 from castfem.design.optimum import Optimum
 from castfem.design.outputs import Needs, Obtain, Outputs
@@ -34,7 +34,6 @@ from castfem.design.store import Evaluation
 from castfem.design.verdict import Findings, verdict
 from castfem.errors import InputError
 from castfem.output.run_record import RunRecord
-from castfem.output.summary import Quantity
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ class Study:
     asks for the same runs.
 
     Args:
-        case: The case.
+        case: The case, or what `castfem.load` takes.
         folder: Of runs, as `Evaluator` keeps them; None if all results come by `tell`.
         origin: What messages call the case.
         evaluator: Does the runs, instead of one made for the folder.
@@ -67,19 +66,22 @@ class Study:
 
     def __init__(
         self,
-        case: Case,
+        case: Case | str | Path,
         folder: Path | str | None = None,
         *,
         origin: str = "",
         evaluator: Evaluator | None = None,
     ) -> None:
-        self.question = Question(case, origin)
+        sound = case_of(case, "Study")
+        if not isinstance(evaluator, Evaluator | None):
+            raise InputError(f"Study: evaluator: an Evaluator is needed, not {evaluator!r}")
+        self.question = Question(sound, origin or origin_of(case))
         self.evaluator = evaluator
         if folder is not None and evaluator is None:
-            self.evaluator = Evaluator(case, folder)
+            self.evaluator = Evaluator(sound, folder_of(folder, "Study"))
         if self.evaluator is not None:
             self.question.check_results()
-        self._lean = lean(case)
+        self._lean = lean(sound)
         self._told: dict[Wanted, Evaluation] = {}
         self._kept: list[Result] = []
         self._cases: dict[Wanted, Case] = {}
@@ -132,48 +134,72 @@ class Study:
         if self._stage is not None:
             self._stage(what)
 
-    def case(self, wanted: Wanted) -> Case:
-        """Return the case of a run that is wanted."""
+    def case(self, wanted: Wanted | Mapping[str, Any]) -> Case:
+        """Return the case of a run that is wanted; see `tell`.
+
+        Raises:
+            InputError: It is none, or lies outside of the ranges.
+        """
+        wanted = wanted_of(self.question, wanted, "case")
         if wanted not in self._cases:
             self._cases[wanted] = variant(
                 self._lean, self.question.changes(wanted), wanted.fidelity, ideal=wanted.ideal
             )
         return self._cases[wanted]
 
-    def tell(self, wanted: Wanted, given: Evaluation | Result | Mapping[str, float]) -> None:
+    def tell(
+        self, wanted: Wanted | Mapping[str, Any], given: Evaluation | Result | Mapping[str, float]
+    ) -> None:
         """Hand in the results of a run.
 
         Args:
-            wanted: The run.
+            wanted: The run, or the values of all variables by key, with units or in those of their
+                ranges.
             given: An evaluation, a result of castfem (that of a run that has failed, too), or
                 results by name in SI.
 
         Raises:
-            InputError: It is none of them, or the run lies outside of the ranges.
+            InputError: It is none of them, lacks a result that is asked for, or the run lies
+                outside of the ranges.
         """
-        self.question.check_place(wanted)
+        wanted = wanted_of(self.question, wanted, "tell")
         if isinstance(given, Result):
             if wanted.ideal:
                 self._kept.append(given)  # tapers begin by its history: a temporary one must stay
             given = _evaluated(given, self.case(wanted).casting.length)
         elif isinstance(given, Mapping):
-            given = Evaluation({name: _quantity(name, value) for name, value in given.items()})
+            given = Evaluation(quantities_of(self.question, wanted, given))
         if not isinstance(given, Evaluation):
-            raise InputError(f"tell: an Evaluation or a Result is needed, not {given!r}")
+            raise InputError(
+                "tell: an Evaluation or a Result is needed, or results by name "
+                f'{{"heat_removed": 9.1e6}}, not {given!r}'
+            )
         self._told[wanted] = given
 
-    def run(self, wanted: Sequence[Wanted], watcher: Watcher | None = None) -> list[Evaluation]:
+    def run(
+        self,
+        wanted: Wanted | Mapping[str, Any] | Sequence[Wanted | Mapping[str, Any]],
+        watcher: Watcher | None = None,
+    ) -> list[Evaluation]:
         """Do runs that are wanted, or find them in the folder, and hand in their results.
 
+        Args:
+            wanted: A run or several; see `tell`.
+            watcher: Told of the runs.
+
         Raises:
-            InputError: The study has no folder.
+            InputError: The study has no folder, or what is wanted is no run.
             RunFailure: A file cannot be written. A run that fails raises nothing.
         """
         if self.evaluator is None:
             raise InputError("a study without a folder runs nothing; give it one")
-        cases = [self.case(one) for one in wanted]
-        found = self.evaluator.evaluate(cases, [self.given(one) for one in wanted], watcher)
-        for one, evaluation in zip(wanted, found, strict=True):
+        several = [wanted] if isinstance(wanted, Wanted | Mapping) else wanted
+        if not isinstance(several, Sequence) or isinstance(several, str):
+            raise InputError(f"run: runs are needed, such as ask() returns, not {wanted!r}")
+        runs = [wanted_of(self.question, one, "run") for one in several]
+        cases = [self.case(one) for one in runs]
+        found = self.evaluator.evaluate(cases, [self.given(one) for one in runs], watcher)
+        for one, evaluation in zip(runs, found, strict=True):
             self.tell(one, evaluation)
         return found
 
@@ -202,7 +228,13 @@ class Study:
         return self._result
 
     def case_of(self, optimum: Optimum) -> Case:
-        """Return the user's case with the values of an optimum."""
+        """Return the user's case with the values of an optimum.
+
+        Raises:
+            InputError: It is none.
+        """
+        if not isinstance(optimum, Optimum):
+            raise InputError(f"case_of: what result() returns is needed, not {optimum!r}")
         return self.question.case.with_(optimum.changes())
 
     def known(self, wanted: Wanted) -> Evaluation | None:
@@ -355,20 +387,6 @@ class Study:
         except InputError:
             return False
         return True
-
-
-def _quantity(name: str, value: float) -> Quantity:
-    """A result that was told in SI, in the unit in which castfem shows it.
-
-    Raises:
-        InputError: It is no number.
-    """
-    unit = unit_of(name) or "1"
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"tell: {name}: a number in SI is needed, not {value!r}") from None
-    return Quantity(number, "-" if unit == "1" else unit, name.replace("_", " "))
 
 
 def _evaluated(result: Result, length: float) -> Evaluation:
