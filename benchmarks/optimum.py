@@ -89,7 +89,10 @@ def answer(name: str, found: Optimum, seconds: float | None) -> dict[str, Any]:
     assert objective is not None
     ideal = kept.bound / 0.99
     checked = [v.checked for v in found.values]
-    ends = [f"{v.low:.2f} to {v.high:.2f}" for v in found.values]
+    less, more = ("", " or less"), ("", " or more")
+    ends = [
+        f"{v.low:.2f}{less[v.open_low]} to {v.high:.2f}{more[v.open_high]}" for v in found.values
+    ]
     return {
         "mould": name,
         "best": ", ".join(f"{v.value:.2f}" for v in found.values),
@@ -246,7 +249,7 @@ def main(output: Output, quick: bool) -> None:
 def show(output: Output) -> None:
     """Tables from the data."""
     forms = {
-        "stress": ".2f", "noise": ".1g", "numerical": ".2g", "left": ".2f",
+        "stress": ".2f", "noise": ".1g", "numerical": ".2g", "left": ".1g",
         "grid_stress": ".2f", "seconds": ".0f",
     }  # fmt: skip
     output.insert("optimum answers", table(output.rows("optimum"), SHOWN, forms))

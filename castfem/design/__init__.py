@@ -11,6 +11,7 @@ numerical   its numerical error, by the other levels of fidelity
 unknown     what of its error was not checked
 front       two results weighed;  spread, inputs  what is not known exactly
 beyond      whether a wider range may meet what cannot be met
+digits      with how many of them the answer is printed
 study       ask, tell, result;  optimum  the answer, made by `verdict`
 """
 

@@ -18,16 +18,17 @@ from castfem.design.chosen_units import (
     unit_name,
     value_in,
 )
+from castfem.design.digits import column, ends, result, significant, variable
 from castfem.design.front import Front
 from castfem.design.numerical import checks_of
 from castfem.design.optimum import Kept, Known, Optimum, Spreading, Value
-from castfem.report.numbers import shown
 from castfem.values.shown_units import label_shown
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 _VAGUE = 0.25  # of 5 to 95 %, some three standard deviations: an error of that size hides them
+_ROUNDING = 1e-12  # of a result
 _SIGMAS = 4.0  # of noise, that a handful of runs may lie apart by it
 
 
@@ -63,10 +64,11 @@ def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
     for number, row in enumerate(spread.rows):
         scale = spread_scale(optimum, number)
         unit = f" [{unit_name(scale.unit)}]" if unit_name(scale.unit) else ""
-        error = "" if row.error is None else f"{scale(row.error):.2g}"
-        met = "" if row.met is None else f"{100.0 * row.met:.0f} %"
+        error = "" if row.error is None else significant(scale(row.error), 2)
+        met = "" if row.met is None else f"{100.0 * row.met:.3g} %"
         low, high = row.change
-        found.add_row(f"{row.name}{unit}", f"{scale(low):+.3g} to {scale(high):+.3g}", error, met)
+        change = " to ".join(significant(scale(end), 3, "+") for end in row.change)
+        found.add_row(f"{row.name}{unit}", change, error, met)
         if row.error is not None and row.error > _VAGUE * (high - low):
             vague.append(row.name)
     yield found
@@ -86,7 +88,7 @@ def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
     if optimum.values[0].safe is None:
         yield "no place near the optimum meets all constraints in 95 % of the draws"
     else:
-        safe = ", ".join(f"{v.key} = {v.safe:g} {v.unit}".rstrip() for v in optimum.values)
+        safe = ", ".join(_value(v, v.safe) for v in optimum.values)
         yield f"best of what meets all constraints in 95 % of the draws: {safe}"
 
 
@@ -99,12 +101,19 @@ def _front(front: Front) -> Iterator[Table | str]:
     yield f"the front of {both}, {front.runs} further runs"
     heads = (heading(front.first), heading(front.second), price_heading(front))
     found = _table(*front.keys, *heads)
-    for point in front.points:
+    columns = [
+        column([value_in(one, value) for value in values], scale(one).unit)
+        for one, values in (
+            (front.first, [point.first for point in front.points]),
+            (front.second, [point.second for point in front.points]),
+        )
+    ]
+    for point, first, second in zip(front.points, *columns, strict=True):
         found.add_row(
-            *(f"{value:g}" for value in point.values),
-            shown(value_in(front.first, point.first), scale(front.first).unit),
-            shown(value_in(front.second, point.second), scale(front.second).unit),
-            "" if point.price is None else f"{price_in(front, point.price):.3g}",
+            *(variable(value) for value in point.values),
+            first,
+            second,
+            "" if point.price is None else significant(price_in(front, point.price), 3),
         )
     yield found
     if front.spent:
@@ -113,19 +122,19 @@ def _front(front: Front) -> Iterator[Table | str]:
 
 def _state(optimum: Optimum) -> str:
     if optimum.status == "found":
-        ends = _ends(v for v in optimum.values if v.at_end in ("lowest", "highest"))
+        held_by = _ends(v for v in optimum.values if v.at_end in ("lowest", "highest"))
         held = ", ".join(kept.text + ("" if kept.near else AFAR) for kept in optimum.binding)
-        ends += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
-        by = "; ".join(part for part in (held, *ends) if part)
-        held_by = f"found; held by {by}" if by else "found; no constraint binds"
-        return f"{held_by}; another place is as good" if optimum.elsewhere else held_by
+        held_by += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
+        by = "; ".join(part for part in (held, *held_by) if part)
+        state = f"found; held by {by}" if by else "found; no constraint binds"
+        return f"{state}; another place is as good" if optimum.elsewhere else state
     worst = optimum.worst
     if worst is None:
         return "no run meets all constraints"
     short = difference_in(worst.known, -worst.left)
-    missed = f"{short:.3g} {_difference_unit(worst.known)}".rstrip()
-    ends = _ends(promising_ends(optimum))
-    wider = f", with {' and '.join(ends)}: a wider one may meet them" if ends else ""
+    missed = f"{significant(short, 3)} {_difference_unit(worst.known)}".rstrip()
+    wide = " and ".join(_ends(promising_ends(optimum)))
+    wider = f", with {wide}: a wider one may meet them" if wide else ""
     return f"the constraints cannot be met; nearest, {worst.text} is missed by {missed}{wider}"
 
 
@@ -136,7 +145,12 @@ def _ends(values: Iterable[Value]) -> list[str]:
 def _values(optimum: Optimum, other: tuple[float, ...] = ()) -> str:
     """The variables at the optimum, or with other values of theirs."""
     pairs = zip(optimum.values, other or [v.value for v in optimum.values], strict=True)
-    return ", ".join(f"{v.key} = {value:g} {v.unit}".rstrip() for v, value in pairs)
+    return ", ".join(_value(v, value) for v, value in pairs)
+
+
+def _value(value: Value, there: float | None) -> str:
+    """A variable with another value of its own."""
+    return f"{value.key} = {'?' if there is None else variable(there)} {value.unit}".rstrip()
 
 
 def _difference_unit(known: Known) -> str:
@@ -159,21 +173,24 @@ def _variables(optimum: Optimum) -> Table:
     for value in optimum.values:
         label = f"{value.key} [{value.unit}]" if value.unit else value.key
         low, high = value.range
-        cells = [f"{value.checked:g}"] if by and value.checked is not None else by and [""]
-        found.add_row(label, f"{value.value:g}", *cells, interval(value), f"{low:g} to {high:g}")
+        cells = [variable(value.checked)] if by and value.checked is not None else by and [""]
+        looked = f"{variable(low)} to {variable(high)}"
+        found.add_row(label, variable(value.value), *cells, interval(value), looked)
     return found
 
 
 def interval(value: Value) -> str:
     """The interval of a variable in words."""
-    low = f"{value.low:.4g}" + (" or less" if value.open_low else "")
-    high = f"{value.high:.4g}" + (" or more" if value.open_high else "")
-    return f"{low} to {high}"
+    low, high = ends(value.low, value.high)
+    less, more = (" or less" if value.open_low else ""), (" or more" if value.open_high else "")
+    return f"{low}{less} to {high}{more}"
 
 
 def _number(known: Known, value: float) -> str:
-    """A difference in the unit of a result."""
-    return f"{difference_in(known, value):.2g}" if math.isfinite(value) else "?"
+    """A difference in the unit of a result; what is rounding alone counts as none."""
+    if abs(value) <= _ROUNDING * abs(known.value):
+        value = 0.0
+    return significant(difference_in(known, value), 2)
 
 
 def _results(optimum: Optimum) -> Table:
@@ -181,14 +198,16 @@ def _results(optimum: Optimum) -> Table:
     found = _table("at the optimum", "value", "noise", "numerical error", "left", by, "")
     objective = optimum.objective
     assert objective is not None
-    found.add_row(heading(objective), _shown(objective), *_errors(objective), "", "", "objective")
+    value = _shown(objective, objective.value, _by_check_apart(optimum))
+    found.add_row(heading(objective), value, *_errors(objective), "", "", "objective")
     for kept in optimum.constraints:
         known = kept.known
         left = f"{_number(known, kept.left)} ± {_number(known, kept.error)}"
         checked = _number(known, kept.checked)
         unit = unit_name(scale(known).unit)
         label = f"{kept.text} [{unit}]" if unit else kept.text  # as written, perhaps in another one
-        found.add_row(label, _shown(known), *_errors(known), left, checked, _word(kept))
+        value = _shown(known, known.value, max(abs(kept.left), known.noise))
+        found.add_row(label, value, *_errors(known), left, checked, _word(kept))
     return found
 
 
@@ -202,8 +221,16 @@ def _word(kept: Kept) -> str:
     return "" if kept.left >= kept.error else "met, within its error"
 
 
-def _shown(known: Known) -> str:
-    return shown(value_in(known, known.value), scale(known).unit)
+def _shown(known: Known, value: float, apart: float) -> str:
+    """A value of a result, SI, that differs by so much from what it is compared with."""
+    return result(value_in(known, value), scale(known).unit, difference_in(known, apart))
+
+
+def _by_check_apart(optimum: Optimum) -> float:
+    """How far the objective at the optimum by the level of the check is from that of the search."""
+    if optimum.by_check is None or optimum.objective is None:
+        return 0.0
+    return optimum.by_check.objective - optimum.objective.value
 
 
 def _errors(known: Known) -> tuple[str, str]:
@@ -219,16 +246,19 @@ def _steps(optimum: Optimum) -> Table:
     found = _table("a step away", f"{objective.name} [{unit}]", *heads)
     units = {value.key: value.unit for value in optimum.values}
     for step in optimum.away:
-        name = f"{step.key} = {step.value:g} {units[step.key]}".rstrip()
+        name = f"{step.key} = {variable(step.value)} {units[step.key]}".rstrip()
         if step.message:
             found.add_row(name, "fails", *("" for _ in heads))
             continue
         cells = []
         for kept, left in zip(optimum.constraints, step.left, strict=True):
             missed = "" if left >= -kept.known.noise - 1e-9 * abs(kept.bound) else " (not met)"
-            amount = f"{difference_in(kept.known, left):.3g} {_difference_unit(kept.known)}"
+            amount = (
+                f"{significant(difference_in(kept.known, left), 3)} {_difference_unit(kept.known)}"
+            )
             cells.append(f"{amount}{missed}")
-        found.add_row(name, f"{difference_in(objective, step.objective):+.3g}", *cells)
+        change = significant(difference_in(objective, step.objective), 3, "+")
+        found.add_row(name, change, *cells)
     return found
 
 
@@ -237,13 +267,13 @@ def _by_check(optimum: Optimum) -> Iterator[str]:
     found, objective = optimum.by_check, optimum.objective
     if found is None or objective is None or not optimum.constraints:
         return
-    values = ", ".join(f"{v.key} = {v.checked:g} {v.unit}".rstrip() for v in optimum.values)
+    values = ", ".join(_value(v, v.checked) for v in optimum.values)
     left = zip(optimum.constraints, found.left, strict=True)
     kept = "; ".join(
         f"{one.text}: {_number(one.known, value)} {_difference_unit(one.known)} left".rstrip()
         for one, value in left
     )
-    value = shown(value_in(objective, found.objective), scale(objective).unit)
+    value = _shown(objective, found.objective, _by_check_apart(optimum))
     unit = unit_name(scale(objective).unit)
     by = f"{optimum.checked}, {values}"
     yield f"by {by}: {objective.name} {value} {unit}".rstrip() + f"; {kept}"
