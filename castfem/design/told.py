@@ -293,8 +293,6 @@ def _remarks(optimum: Optimum) -> Iterator[str]:
     yield from _by_check(optimum)
     for why in optimum.unknown:
         yield f"the interval is open, for {why}"
-    if optimum.spent:
-        yield "the search has had its runs before it was done: raise optimise.most_runs"
     if optimum.elsewhere:
         some = "; or ".join(_values(optimum, one) for one in optimum.elsewhere[:3])
         yield f"not the only one: as good within scatter, outside of these intervals, is {some}"

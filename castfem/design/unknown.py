@@ -55,6 +55,9 @@ class Unknown:
         """
         count = len(question.axes)
         found: list[tuple[Sequence[Sides], str]] = []
+        if search.spent:
+            what = "the search has had its runs before it was done: raise optimise.most_runs"
+            found.append((count * [BOTH], what))
         if search.noise is None or not search.noise.runs:
             found.append((count * [BOTH], "noise was not measured: runs about the start fail"))
         if not numerical.checked:

@@ -160,3 +160,11 @@ def test_a_spread_that_failed():
     assert found.spread is None
     assert found.values[0].open_low and found.values[0].open_high
     assert "it lacks the spread by the inputs: too few of those runs came through" in lines(found)
+
+
+def test_a_search_that_was_cut_short():
+    found = solve(study(most_runs=8, fidelity="coarse"), bowl)
+    (value,) = found.values
+    assert found.spent and value.open_low and value.open_high
+    why = "the search has had its runs before it was done: raise optimise.most_runs"
+    assert lines(found).count(why) == 1 and found.unknown == (why,)
