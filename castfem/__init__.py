@@ -6,6 +6,7 @@ For scripts (docs/scripting.md); imported at first use, so that `import castfem`
     sensitivities                   a run with the derivatives of its results
     comparison                      finished runs side by side
     error_table                     the error of each result of a case
+    optimise                        the best values of a case's keys
     find_section                    the outline at the meniscus for a wanted section
     mould_at_work                   how heat distorts the copper tube of a mould
     InputError, RunFailure          what goes wrong; both are a CastfemError
@@ -36,7 +37,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, load, run, sensitivities
     from castfem.errors import CastfemError, InputError, RunFailure
-    from castfem.studies import comparison, error_table, find_section, mould_at_work
+    from castfem.studies import (
+        comparison,
+        error_table,
+        find_section,
+        mould_at_work,
+        optimise,
+    )
 
 __version__ = "0.1.0"
 __all__ = [
@@ -50,10 +57,11 @@ __all__ = [
     "find_section",
     "load",
     "mould_at_work",
+    "optimise",
     "run",
     "sensitivities",
 ]
-_STUDIES = ("comparison", "error_table", "find_section", "mould_at_work")
+_STUDIES = ("comparison", "error_table", "find_section", "mould_at_work", "optimise")
 
 
 def __getattr__(name: str) -> Any:

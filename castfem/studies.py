@@ -2,6 +2,7 @@
 
     castfem.comparison(["results/one", "results/other"])    # castfem compare
     castfem.error_table("billet125/thermal")                # castfem error
+    castfem.optimise("billet125/optimum_single")            # castfem optimise
     castfem.find_section("billet125/idealised")             # castfem section
     castfem.mould_at_work("billet125/hot")                  # castfem mould --hot, --coupled
 
@@ -13,6 +14,7 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
     from castfem.case import Case
     from castfem.compare.runs import Run
     from castfem.compare.table import Line
+    from castfem.design import Optimum
     from castfem.mould.displaced import WallDisplacement
     from castfem.mould.mould import Mould
     from castfem.mould_fit.coupled import Turn
@@ -181,6 +184,71 @@ def error_table(
     table.write(target)
     attach(table, target / BASE)
     return _errors(table)
+
+
+def optimise(
+    case: Case | str | Path,
+    folder: Path | str | None = None,
+    *,
+    processes: int = 0,
+    comm: MPI.Intracomm | None = None,
+    ranks: int = 1,
+) -> Optimum:
+    """Find the best values of a case's keys, by its table [optimise] (collective).
+
+    `castfem.design.Study` asks for the same runs one by one, wherever they are to be made.
+
+    Args:
+        case: A case, or what `load` takes.
+        folder: Where the runs go, as those of `castfem optimise -o`; what is in it is not run
+            again. None takes a temporary folder, which is removed.
+        processes: Runs at once, each in a process of its own, for which a script needs
+            `if __name__ == "__main__":`; 0: in this process, one after the other.
+        comm: Ranks that do the runs; all when None.
+        ranks: Of each run, where there are several.
+
+    Returns:
+        The values with their intervals, what they give and what holds them, on all ranks; its
+        `status` says whether the constraints are met. `case.with_(best.changes())` has them.
+
+    Raises:
+        InputError: Case or folder cannot be used, or the case asks for nothing.
+        RunFailure: A file cannot be written. A run that fails raises nothing.
+    """
+    from mpi4py import MPI
+
+    from castfem.design import Evaluator, Study, serve
+    from castfem.design.given import origin_of
+    from castfem.fem.root import raise_together
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    found: Optimum | None = None
+    error: Exception | None = None
+    if comm.rank:
+        serve(comm)
+    else:
+        with ExitStack() as held:
+            try:
+                sound = _case(case, "optimise")
+                if comm.size > 1 and processes:
+                    raise InputError("optimise: processes: under mpirun the ranks do the work")
+                target = folder or held.enter_context(tempfile.TemporaryDirectory())
+                team = Evaluator(sound, target, processes=processes, comm=comm, ranks=ranks)
+            except Exception as raised:
+                error = raised
+                if comm.size > 1:
+                    comm.bcast(0)  # nothing is to be served
+            else:
+                try:
+                    with team:
+                        origin = origin_of(case)
+                        found = Study(sound, evaluator=team, origin=origin).solve()
+                except Exception as raised:
+                    error = raised
+    raise_together(comm, error)
+    found = comm.bcast(found)
+    assert found is not None
+    return found
 
 
 def _run_all(ladder: Ladder, processes: int) -> None:

@@ -124,7 +124,7 @@ def test_a_folder_of_one_run_is_not_taken(case: Case, runs: list[Path]) -> None:
         castfem.error_table(case, runs[0])
 
 
-@pytest.mark.parametrize("name", ["error_table", "find_section", "mould_at_work"])
+@pytest.mark.parametrize("name", ["error_table", "find_section", "mould_at_work", "optimise"])
 def test_what_is_no_case_is_told(name: str) -> None:
     with pytest.raises(castfem.InputError, match=f"^{name}: a case is needed"):
         getattr(castfem, name)(None)

@@ -128,6 +128,27 @@ def test_on_groups_of_ranks(case):
 
 
 @needs_mpirun
+def test_from_python(case):
+    """On all ranks the answer of the command, and what is wrong."""
+    (case / "script.py").write_text(
+        "import castfem\nfrom mpi4py import MPI\n"
+        "best = castfem.optimise('small', 'out', ranks=MPI.COMM_WORLD.size)\n"
+        "said = best.status, best.changes()\n"
+        "for asked in ('smal', 'none'):\n"
+        "    try:\n        castfem.optimise(asked, 'out')\n"
+        "    except castfem.InputError as error:\n        said += (error.problems[0],)\n"
+        "said = MPI.COMM_WORLD.gather(said)\n"
+        "if said:\n    print(len(set(map(str, said))), said[0])\n"
+    )
+    (case / "none.toml").write_text(SMALL)
+    for ranks in (2, 1):  # the second one finds the runs of the first
+        done = python_on(ranks, "script.py", folder=case)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith("1 ('found', {'casting.speed': '2 m/min'}, 'smal: no such")
+        assert "none: optimise: the table is missing" in done.stdout
+
+
+@needs_mpirun
 def test_ranks_that_cannot_be(case):
     words = ("-m", "castfem.cli", "optimise", "small", "-o", "out")
     for count, more, message in (
