@@ -283,6 +283,9 @@ def test_a_disk_that_is_full_leaves_no_rank_waiting(tmp_path):
 
 
 def test_ranks_that_cannot_be_parted(tmp_path):
-    for ranks, message in ((2, r"ranks=2: 1 rank cannot .* mpirun -n 2 for one"), (0, "ranks=0")):
+    for ranks, message in (
+        (2, r"ranks=2: 1 rank cannot .* mpirun -n 2 for one"),
+        (0, "ranks: a whole number from 1"),
+    ):
         with pytest.raises(InputError, match=message):
             Evaluator(small(SHORT), tmp_path, ranks=ranks)
