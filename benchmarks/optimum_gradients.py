@@ -8,7 +8,7 @@ after another; processor time. Writes a table of docs/mould_design.md.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from time import process_time
@@ -91,12 +91,17 @@ def _run(question: Question, base: Case, wanted: Wanted, carries: bool) -> tuple
         found = sensitivity(case, names, [a.key for a in axes], comm=MPI.COMM_SELF)
         slopes = [[found.gradient[n][a.key] * (a.high - a.low) for a in axes] for n in names]
         return np.array([found.quantities[n].value for n in names]), np.array(slopes)
+    return plain(case, names), np.zeros((2, len(axes)))
+
+
+def plain(case: Case, names: Sequence[str]) -> Array:
+    """Results at the end of a run in memory that carries no derivatives, SI."""
     simulation = build(case, MPI.COMM_SELF)
     sample = TimeLoop(simulation).run()
     having = {d.named(p): (d, p) for d, p in (*columns_of(simulation), *results_of(simulation))}
     values = [float(having[n][0].value(sample, having[n][1]) or 0.0) for n in names]
     simulation.destroy()
-    return np.array(values), np.zeros((2, len(axes)))
+    return np.array(values)
 
 
 def _cobyqa(runs: _Runs, start: Array) -> None:

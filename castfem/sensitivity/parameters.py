@@ -38,6 +38,7 @@ STRAINED = (EXPANSION, *ELASTIC)
 """The same, of which only the mechanics know."""
 LEVELS = {"degC", "degF", "°C", "°F"}
 """Units of temperatures that do not begin at absolute zero."""
+_LAW = "law.", "mechanics.law."  # the second as inputs of an optimum are called
 _BY_CARBON = "name steel.composition.C instead"
 _SHIFT = 1e-3  # of a unit of temperature: half the distance of the difference quotients
 _SHARE = 1e-5  # of anything else
@@ -227,8 +228,8 @@ def _read(case: Case, steel: Steel, name: str, spread: str) -> Parameter:
     table, _, entry = name.partition(".")
     if table == "steel" and entry and "." not in entry:
         parameter = _of_steel(steel, name, entry, strained=case.mechanics is not None)
-    elif table == "law" and entry:
-        parameter = _of_law(case, steel, name, entry)
+    elif entry and name.startswith(_LAW):
+        parameter = _of_law(case, steel, name, name.rpartition("law.")[2])
     else:
         parameter = _of_case(case, steel, name)
     temperature = parameter.unit in LEVELS or parameter.unit == "K"

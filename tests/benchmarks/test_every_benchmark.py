@@ -55,6 +55,7 @@ SLOW = {
     "optimum_holds": "some 80 short billets, half of them on fine cells; tests/design as above",
     "optimum_interval": "some 150 billets; tests/design has spread and front of known results",
     "optimum_gradients": "some 80 billets; tests/sensitivity has the derivatives",
+    "optimum_fit": "some 100 billets; test_optimum_fit.py fits what is known",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
     "sensitivity_apart": "some thirty billets; tests/sensitivity has the derivatives",

@@ -155,6 +155,15 @@ def test_results_of_the_slice() -> None:
     assert found["axial_strain"]["steel.thermal_expansion"] == pytest.approx(strain, rel=1e-6)
 
 
+def test_a_number_of_the_law_has_the_name_that_inputs_of_an_optimum_have() -> None:
+    case = strip()
+    names = "law.yield_stress", "mechanics.law.yield_stress"
+    short, long = (castfem.sensitivities(case, name, "axial_strain").gradient for name in names)
+    assert short["axial_strain"][names[0]] == long["axial_strain"][names[1]] != 0.0
+    with pytest.raises(InputError, match=r"law weiner_boley has yield_stress; did you mean yield"):
+        castfem.sensitivities(case, "mechanics.law.yield_stres")
+
+
 def test_what_is_not_differentiated_is_refused_by_name() -> None:
     with pytest.raises(InputError) as caught:
         castfem.sensitivities("slab1200/bending", "casting.speed")
