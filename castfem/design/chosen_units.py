@@ -56,6 +56,12 @@ def heading(result: Known | Weighed) -> str:
     return result.name if unit == "-" else f"{result.name} [{unit}]"
 
 
+def in_words(result: Known | Weighed) -> str:
+    """What a figure calls a result, with the unit in which it is shown."""
+    unit = unit_name(scale(result).unit)
+    return f"{result.label} [{unit}]" if unit else result.label
+
+
 def price_heading(front: Front) -> str:
     """What heads the price of a front."""
     units = [difference_scale(one).unit for one in (front.first, front.second)]

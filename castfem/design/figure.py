@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
+from castfem.case.optimise import bound
 from castfem.design.chosen_units import (
     difference_in,
     difference_scale,
-    heading,
-    scale,
+    in_words,
     unit_name,
     value_in,
 )
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 FIGURE_NAME, FRONT_NAME = "optimum.png", "front.png"
 _WIDTH, _HEIGHT = 3.4, 2.3  # inches, of a panel
+_LINE = 34  # characters along the height of one
 
 
 def draw(optimum: Optimum, path: Path) -> None:
@@ -80,24 +82,29 @@ def draw_front(front: Front, path: Path) -> None:
         second = [value_in(front.second, point.second) for point in front.points]
         first = [value_in(front.first, point.first) for point in front.points]
         axes[0].plot(second, first, color="#0072b2", marker="o", ms=4, lw=1.0)
-        axes[0].plot(second[:1], first[:1], color="#d55e00", marker="o", ms=6, ls="none")
-        axes[0].set_ylabel(heading(front.first), fontsize=8)
+        best = f"best {front.first.label}"
+        axes[0].plot(
+            second[:1], first[:1], color="#d55e00", marker="o", ms=6, ls="none", label=best
+        )
+        axes[0].legend(fontsize=7, frameon=False)
+        axes[0].set_ylabel(fill(in_words(front.first), _LINE), fontsize=8)
         for number, key in enumerate(front.keys):
             values = [point.values[number] for point in front.points]
             axes[1 + number].plot(second, values, color="0.35", marker="o", ms=3.5, lw=1.0)
             axes[1 + number].set_ylabel(key, fontsize=8)
-        axes[-1].set_xlabel(heading(front.second))
+        axes[-1].set_xlabel(in_words(front.second))
         with replacing(path) as temporary:
             figure.savefig(temporary, dpi=DPI, format="png")
 
 
 def _name_rows(grid: Any, optimum: Optimum) -> None:
     assert optimum.objective is not None
-    unit = scale(optimum.objective).unit
-    grid[0][0].set_ylabel(f"{optimum.objective.name}\n[{unit}]", fontsize=8)
+    grid[0][0].set_ylabel(fill(in_words(optimum.objective), _LINE), fontsize=8)
     for row, kept in enumerate(optimum.constraints, start=1):
+        side = "above" if bound(kept.text).sense == "at_least" else "below"
         unit = unit_name(difference_scale(kept.known).unit) or "-"
-        grid[row][0].set_ylabel(f"left of {kept.text}\n[{unit}]", fontsize=7)
+        words = f"{kept.known.label} {side} its bound [{unit}]"
+        grid[row][0].set_ylabel(fill(words, _LINE), fontsize=8)
 
 
 def _frame(axes: Axes, value: Value) -> None:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 FIGURE_NAME = "mould.png"
 _WIDTH, _HEIGHT = 5.2, 1.5  # inches, of a panel
+_BELOW = -0.04  # of the height of a panel
 _COLOURS = ("#0072b2", "#d55e00", "#009e73")
 _PANELS = {
     ("gap", "mm"): {"gap_mid_face": "mid-face", "gap_corner": "corner"},
@@ -80,7 +81,7 @@ def mould_figure(head: Sequence[str], rows: Sequence[Sequence[float]], run: Path
             values = scale(history[name].to_numpy()[inside])
             panel.plot(length(position[inside]), values, color=colour, label=words, lw=1.2)
         panel.set_ylabel(f"{label} [{unit_name(scale.unit)}]", fontsize=8)
-        panel.set_ylim(bottom=0.0)
+        panel.set_ylim(bottom=_BELOW * panel.get_ylim()[1])  # a curve along 0 is seen
     for panel in axes:
         if len(panel.get_lines()) > 1:
             panel.legend(fontsize=7, ncols=3, loc="best", frameon=False)

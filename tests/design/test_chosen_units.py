@@ -97,15 +97,16 @@ def test_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         figure.draw(ANSWER, tmp_path / "a.png")
         figure.draw_front(FRONT, tmp_path / "b.png")
     stress, corner, shell = drawn[0].axes
-    assert [one.get_ylabel().rpartition("\n")[2] for one in drawn[0].axes] == [
-        "[psi]", "[degF]", "[inch]",
+    assert [" ".join(one.get_ylabel().split()) for one in drawn[0].axes] == [
+        f"{ANSWER.objective.label} [psi]", f"{TEMPERATURE.label} below its bound [degF]",
+        f"{SHELL.label} above its bound [inch]",
     ]  # fmt: skip
     assert shell.get_xlabel() == "casting.speed [m/min]"
     assert stress.lines[1].get_ydata() == pytest.approx([725.19, 580.15], rel=1e-4)
     assert corner.lines[1].get_ydata() == pytest.approx([16.2, 32.4])
     assert shell.lines[1].get_ydata() == pytest.approx([-0.1, 0.2])
     assert drawn[1].axes[0].lines[0].get_ydata() == pytest.approx([725.19, 870.23], rel=1e-4)
-    assert drawn[1].axes[-1].get_xlabel() == "shell_mid_face [inch]"
+    assert drawn[1].axes[-1].get_xlabel() == f"{FRONT.second.label} [inch]"
 
 
 def test_files_keep_their_units() -> None:
