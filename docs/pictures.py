@@ -1,4 +1,4 @@
-"""Makes the pictures of README and of mould, machine, slab and laws in docs: draws, shrinks them.
+"""Makes the pictures of README and of moulds, machine, slab and laws in docs: draws, shrinks them.
 
 Run it by `.castfem/bin/python docs/pictures.py`, or with the names of the pictures to make.
 """
@@ -16,6 +16,7 @@ from castfem.case import load_any, load_case
 from castfem.case.build_extraction import known_resistance
 from castfem.case.build_mould import build_mould
 from castfem.case.tensile import TensileCase
+from castfem.cli.hot_mould import draw_hot_mould
 from castfem.constitutive.uniaxial import pull
 from castfem.plots.extraction import draw as draw_extraction
 from castfem.plots.figures import draw_figures
@@ -69,6 +70,15 @@ def mould() -> None:
         path = Path(folder) / "mould.png"
         draw_mould(build_mould(case.mould, case.section), path, case.title)
         shrink(Image.open(path).convert("RGB"), "mould")
+
+
+def hot_mould() -> None:
+    """Draw what `castfem mould --hot` draws."""
+    case = load_case(HERE.parent / "cases" / "billet125" / "hot.toml")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "hot.png"
+        draw_hot_mould(case, path, "billet125/hot", coupled=False)
+        shrink(Image.open(path).convert("RGB"), "hot_mould")
 
 
 def machine() -> None:
@@ -170,6 +180,7 @@ def main() -> None:
     pictures = {
         "billet": billet,
         "mould": mould,
+        "hot_mould": hot_mould,
         "machine": machine,
         "extraction": extraction,
         "roll_to_roll": roll_to_roll,

@@ -19,8 +19,12 @@ if TYPE_CHECKING:
     from castfem.mould_fit.coupled import Drawing
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73")
+_UNDER = -0.11  # of the height of a panel: its legend, which would hide curves within it
 _TIMES = 40.0
 """How much larger than life the distortion of the section is drawn."""
+_DENSE = 400
+"""Points of a segment of an outline: between two the radius is interpolated, and its error drawn
+so much larger, too."""
 
 
 def draw(found: Drawing, wall: HotWall, path: str | os.PathLike[str], title: str = "") -> None:
@@ -43,20 +47,21 @@ def draw(found: Drawing, wall: HotWall, path: str | os.PathLike[str], title: str
         for panel in axes[1:]:
             panel.set_ylim(1e3 * found.cold.length, 0.0)
             panel.set_ylabel("position below the meniscus [mm]")
+            panel.legend(loc="upper center", bbox_to_anchor=(0.5, _UNDER), ncols=2, fontsize=8)
         figure.savefig(path, dpi=130)
 
 
 def _closed(mould: Mould, position: float) -> Array:
     """Points (n, 2) round the contour, m."""
     contour = mould.contour(position)
-    points = np.concatenate([s.points(9) for s in contour.segments])
+    points = np.concatenate([s.points(_DENSE) for s in contour.segments])
     return np.concatenate([points, points[:1]])
 
 
 def _section(ax: Axes, found: Drawing) -> None:
     """The cold section half way down, and the wall at work at three positions."""
     length = found.cold.length
-    angle = np.asarray(np.linspace(0.0, 2.0 * np.pi, 721), np.float64)
+    angle = np.asarray(np.linspace(0.25, 2.25, 721) * np.pi, np.float64)  # ends in a corner
     for name, position, colour in zip(
         ("meniscus", "half way", "exit"), (0.0, 0.5 * length, length), _COLOURS, strict=True
     ):
@@ -92,7 +97,6 @@ def _sizes(ax: Axes, found: Drawing) -> None:
         ax.plot(wider, 1e3 * z, color=colour, linestyle=style, label=name)
     ax.set_xlabel("at work less cold [mm]")
     ax.set_title("dimensions")
-    ax.legend(loc="best")
 
 
 def _faces(ax: Axes, wall: HotWall) -> None:
@@ -109,4 +113,3 @@ def _faces(ax: Axes, wall: HotWall) -> None:
             ax.plot(shown, z, color=colour, linestyle=style, label=f"{name}{where}")
     ax.set_xlabel("temperature [°C]")
     ax.set_title("copper")
-    ax.legend(loc="best")

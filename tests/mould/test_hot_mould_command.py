@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
 from castfem.case import load_case
 from castfem.case.build_mould import build_mould
+from castfem.plots.hot_mould import _closed, _radius
 
 PNG = b"\x89PNG\r\n\x1a\n"
 TUBE = """
@@ -22,6 +26,16 @@ def table(printed):
     lines = printed.splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("position [mm]"))
     return [[float(cell) for cell in line.split()] for line in lines[start + 1 : start + 14]]
+
+
+def test_the_outline_that_is_drawn_is_that_of_the_mould():
+    """Its distortion is drawn 40 times as large, and so is what the outline misses of a face."""
+    case = load_case(Path(__file__).parents[2] / "cases" / "billet125" / "hot.toml")
+    cavity = build_mould(case.mould, case.section)
+    angle = np.linspace(-0.7, 0.7, 301)
+    radius = _radius(_closed(cavity, 0.3), angle)
+    half = 0.5 * cavity.dimensions(0.3)["width"]
+    assert np.abs(radius * np.cos(angle) - half).max() < 1e-6
 
 
 @pytest.fixture
