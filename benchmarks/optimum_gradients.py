@@ -50,7 +50,7 @@ class _Spent(Exception):
 
 
 @dataclass(slots=True)
-class _Runs:
+class Runs:
     """Runs of a question: stress and margin of the heat, scaled, with or without derivatives.
 
     Attributes:
@@ -112,7 +112,7 @@ def plain(case: Case, names: Sequence[str]) -> Array:
     return np.array(values)
 
 
-def _cobyqa(runs: _Runs, start: Array) -> None:
+def _cobyqa(runs: Runs, start: Array) -> None:
     minimize(
         lambda u: runs.at(u)[0][0], start, method="COBYQA",
         bounds=Bounds(np.zeros(len(start)), np.ones(len(start))),
@@ -121,7 +121,7 @@ def _cobyqa(runs: _Runs, start: Array) -> None:
     )  # fmt: skip
 
 
-def _slsqp(runs: _Runs, start: Array) -> None:
+def _slsqp(runs: Runs, start: Array) -> None:
     limit: Any = {
         "type": "ineq", "fun": lambda u: runs.at(u)[0][1], "jac": lambda u: runs.at(u)[1][1],
     }  # fmt: skip
@@ -131,7 +131,7 @@ def _slsqp(runs: _Runs, start: Array) -> None:
     )  # fmt: skip
 
 
-def _trust_constr(runs: _Runs, start: Array) -> None:
+def _trust_constr(runs: Runs, start: Array) -> None:
     limit = NonlinearConstraint(
         lambda u: runs.at(u)[0][1], 0.0, np.inf, jac=lambda u: runs.at(u)[1][1:]
     )
@@ -142,7 +142,7 @@ def _trust_constr(runs: _Runs, start: Array) -> None:
     )  # fmt: skip
 
 
-SEARCHES: dict[str, tuple[Callable[[_Runs, Array], None], bool]] = {
+SEARCHES: dict[str, tuple[Callable[[Runs, Array], None], bool]] = {
     "COBYQA": (_cobyqa, False), "SLSQP": (_slsqp, True), "trust-constr": (_trust_constr, True),
 }  # fmt: skip
 
@@ -156,7 +156,7 @@ def main(output: Output, quick: bool) -> None:
         base, share = lean(question.case), question.bounds[0].value
         start = np.array([a.share(v) for a, v in zip(question.axes, values, strict=True)])
         ideal = _run(question, base, question.ideal(question.at(start)), carries=False)[0]
-        make = partial(_Runs, question, base, share * float(ideal[1]))
+        make = partial(Runs, question, base, share * float(ideal[1]))
         for words, (search, carries) in SEARCHES.items():
             runs = make(carries, 2 if quick else MOST if carries else 1000)
             ended = True
