@@ -49,10 +49,16 @@ def spread_of(row: Row) -> str:
 
 
 def _panel(axes: Axes, rows: list[Row]) -> None:
-    """Bars of one result; linear, so that both sides are as long. A sentence where all are zero."""
-    if all(row.change == 0.0 for row in rows):
+    """Bars of one result; linear, so that both sides are as long. A sentence if there are none."""
+    change_of = [row.change for row in rows]
+    said = ""
+    if all(one == 0.0 for one in change_of):
+        said = "depends on none of them"
+    elif not np.isfinite(change_of).any():
+        said = "no derivative of it is known"
+    if said:
         axes.set_axis_off()
-        text = f"{label_shown(rows[0].quantity.label)}\ndepends on none of them"
+        text = f"{label_shown(rows[0].quantity.label)}\n{said}"
         axes.text(0.5, 0.5, text, transform=axes.transAxes, ha="center", va="center", fontsize=8)
         return
     order = sorted(rows, key=lambda row: abs(row.change) if np.isfinite(row.change) else -1.0)
@@ -61,7 +67,7 @@ def _panel(axes: Axes, rows: list[Row]) -> None:
     axes.barh(places, change, height=0.62, color=_UP, label="more of it")
     axes.barh(places, -change, height=0.62, color=_DOWN, label="less of it")
     axes.set_yticks(places, [spread_of(row) for row in order], fontsize=7)
-    axes.set_ylim(-0.6, len(order) - 0.4)  # also where no change is known, and no bar drawn
+    axes.set_ylim(-0.6, len(order) - 0.4)  # also of those without a bar
     axes.axvline(0.0, color="0.3", lw=0.8)
     quantity = rows[0].quantity
     unit = plain_unit(unit_of_difference(quantity.shown_unit))

@@ -157,6 +157,18 @@ def test_a_result_that_depends_on_nothing_has_no_axes(tmp_path: Path, monkeypatc
     assert shell.texts[0].get_text() == "shell, mid-face\ndepends on none of them"
 
 
+def test_a_result_without_a_known_derivative_says_so(tmp_path: Path, monkeypatch: Any) -> None:
+    kept: list[Figure] = []
+    monkeypatch.setattr("castfem.plots.tornado.save", lambda figure, path: kept.append(figure))
+    nan = float("nan")
+    unknown = [Derivative("shell_mid_face", one.name, nan, nan) for one in FOUND.parameters]
+    some = (one for one in FOUND.derivatives if one.quantity != "shell_mid_face")
+    draw_tornado(replace(FOUND, derivatives=(*some, *unknown)), tmp_path / "none.png")
+    shell = kept[0].axes[1]
+    assert not shell.axison and not shell.patches
+    assert shell.texts[0].get_text() == "shell, mid-face\nno derivative of it is known"
+
+
 def test_units_of_the_case_and_of_the_command(tmp_path: Path) -> None:
     write_small(tmp_path)
     words = ["sensitivity", str(tmp_path / "case.toml"), "--to", "casting.superheat"]
