@@ -64,7 +64,9 @@ def bound(text: str) -> Bound:
     """
     found = _CONSTRAINT.fullmatch(text)
     if found is None:
-        raise ValueError(f"is no constraint; write it as {_EXAMPLE}")
+        other = re.search(r"[<>=]+", text)
+        mend = f' with >= or <=, not "{other[0]}",' if other and other[0] not in _SENSES else ""
+        raise ValueError(f"is no constraint; write it{mend} as {_EXAMPLE}")
     name, sign, right = found.groups()
     share = _SHARE.fullmatch(right)
     if share is None:
@@ -216,7 +218,13 @@ class Optimise(TableModel):
         description="cobyqa: from the start downhill; optuna (the extra castfem[optimise]): first "
         "with half of the runs all over the ranges, for several valleys and many variables",
     )
-    most_runs: int = Field(60, ge=1, strict=True, description="runs of the search, at most")
+    most_runs: int = Field(
+        60,
+        ge=1,
+        strict=True,
+        description="runs of the search, at most; beside them those for the noise, about the "
+        "optimum, and of the checks",
+    )
     variable: tuple[Variable, ...] = Field(
         min_length=1, description="the keys whose values are looked for"
     )

@@ -12,13 +12,15 @@ from castfem.case.shown_units import units_of
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.design.evaluator import serve
+from castfem.design.front import TABLE_NAME as FRONT_TABLE
 from castfem.design.front import write_front
-from castfem.design.mould_table import mould_table, write_mould_table
+from castfem.design.mould_table import MOULD_NAME, mould_table, write_mould_table
 from castfem.design.study import Study
 from castfem.design.told import told
 from castfem.errors import RunFailure
 from castfem.report.narrow import keep_words
 from castfem.support.atomic_files import write_json
+from castfem.sweep.record import check_own
 from castfem.sweep.work import Job, Outcome
 from castfem.values.shown_units import scale_of, shown_in
 
@@ -26,6 +28,7 @@ if TYPE_CHECKING:
     from castfem.design.optimum import Optimum
 
 OPTIMUM_NAME = "optimum.json"
+_WRITTEN = OPTIMUM_NAME, MOULD_NAME, FRONT_TABLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +117,7 @@ def _prepared(options: Options, ranks: bool) -> tuple[Study, Path]:
     case = load_case(path, options.overrides)
     alone = shipped_cases.default_folder(options.name, path)
     target = options.folder or alone.with_name(f"{alone.name}_optimise")
+    check_own(target, _WRITTEN)
     evaluator = many_runs.evaluator(case, target, options.processes, options.ranks)
     return Study(case, evaluator=evaluator, origin=str(path)), target
 

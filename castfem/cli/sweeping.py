@@ -15,7 +15,7 @@ from castfem.errors import InputError, RunFailure
 from castfem.output.chosen_units import units_of_run
 from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant, plan
-from castfem.sweep.record import Record
+from castfem.sweep.record import Record, check_own
 from castfem.sweep.results import TABLE_NAME, printed, rows, write_table
 from castfem.sweep.share import Share
 from castfem.sweep.work import Job, Outcome
@@ -147,6 +147,7 @@ def _prepared(options: Options, ranks: bool) -> _Sweep:
     everything, target = _planned(options)
     share = Share.read(options.part) if options.part else Share(1, 1)
     variants = tuple(share.of(everything))
+    check_own(target, (TABLE_NAME,))
     record = Record(target)
     jobs = record.unfinished(
         [Job(v.name, target / v.name, v.case, options.resume, options.figures) for v in variants],

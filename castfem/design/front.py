@@ -22,6 +22,7 @@ from castfem.design.outputs import Outputs
 from castfem.design.question import Wanted
 from castfem.design.search import FIRST, Done, Search
 from castfem.output.summary import from_si, unit_of_difference
+from castfem.results.registry import general_label
 from castfem.support.atomic_files import write_text
 from castfem.values.types import Array
 
@@ -268,7 +269,8 @@ class Tracer:
 
 def _weighed(outputs: Outputs, wanted: Wanted, noise: float) -> Weighed:
     quantity = outputs.seen[wanted].quantities[outputs.objective]
-    return Weighed(outputs.objective, quantity.label, quantity.shown_unit, outputs.sense, noise)
+    label = general_label(outputs.objective, quantity.label)
+    return Weighed(outputs.objective, label, quantity.shown_unit, outputs.sense, noise)
 
 
 def _bound(name: str, sense: float, level: float) -> Bound:

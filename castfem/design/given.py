@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -187,8 +188,9 @@ def quantities_of(
     found = {str(name): _quantity(str(name), value) for name, value in given.items()}
     missing = [] if wanted.ideal else [n for n in results_of(question) if n not in found]
     if missing:
-        near = units.nearest(missing[0], [name for name in found if name not in missing])
-        raise InputError(f"tell: {', '.join(missing)} is missing, which [optimise] needs{near}")
+        near = difflib.get_close_matches(missing[0], found, n=1, cutoff=0.5)
+        other = f'; write it so, not "{near[0]}"' if near else ""
+        raise InputError(f"tell: {', '.join(missing)} is missing, which [optimise] needs{other}")
     return found
 
 

@@ -23,7 +23,7 @@ from castfem.output.summary import Quantity, Summary
 from castfem.support.atomic_files import UNWRITTEN
 from castfem.support.messages import differences
 from castfem.sweep.plan import Variant, run_name
-from castfem.sweep.record import Record
+from castfem.sweep.record import Record, check_own
 from castfem.sweep.results import TABLE_NAME, rows, write_table
 from castfem.sweep.work import Job, Outcome
 from castfem.values import units
@@ -117,6 +117,7 @@ class Store:
         Raises:
             InputError: The folder holds something else.
         """
+        check_own(folder, (TABLE_NAME,))
         self.record = Record(folder)
         self._known: dict[str, Evaluation] = {}
         self._variants: dict[str, Variant] = {}

@@ -33,6 +33,7 @@ from castfem.design.spread import Spread
 from castfem.design.store import Evaluation
 from castfem.design.unknown import Unknown
 from castfem.output.summary import unit_of_difference
+from castfem.results.registry import general_label
 from castfem.values.types import Array
 
 
@@ -256,9 +257,8 @@ def _known(found: Findings, name: str, place: int) -> Known:
     of = SMOOTH.get(name)
     twin = None if of is None else (of, outputs.seen[best][of])
     measured = found.search.noise is not None and found.search.noise.runs > 0
-    return Known(
-        name, quantity.label, quantity.shown_unit, quantity.value, noise, numerical, twin, measured
-    )  # fmt: skip
+    label = general_label(name, quantity.label)
+    return Known(name, label, quantity.shown_unit, quantity.value, noise, numerical, twin, measured)
 
 
 def _constraints(found: Findings) -> list[Kept]:

@@ -14,6 +14,8 @@ REFERENCE = 20.0 + ZERO_CELSIUS
 """Temperature from which a table of mean expansion coefficients counts, K."""
 SOFTENS = 400.0 + ZERO_CELSIUS
 """Temperature beyond which mould copper loses its cold work within a campaign, K."""
+MELTS = 1084.62 + ZERO_CELSIUS
+"""Freezing point of copper in the International Temperature Scale of 1990, K."""
 CONDUCTIVITY = celsius((20.0, 100.0, 200.0, 300.0), (394.0, 385.0, 381.0, 377.0))
 """[Calcutt2001], W/(m K)."""
 EXPANSION = celsius((100.0, 200.0, 300.0), (16.8e-6, 17.3e-6, 17.7e-6))

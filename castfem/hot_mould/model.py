@@ -9,9 +9,10 @@ from mpi4py import MPI
 
 import numpy as np
 
+from castfem.errors import RunFailure
 from castfem.fem.root import on_root
 from castfem.hot_mould.conduction import Conduction, FaceLoad, Heated
-from castfem.hot_mould.copper import Copper
+from castfem.hot_mould.copper import MELTS, Copper
 from castfem.hot_mould.distortion import Distorted, Distortion, Support
 from castfem.hot_mould.flux import FluxMap
 from castfem.hot_mould.solvers import Method
@@ -20,6 +21,7 @@ from castfem.meshes.tube import TubeMesh, graded, tube
 from castfem.mould.displaced import WallDisplacement
 from castfem.mould.mould import Mould
 from castfem.mould.perimeter import Places, corner_of, lengths, sides_of
+from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Constant, Table
 from castfem.values.types import Array
 
@@ -147,9 +149,15 @@ class HotMould:
             flux: Into the hot face; None where its temperature is given.
 
         Raises:
-            RunFailure: A solver does not converge.
+            RunFailure: A solver does not converge, or the copper would melt.
         """
         heated = Conduction(self.tube, self.copper, self.settings.method).solve(self._load(flux))
+        if heated.hottest > MELTS:
+            raise RunFailure(
+                f"mould.tube: the copper would be at {heated.hottest - ZERO_CELSIUS:.0f} degC, and "
+                f"it melts at {MELTS - ZERO_CELSIUS:.0f} degC: see water_coefficient, thickness "
+                "and the heat that it takes (flux, or that of the strand)"
+            )
         distorted = self.distortion().solve(heated.temperature)
         owned = self.tube.owned
         kelvin = self.tube.gather(heated.temperature.x.array[:owned])

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from castfem.case.section_mesh import meshing
-from castfem.results.registry import AT_FRACTION, find
+from castfem.results.registry import AT_FRACTION, declared, find
 from castfem.support.messages import choices
 from castfem.values.units import nearest
 
@@ -81,6 +81,8 @@ def _fault(case: Case, name: str, places: Callable[[], list[str]]) -> str:
         return f"is not followed; give output.shell_at = [{int(fraction[1]) / 100:g}]"
     if definition.each and probe != _EVERYWHERE and probe not in places():
         near = nearest(probe, places())
+        if not near:  # meant is perhaps another result, of no place
+            near = nearest(name, [one.name for one in declared() if not one.each])
         return f'has no place "{probe}" on this section; allowed: {choices(places())}{near}'
     return ""
 

@@ -288,6 +288,14 @@ def find(name: str) -> tuple[QuantityDefinition, str] | None:
     return None
 
 
+def general_label(name: str, label: str) -> str:
+    """Return what a result is called in whatever run: without the place where one run has it."""
+    found = find(name)
+    if found is None or found[0].place is None:
+        return label
+    return found[0].result(0.0, found[1]).label
+
+
 def probe_label(probe: str) -> str:
     """Return what a probe is called."""
     return probe.replace("mid_face", "mid-face").replace("_", " ")

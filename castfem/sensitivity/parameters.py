@@ -7,7 +7,7 @@ multiplied as a whole: it is 100 in per cent.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -316,7 +316,8 @@ def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
         start, unit = (0.0, "K") if levels else (100.0, "percent")
         return Parameter(name, key, start, unit, 0.0, table=value)
     if value is None or isinstance(value, bool | Mapping | list):
-        raise ValueError("the case has no number there")
+        near = units.nearest(name, _numbers(document)) if value is None else ""
+        raise ValueError(f"the case has no number there{near}")
     if not isinstance(value, str):
         return Parameter(name, key, float(value), "", 0.0)
     try:
@@ -324,6 +325,15 @@ def _of_case(case: Case, steel: Steel, name: str) -> Parameter:
     except ValueError:
         raise ValueError(f'it is no number ("{value}")') from None
     return Parameter(name, key, float(number), unit, 0.0)
+
+
+def _numbers(table: Mapping[str, Any], above: str = "") -> Iterator[str]:
+    """Yield the dotted keys of what may be numbers of a case, without those in arrays."""
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            yield from _numbers(value, f"{above}{key}.")
+        elif not isinstance(value, bool | list) and f"{above}{key}".partition(".")[0] not in _HELD:
+            yield f"{above}{key}"
 
 
 def _check_composition(case: Case, steel: Steel, key: str, value: float, name: str) -> None:

@@ -236,4 +236,7 @@ def _check_effect(parameter: Parameter, below: Varied, above: Varied) -> None:
     same = one.casting == other.casting and _same_tables(one, other)
     same = same and below.simulation.steel is above.simulation.steel
     if same:
-        raise InputError(f"{parameter.name}: nothing that this run computes hangs on it")
+        raise InputError(
+            f"{parameter.name}: nothing that this run computes hangs on it (its steps and coupling "
+            "windows are held as they are)"
+        )

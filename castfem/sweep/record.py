@@ -60,6 +60,22 @@ def _is_of(folder: Path, job: Job) -> bool:
     return same and _untitled(existing) == _untitled(text)
 
 
+def check_own(folder: Path, names: Iterable[str]) -> None:
+    """Refuse a folder that has files of names that castfem would write, and not by castfem.
+
+    Raises:
+        InputError: There is one, and no record of runs beside it.
+    """
+    if (folder / SWEEP_NAME).is_file():
+        return
+    for name in names:
+        if (folder / name).exists():
+            raise InputError(
+                f"{folder}: castfem would write its {name}, and has not written the one that is "
+                "there; choose another folder with -o, or move the file"
+            )
+
+
 class Record:
     """The runs in a folder, by name.
 

@@ -82,6 +82,20 @@ def test_finished_runs_are_not_run_again(castfem, tmp_path):
     assert [row["position [m]"] for row in _table(Path("out"))] == ["0.03", "0.03"]
 
 
+def test_a_table_that_castfem_has_not_written_stays(castfem, tmp_path):
+    write_small(tmp_path)
+    (tmp_path / "out").mkdir()
+    mine = tmp_path / "out" / "sweep.csv"
+    mine.write_text("mine")
+    refused = castfem("sweep", "small", *SPEEDS, "-j", 1, "-o", "out")
+    assert refused.status == 1
+    assert refused.err == (
+        "castfem: out: castfem would write its sweep.csv, and has not written the one that is "
+        "there; choose another folder with -o, or move the file\n"
+    )
+    assert mine.read_text() == "mine" and len(list(mine.parent.iterdir())) == 1
+
+
 def test_results_of_another_case_are_not_those_of_this_sweep(castfem, tmp_path):
     """--overwrite with a changed case, stopped before its first run has ended."""
     path = write_small(tmp_path)

@@ -152,7 +152,10 @@ def test_what_is_no_run(tmp_path: Path, run: Any, line: str) -> None:
 @pytest.mark.parametrize(
     ("given", "line"),
     [
-        ({"von_mises": 1e6}, "tell: von_mises_max is missing, which [optimise] needs; did you"),
+        (
+            {"von_mises": 1e6},
+            "tell: von_mises_max is missing, which [optimise] needs; write it so, ",
+        ),
         ({STRESS: "3 MPa"}, "tell: von_mises_max: a number in SI is needed, not '3 MPa'"),
         ({STRESS: math.nan}, "tell: von_mises_max: a finite number is needed, not nan; of a run"),
         (None, 'tell: an Evaluation or a Result is needed, or results by name {"heat_removed'),

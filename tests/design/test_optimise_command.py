@@ -164,6 +164,16 @@ def test_ranks_that_cannot_be(case):
         status_of(*words[2:])
 
 
+@pytest.mark.parametrize("name", ["sweep.csv", "optimum.json", "mould.csv", "front.csv"])
+def test_a_file_of_the_user_stays(case, name):
+    (case / "out").mkdir()
+    mine = case / "out" / name
+    mine.write_text("mine")
+    with pytest.raises(InputError, match=f"out: castfem would write its {name}, and has not writ"):
+        status_of("optimise", "small", "-j", "1", "-o", "out")
+    assert mine.read_text() == "mine"
+
+
 def test_table_of_the_mould():
     case = load("billet125/taper_1").with_(
         {"mould.taper": [{"to": "125 mm", "taper": "2 %/m"}, {"taper": "0.5 %/m"}]}

@@ -56,6 +56,16 @@ def test_profile_falls_to_the_corner() -> None:
     assert profile(Constant(1e6), ROUND, 0.6, corner=0.5).flux == pytest.approx(1e6)
 
 
+def test_copper_that_would_melt_ends_it() -> None:
+    """Without water nothing holds its temperature: no wall comes of that."""
+    flux = profile(Constant(2e6), SQUARE, 0.6)
+    dry = TubeSettings(0.01, 0.1, Constant(100.0), WATER, size=0.04, across=1)
+    with pytest.raises(
+        RunFailure, match=r"would be at \d{4,} degC, and it melts at 1085 degC: see"
+    ):
+        HotMould(MPI.COMM_SELF, mould(), PLAIN, dry).solve(flux)
+
+
 @pytest.mark.parametrize("times", [1.0, 0.99])
 def test_flux_of_a_strand_goes_to_its_place(times: float) -> None:
     """Of a quarter and of the whole, also of a strand a little smaller than its mould."""

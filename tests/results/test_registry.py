@@ -257,3 +257,10 @@ def test_words_need_no_solver() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert json.loads(done.stdout) == ["shell, mid-face", False]
+
+
+def test_a_result_in_any_run_is_called_without_the_place_of_one() -> None:
+    at = "largest von Mises stress, at x = 72.7, y = 72.4 mm"
+    assert registry.general_label("von_mises_max", at) == "largest von Mises stress"
+    assert registry.general_label("heat_removed", "heat at 600 mm") == "heat at 600 mm"
+    assert registry.general_label("told by others", "its words") == "its words"
