@@ -102,7 +102,14 @@ class Parameter:
                 written["value"] = [value / 100.0 * one for one in self.table["value"]]
             else:
                 written["value"] = [one + value for one in self.table["value"]]
-        return changed(case, {self.key: written}, self.name)
+        try:
+            return changed(case, {self.key: written}, self.name)
+        except InputError as error:
+            raise InputError(
+                f"--to {self.name}: a derivative needs the case a little to either side of it, and "
+                f"with {value:.8g} {self.unit}".rstrip()
+                + f" it is none; compare runs (castfem sweep) instead. {error.problems[0]}"
+            ) from None
 
     @property
     def of_mechanics(self) -> bool:
