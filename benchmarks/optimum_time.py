@@ -35,6 +35,8 @@ LEVELS = "coarse", "default", "fine"
 ABOUT = 0.58, 0.62, 0.66, 0.72  # %/m: runs of the reference
 GRID = np.linspace(0.2, 1.0, 9)  # %/m: around what the moulds of docs/billet.md leave
 OPTIMISE, EACH = "castfem optimise", "coarse, checked by fine"
+_TIMES = 50, 100, 200, 400  # s, of the figure
+_OFF = 0.01, 0.02, 0.05  # %/m
 CHANGES: dict[str, Any] = {}
 """Of the case, in all runs."""
 SHOWN = {
@@ -187,7 +189,12 @@ def _draw(output: Output, rows: list[dict[str, Any]]) -> None:
                     [row["seconds"] for row in own], [abs(row[key]) for row in own],
                     color=colour, marker="o", ms=4, lw=1.0, label=name,
                 )  # fmt: skip
+            axes.set_xticks(_TIMES, [str(time) for time in _TIMES])
+            axes.yaxis.set_major_formatter("{x:g}")
+            axes.yaxis.set_minor_formatter("")
+            axes.tick_params(axis="x", which="minor", labelbottom=False)
             axes.set_xlabel("processor time [s]")
             axes.set_ylabel(label)
-        figure.axes[0].legend(fontsize=7)
+        figure.axes[0].set_yticks(_OFF)
+        figure.axes[0].legend(fontsize=7, loc="lower left")
         output.figure("optimum_time", figure)
