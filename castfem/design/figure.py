@@ -82,7 +82,7 @@ def draw_front(front: Front, path: Path) -> None:
         second = [value_in(front.second, point.second) for point in front.points]
         first = [value_in(front.first, point.first) for point in front.points]
         axes[0].plot(second, first, color="#0072b2", marker="o", ms=4, lw=1.0)
-        best = f"best {front.first.label}"
+        best = f"{front.first.label}: best"
         axes[0].plot(
             second[:1], first[:1], color="#d55e00", marker="o", ms=6, ls="none", label=best
         )
