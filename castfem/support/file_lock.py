@@ -20,6 +20,9 @@ def taken(lock: FileLock) -> bool:
     """
     try:
         lock.acquire()
-    except NotImplementedError:  # by filelock for ENOSYS alone: no locks here, yet runs must write
+    except NotImplementedError:
+        # Reason: a file system without locks is no fault of the run, which must write its results
+        # there, too. filelock raises this for ENOSYS alone, so no other error is hidden by it; who
+        # calls is told by False that nothing keeps other processes out.
         return False
     return True

@@ -72,7 +72,7 @@ def check_own(folder: Path, names: Iterable[str]) -> None:
         if (folder / name).exists():
             raise InputError(
                 f"{folder}: castfem would write its {name}, and has not written the one that is "
-                "there; choose another folder with -o, or move the file"
+                "there; choose another folder, or move the file"
             )
 
 

@@ -91,7 +91,7 @@ def test_a_table_that_castfem_has_not_written_stays(castfem, tmp_path):
     assert refused.status == 1
     assert refused.err == (
         "castfem: out: castfem would write its sweep.csv, and has not written the one that is "
-        "there; choose another folder with -o, or move the file\n"
+        "there; choose another folder, or move the file\n"
     )
     assert mine.read_text() == "mine" and len(list(mine.parent.iterdir())) == 1
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from small_case import small
 
 from castfem.design import Evaluation, Optimum, Study, Wanted
 
@@ -19,3 +22,18 @@ def solve(one: Study, given: Given) -> Optimum:
             one.tell(run, given(run))
 
     return one.solve(obtain=obtain)
+
+
+def study(*variables: dict[str, Any], **table: Any) -> Study:
+    asked = {"minimise": STRESS, "variable": list(variables or (SPEED,)), **table}
+    return Study(small({"casting.length": "6 mm", "optimise": asked}))
+
+
+def bowl(wanted: Wanted) -> dict[str, float]:
+    speed = wanted.values[0]
+    return {STRESS: 10.0 + 2.0 * (speed - 3.3) ** 2, HEAT: 1e6 * (speed - 2.2)}
+
+
+def covered(optimum: Optimum, *truth: float) -> bool:
+    ends = [(v.low, v.high) for v in optimum.values]
+    return all(low <= x <= high for (low, high), x in zip(ends, truth, strict=True))
