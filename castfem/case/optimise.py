@@ -213,10 +213,12 @@ class Optimise(TableModel):
         description="how well the runs of the search are computed; the best one is run by the "
         "other two, too, which gives its numerical error",
     )
-    method: Literal["cobyqa", "optuna"] = Field(
+    method: Literal["cobyqa", "slsqp", "optuna"] = Field(
         "cobyqa",
-        description="cobyqa: from the start downhill; optuna (the extra castfem[optimise]): first "
-        "with half of the runs all over the ranges, for several valleys and many variables",
+        description="cobyqa: from the start downhill; slsqp: likewise, by derivatives that the "
+        "runs carry along, for three variables or more and a result without kinks "
+        "(von_mises_smooth); optuna (the extra castfem[optimise]): first with half of the runs all "
+        "over the ranges, for several valleys and many variables",
     )
     most_runs: int = Field(
         60,
@@ -235,8 +237,8 @@ class Optimise(TableModel):
         None,
         ge=8,
         strict=True,
-        description="runs for that spread; by default half as many again as quadratics of "
-        "variables and inputs have coefficients, or a few more",
+        description="runs for that spread; by default those that its polynomials take, fewer where "
+        "runs carry derivatives",
         examples=[32],
     )
     front: Front | None = Field(

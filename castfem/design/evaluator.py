@@ -20,7 +20,7 @@ from castfem.support.messages import shown
 from castfem.sweep.groups import Groups
 from castfem.sweep.groups import check as check_groups
 from castfem.sweep.local import Team
-from castfem.sweep.work import Job, Outcome, work
+from castfem.sweep.work import Derivatives, Job, Outcome, work
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -124,6 +124,7 @@ class Evaluator(Closing):
         cases: Sequence[Case],
         given: Sequence[Mapping[str, str]],
         watcher: Watcher | None = None,
+        derivatives: Sequence[Derivatives | None] = (),
     ) -> list[Evaluation]:
         """Return what cases give, each run once.
 
@@ -131,14 +132,18 @@ class Evaluator(Closing):
             cases: The cases.
             given: What is varied in each, key to value, for its folder's name and tables.
             watcher: Told of the runs.
+            derivatives: What each is to carry along; a run that was made without is made again.
 
         Raises:
             RunFailure: A run was hindered by what is none of its case's: another run at work in its
                 folder for longer than that of a killed command may be, a full disk, the end of
                 its process.
         """
-        jobs = [self.store.job(case, keys) for case, keys in zip(cases, given, strict=True)]
-        wanted = {job.name: job for job in jobs if self.store.find(job.case) is None}
+        carried = derivatives or [None] * len(cases)
+        jobs = [self.store.job(*one) for one in zip(cases, given, carried, strict=True)]
+        every = sorted(jobs, key=lambda job: job.derivatives is not None)  # if a run is there twice
+        find = self.store.find
+        wanted = {job.name: job for job in every if find(job.case, job.derivatives) is None}
         lost: dict[str, Evaluation] = {}
         hindered: list[tuple[Job, Outcome]] = []
 

@@ -81,6 +81,7 @@ class Spreading:
         runs: How many were made for it.
         failed: Of these.
         open: Whether draws lead to where the runs about the optimum end.
+        derivatives: Whether the runs have carried their derivatives along.
     """
 
     labels: tuple[str, ...]
@@ -88,6 +89,7 @@ class Spreading:
     runs: int
     failed: int
     open: bool
+    derivatives: bool
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from castfem.case.optimise import Bound
+from castfem.design.carried import by_shares
 from castfem.design.question import Question, Wanted
 from castfem.errors import InputError
 from castfem.output.summary import Quantity
@@ -179,6 +180,29 @@ class Outputs:
         except InputError:
             return np.full(1 + self.count, np.nan)
 
+    def slopes(self, wanted: Wanted) -> Array | None:
+        """Derivatives of cost and margins by the shares of all ranges (1 + m, n + d), SI.
+
+        None of a run that tells none; NaN for those that are not known.
+        """
+        given = self.seen[wanted].slopes
+        names = [self.objective, *(bound.quantity for bound in self.bounds)]
+        if not given or any(name not in given for name in names):
+            return None
+        rows = [by_shares(self.question, wanted, given[name]) for name in names]
+        rows[0] = self.sense * rows[0]
+        for i, bound in enumerate(self.bounds, 1):
+            if bound.relative:
+                ideal = self.question.ideal(wanted)
+                known = self._look(ideal)
+                there = known.slopes if known is not None else None
+                if not there or bound.quantity not in there:
+                    return None
+                share = by_shares(self.question, ideal, there[bound.quantity])
+                rows[i] = rows[i] - bound.value * share
+            rows[i] = bound.sign * rows[i]
+        return np.array(rows)
+
     def runs_of(self, fidelity: str) -> tuple[Array, Array]:
         """Places (r, n) of the runs by a level, shares of the ranges, and their vectors."""
         own = [w for w in self.seen if w.fidelity == fidelity and not (w.ideal or w.inputs)]
@@ -186,7 +210,7 @@ class Outputs:
         return shares, np.array([self.vector(w) for w in own])
 
     def _ideal(self, wanted: Wanted, name: str) -> float:
-        given = self._look(self.question.ideal(wanted))
+        given = self._look(replace(self.question.ideal(wanted), carries=False))
         assert given is not None
         if given.failed:
             raise InputError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,12 +36,15 @@ class Wanted:
         ideal: Whether the mould follows the strand.
         inputs: Values of the uncertain inputs, factors of those that are relative; empty for those
             of the case.
+        carries: Whether it is to carry derivatives by variables and inputs along; results without
+            them will do. It makes no other run of it.
     """
 
     values: tuple[float, ...]
     fidelity: str
     ideal: bool = False
     inputs: tuple[float, ...] = ()
+    carries: bool = field(default=False, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +221,7 @@ class Question:
         """The run in the idealised mould, all else as in another one."""
         pairs = zip(self.axes, wanted.values, strict=True)
         values = tuple(axis.low if axis.of_mould else value for axis, value in pairs)
-        return Wanted(values, wanted.fidelity, ideal=True, inputs=wanted.inputs)
+        return replace(wanted, values=values, ideal=True)
 
     def changes(self, wanted: Wanted) -> dict[str, Any]:
         """Keys and values of a run, as `Case.with_` takes them."""

@@ -13,19 +13,18 @@ COBYQA: [Ragonneau2022] (docs/references.md).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from castfem.design.noise import Noise, neighbours, slope_of
 from castfem.design.outputs import Outputs
 from castfem.design.question import Wanted
 from castfem.values.types import Array
 
-_NEIGHBOURS = 5  # runs by which noise is measured
-_APART = 1e-3  # of the ranges: how far apart they are
 FIRST, LAST = 0.1, 0.002  # of the ranges: first step, and the smallest worth taking
 _WIDE = 3  # 2^3 - 1 places over the ranges where the start fails
 AT_END = 2.0  # last steps from the end of a range
@@ -44,27 +43,16 @@ class Spent(Exception):
     """The search has had its runs."""
 
 
+class _Untold(Exception):
+    """A run that was to carry derivatives tells none."""
+
+
 class _Through(Exception):
     """A run has come to its end."""
 
     def __init__(self, wanted: Wanted) -> None:
         super().__init__()
         self.wanted = wanted
-
-
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """Scatter of results between runs that differ by next to nothing.
-
-    Attributes:
-        sigma: Of cost and margins (1 + m,), in SI: standard deviation about straight lines.
-        slope: Of cost and margins along each variable (1 + m, n), SI over the range.
-        runs: By how many runs it was measured; 0 where they failed.
-    """
-
-    sigma: Array
-    slope: Array
-    runs: int
 
 
 class Search:
@@ -100,7 +88,7 @@ class Search:
         try:
             begin = self._settle(start)
             for valley in self._valleys(begin):
-                self._cobyqa(valley, FIRST, self._cost)
+                self._downhill(valley, FIRST)
             best = self.best()
             if self.violation(best) > 0.0:  # nothing meets all: what comes nearest?
                 self._cobyqa(self.question.shares(best), FIRST, self._worst_violation)
@@ -134,10 +122,25 @@ class Search:
         """
         try:
             self._settle(start)
-            self._cobyqa(self.question.shares(begin), max(first, 2.0 * LAST), self._cost)
+            self._downhill(self.question.shares(begin), max(first, 2.0 * LAST))
         except Spent:
             self.spent = True
         return self.best()
+
+    def measure_at(self, best: Wanted) -> None:
+        """Measure the noise about a best run, too, where its windows are cut for their error.
+
+        Those of its neighbours may be cut elsewhere, if not those of the runs about the start.
+
+        Raises:
+            Needs: Runs are missing.
+        """
+        if self.noise is None or not self.outputs.seen[best].cut:
+            return
+        runs = [self.question.at(u) for u in neighbours(self.question.shares(best))]
+        self.outputs.fetch(runs)
+        values = np.array([self.outputs.vector(run) for run in runs])
+        self.noise = self.noise.at_least(Noise.of(values, self.noise.slope))
 
     def best_known(self, start: Array) -> Wanted:
         """Return the best run of those that were made for other aims; see `towards`.
@@ -170,20 +173,20 @@ class Search:
         begin = np.clip(start, 0.0, 1.0)
         inner = np.clip(begin, FIRST, 1.0 - FIRST)
         cross = [inner, *(inner + s * FIRST * e for e in np.eye(len(begin)) for s in (1.0, -1.0))]
-        along = (np.arange(_NEIGHBOURS) - _NEIGHBOURS // 2) * _APART
-        line = [np.clip(inner + step, 0.0, 1.0) for step in along]
+        line = neighbours(inner)
         runs = list(dict.fromkeys(self.question.at(u) for u in [begin, *cross, *line]))
         self._fetch(runs)
         values = np.array([self.outputs.vector(self.question.at(u)) for u in cross])
-        sides = range(len(begin))
         self._scaled = bool(np.any(~np.isnan(values[:, 0])))
         if not self._scaled and not among_failures:
             through = self._through(begin)
             if through is not None:
                 return self._settle(self.question.shares(through), among_failures=True)
-        slope = np.array([_slope(values[0], *values[1 + 2 * i : 3 + 2 * i]) for i in sides]).T
-        sigma, count = self._scatter(along, line)
-        self.noise = Noise(sigma, slope, count)
+        sides = [(values[1 + 2 * i], values[2 + 2 * i]) for i in range(len(begin))]
+        slope = np.array([slope_of(values[0], *pair, apart=FIRST) for pair in sides]).T
+        along = np.array([self.outputs.vector(self.question.at(u)) for u in line])
+        self.noise = Noise.of(along, slope)
+        sigma, count = self.noise.sigma, self.noise.runs
         spread = np.nanmax(np.abs(values - values[0]), axis=0, initial=0.0, where=~np.isnan(values))
         size = np.array([1.0, *(abs(b) for b in self._bounds(runs))])
         widest = np.maximum(np.nan_to_num(spread), np.maximum(10.0 * sigma, 1e-6 * size))
@@ -233,17 +236,6 @@ class Search:
                 return [margin.bound for margin in self.outputs.margins(run)]
         return [1.0] * self.outputs.count
 
-    def _scatter(
-        self, along: npt.NDArray[Any], line: Sequence[npt.NDArray[Any]]
-    ) -> tuple[Array, int]:
-        """Standard deviation about straight lines through neighbouring runs (1 + m,)."""
-        values = np.array([self.outputs.vector(self.question.at(u)) for u in line])
-        if np.isnan(values).any():
-            return np.zeros(values.shape[1]), 0
-        fit = np.polynomial.polynomial.polyfit(along, values, 1)
-        rest = values - np.polynomial.polynomial.polyval(along, fit).T
-        return np.sqrt(np.sum(rest**2, axis=0) / (len(along) - 2)), len(along)
-
     def _fetch(self, wanted: Sequence[Wanted]) -> None:
         new = [one for one in wanted if one not in self.outputs.seen]
         if len(self.outputs.seen) + len(new) > self._most and len(new) == 1:
@@ -276,21 +268,79 @@ class Search:
     def _worst_violation(self, u: Array) -> float:
         return float(max(0.0, -np.min(self.given(self.question.at(u))[1:])))
 
-    def _cobyqa(self, begin: Array, first: float, objective: object) -> None:
-        """Search from a start; what was seen is in `outputs`."""
-        from scipy.optimize import Bounds, NonlinearConstraint, minimize
+    def _downhill(self, begin: Array, first: float) -> None:
+        """Search from a start by the method that is asked for."""
+        if self.question.table.method == "slsqp":
+            try:
+                self._by_derivatives(begin, first)
+            except _Untold:
+                self._cobyqa(begin, first, self._cost)
+        else:
+            self._cobyqa(begin, first, self._cost)
+
+    def _by_derivatives(self, begin: Array, first: float) -> None:
+        """Search from a start with runs that carry derivatives.
+
+        Raises:
+            _Untold: A run tells none.
+        """
+        from castfem.design.descent import descend
+
+        count, tolerated = len(begin), self._tolerance() / self._scale[1:]
+
+        def at(u: Array) -> Wanted:
+            return replace(self.question.at(u), carries=True)
+
+        def given(u: Array) -> Array:
+            return self.given(at(u)) + np.array([0.0, *tolerated, 0.0])
+
+        def slopes(u: Array) -> Array:
+            wanted, found = at(u), np.zeros((2 + self.outputs.count, count))
+            self._fetch([wanted])
+            if not self.outputs.seen[wanted].failed:
+                told = self.outputs.slopes(wanted)
+                if told is None:
+                    raise _Untold
+                found[:-1] = np.nan_to_num(told[:, :count]) / self._scale[:, None]
+            return found
 
         last = min(self.radius, 0.5 * first)
-        aim = objective == self._cost
-        part = (*(float(u) for u in begin), first, last, aim, self.outputs.aim)
+        part = (*(float(u) for u in begin), first, last, "slopes", self.outputs.aim)
+        with self._part(part) as new:
+            if new:
+                descend(begin, given, slopes, first, last, self._most)
+
+    @contextmanager
+    def _part(self, part: tuple[object, ...]) -> Iterator[bool]:
+        """A part of the search; false where it has come to its end before: its runs are looked at.
+
+        Args:
+            part: What makes it another one.
+        """
         if part in self._done:
             for wanted in self._done[part]:
                 self.given(wanted)
+            yield False
             return
         before = len(self._order)
-        if not aim:
-            limits = []
-        else:
+        yield True
+        self._done[part] = tuple(self._order[before:])
+
+    def _cobyqa(self, begin: Array, first: float, objective: object) -> None:
+        """Search from a start; what was seen is in `outputs`."""
+        last = min(self.radius, 0.5 * first)
+        aim = objective == self._cost
+        part = (*(float(u) for u in begin), first, last, aim, self.outputs.aim)
+        with self._part(part) as new:
+            if new:
+                self._minimise(begin, first, last, objective, aim)
+
+    def _minimise(self, begin: Array, first: float, last: float, objective: Any, aim: bool) -> None:
+        """One call of COBYQA, with the constraints where the cost is the aim."""
+        from scipy.optimize import Bounds, NonlinearConstraint, minimize
+
+        limits = []
+        if aim:
             tolerated = np.array([*self._tolerance() / self._scale[1:], 0.0])
             limits = [NonlinearConstraint(
                 lambda u: self.given(self.question.at(u))[1:], -tolerated, np.inf
@@ -308,7 +358,6 @@ class Search:
                 "feasibility_tol": 1e-6,
             },
         )
-        self._done[part] = tuple(self._order[before:])
 
     def _tolerance(self) -> Array:
         """What a constraint may be missed by: its own noise (m,), SI."""
@@ -338,14 +387,3 @@ class Search:
             return self.violation(wanted), np.inf if failed else self.outputs.cost(wanted)
 
         return min(own, key=order)
-
-
-def _slope(here: Array, above: Array, below: Array) -> Array:
-    """Slope of results (1 + m,) over the range; to one side where the other run has failed."""
-    if np.isnan(above).any():
-        above, width = here, FIRST
-    elif np.isnan(below).any():
-        below, width = here, FIRST
-    else:
-        width = 2.0 * FIRST
-    return np.asarray((above - below) / width)

@@ -1,8 +1,9 @@
 """The spread of an optimum by inputs that are not known exactly.
 
 Runs at points of Sobol's sequence, in the box of the variables about the optimum and of the
-ranges of the inputs together. Through them quadratics of objective and margins are laid, whose
-error is that of each run against the fit to all others. By the quadratics, for many draws of the
+ranges of the inputs together. Through them, and through their derivatives where runs carry these,
+polynomials of objective and margins are laid, whose error is that of each run against the fit to
+all others. By these, for many draws of the
 inputs: results at the optimum, where the optimum would be, and their Sobol indices: of the first
 order (share of the variance that one input alone makes) and total (with all that it makes together
 with others).
@@ -12,19 +13,19 @@ Indices: [Saltelli2010] (docs/references.md), by `scipy.stats.sobol_indices`.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from castfem.design.inputs import Uncertain
 from castfem.design.outputs import Outputs
 from castfem.design.question import Wanted
+from castfem.design.response import fit, least, samples
 from castfem.design.vicinity import REACH, Quadratic, nearest_to_allowed
 from castfem.values.types import Array
 
-_MORE = 1.5  # runs over coefficients of the quadratics
 _PLACES, _DRAWS = 2**11, 2**8
 _TAILS = 0.05, 0.95
 _SAFE = 0.95  # share of the draws in which a safe optimum meets its constraints
@@ -40,7 +41,7 @@ class Spread:
         results: Names of objective and bounded results, in order (1 + m).
         low: Of cost and margins at the optimum (1 + m,), 5 % of the draws lie below, SI.
         high: Likewise, 95 % lie below.
-        error: Of the quadratics (1 + m,), SI: root mean square, each run by the fit to the others.
+        error: Of the fit (1 + m,), SI: root mean square, each run by the fit to the others.
         met: Share of the draws in which each constraint is met at the optimum (m,).
         first: Sobol indices of the first order of cost and margins (1 + m, d). total: Likewise.
         place: Variables of the optimum (n, 2), 5 and 95 % of the draws, shares of the ranges.
@@ -49,6 +50,7 @@ class Spread:
         safe: The best place (n,) that meets all constraints in 95 % of the draws; None if there is
             none near.
         runs: How many were made, those in the idealised mould not counted. failed: Of these.
+        carried: Whether they have told their derivatives.
     """
 
     labels: tuple[str, ...]
@@ -66,25 +68,39 @@ class Spread:
     safe: Array | None
     runs: int
     failed: int
+    carried: bool
 
 
-def coefficients(variables: int) -> int:
-    """How many coefficients a quadratic of some variables has."""
-    return 1 + variables + variables * (variables + 1) // 2
+@dataclass(frozen=True, slots=True)
+class _Made:
+    """The runs that a spread is laid through.
+
+    Attributes:
+        wanted: The runs (r).
+        values: Cost and margins (r, 1 + m); NaN of those that have failed.
+        slopes: Their derivatives by the shares of all ranges (r, 1 + m, n + d); None without.
+    """
+
+    wanted: list[Wanted]
+    values: Array
+    slopes: Array | None
+
+    @property
+    def fine(self) -> npt.NDArray[np.bool_]:
+        """Which have come to their end (r,)."""
+        return np.asarray(~np.isnan(self.values).any(axis=1))
 
 
-def samples(variables: int) -> int:
-    """How many runs are made for a spread, a power of two."""
-    return int(2 ** np.ceil(np.log2(_MORE * coefficients(variables))))
-
-
-def spread(outputs: Outputs, best: Wanted, model: Quadratic) -> Spread | None:
+def spread(
+    outputs: Outputs, best: Wanted, model: Quadratic, *, carries: bool = False
+) -> Spread | None:
     """Return what the inputs do to an optimum; None where too many of the runs fail.
 
     Args:
         outputs: What runs mean; of its own, for its runs are none of the search.
         best: The best run.
         model: Quadratics about it, by which the box of the variables is chosen.
+        carries: Whether the runs may carry derivatives; if one of them tells none, more are made.
 
     Raises:
         Needs: Runs are missing.
@@ -93,27 +109,33 @@ def spread(outputs: Outputs, best: Wanted, model: Quadratic) -> Spread | None:
     n, d = len(question.axes), len(question.inputs)
     low = np.clip(model.centre - REACH * model.step, 0.0, 1.0)
     high = np.clip(model.centre + REACH * model.step, 0.0, 1.0)
-    points = _sobol(n + d, question.table.samples or samples(n + d))
-    wanted = [
-        _drawn(outputs, best.fidelity, low + point[:n] * (high - low), point[n:])
-        for point in points
-    ]
-    outputs.fetch(wanted)
-    values = np.array([outputs.vector(one) for one in wanted])
-    fine = ~np.isnan(values).any(axis=1)
-    if np.count_nonzero(fine) <= coefficients(n + d):
+    half = np.array([*(0.5 * (high - low)), *np.full(d, 0.5)])
+    made = _made(outputs, best, (low, high), carries)
+    fine, carried = made.fine, made.slopes is not None
+    if np.count_nonzero(fine) < least(n, d, carrying=carried):
         return None
-    where = np.array([_place(outputs, one, model) for one in wanted])
-    fit, error = _fit(where[fine], values[fine])
+    box = 0.5 * (low + high) - model.centre
+    where = np.array([_place(outputs, one, model) for one in made.wanted])
+    slopes = None if made.slopes is None else made.slopes[fine] * half
+    middle = np.array([*(box / model.step), *np.zeros(d)])
+    reach = np.array([*(half[:n] / model.step), *np.ones(d)])
+    laid, error = fit((where[fine] - middle) / reach, made.values[fine], n, slopes)
+
+    def found_by(x: Array) -> Array:
+        """Cost and margins at places in steps from the optimum and inputs from -1 to 1."""
+        return laid((x - middle) / reach)
+
     centre = np.zeros(n)
     draws = 2.0 * _sobol(d, _DRAWS) - 1.0
-    here = fit(np.hstack([np.tile(centre, (len(draws), 1)), draws]))
-    finder = _Finder(fit, (low - model.centre) / model.step, (high - model.centre) / model.step)
+    here = found_by(np.hstack([np.tile(centre, (len(draws), 1)), draws]))
+    finder = _Finder(
+        found_by, (low - model.centre) / model.step, (high - model.centre) / model.step
+    )
     found = finder.best(draws)
     ends = np.quantile(found, _TAILS, axis=0).T
     edge = 0.02 * (finder.high - finder.low)
     safe = finder.safe(draws)
-    first, total = _indices(lambda x: fit(np.hstack([np.zeros((len(x), n)), x])), d)
+    first, total = _indices(lambda x: found_by(np.hstack([np.zeros((len(x), n)), x])), d)
     place_first, place_total = _indices(finder.best, d)
     shares = model.centre[:, None] + model.step[:, None] * ends
     return Spread(
@@ -129,22 +151,52 @@ def spread(outputs: Outputs, best: Wanted, model: Quadratic) -> Spread | None:
             )
         ),
         safe=None if safe is None else model.centre + model.step * safe,
-        runs=len(wanted), failed=int(np.count_nonzero(~fine)),
+        runs=len(made.wanted), failed=int(np.count_nonzero(~fine)), carried=carried,
     )  # fmt: skip
 
 
 def _sobol(dimensions: int, count: int) -> Array:
     from scipy.stats import qmc
 
-    return np.asarray(qmc.Sobol(dimensions, seed=_SEED).random(count))
+    points = qmc.Sobol(dimensions, seed=_SEED).random_base2((count - 1).bit_length())
+    return np.asarray(points[:count])
 
 
-def _drawn(outputs: Outputs, fidelity: str, shares: Array, inputs: Array) -> Wanted:
+def _made(outputs: Outputs, best: Wanted, box: tuple[Array, Array], carries: bool) -> _Made:
+    """The runs, which carry derivatives if they may; further ones without where they tell none.
+
+    Args:
+        outputs: What runs mean.
+        best: The best run.
+        box: Lowest and highest shares of the variables (n,).
+        carries: Whether they may.
+    """
+    question, (low, high) = outputs.question, box
+    n, d = len(question.axes), len(question.inputs)
+    count = question.table.samples or samples(n, d, carrying=carries)
+    wanted = [
+        _drawn(outputs, best.fidelity, low + point[:n] * (high - low), point[n:], carries)
+        for point in _sobol(n + d, count)
+    ]
+    outputs.fetch(wanted)
+    values = np.array([outputs.vector(one) for one in wanted])
+    if not carries:
+        return _Made(wanted, values, None)
+    missing = np.full((values.shape[1], n + d), np.nan)
+    slopes = [missing if outputs.seen[w].failed else outputs.slopes(w) for w in wanted]
+    told = [one for one in slopes if one is not None]
+    if len(told) < len(slopes):
+        return _made(outputs, best, box, carries=False)
+    return _Made(wanted, values, np.array(told))
+
+
+def _drawn(outputs: Outputs, fidelity: str, shares: Array, inputs: Array, carries: bool) -> Wanted:
     """The run at shares of the ranges of variables and inputs."""
     question = outputs.question
     at = question.at(shares, fidelity)
     drawn = zip(question.inputs, inputs, strict=True)
-    return Wanted(at.values, at.fidelity, inputs=tuple(one.value(float(u)) for one, u in drawn))
+    given = tuple(one.value(float(u)) for one, u in drawn)
+    return Wanted(at.values, at.fidelity, inputs=given, carries=carries)
 
 
 def _place(outputs: Outputs, wanted: Wanted, model: Quadratic) -> Array:
@@ -156,21 +208,6 @@ def _place(outputs: Outputs, wanted: Wanted, model: Quadratic) -> Array:
 
 def _scaled(one: Uncertain, value: float) -> float:
     return 2.0 * (value - one.low) / (one.high - one.low) - 1.0
-
-
-def _columns(x: Array) -> Array:
-    n = x.shape[1]
-    squares = [x[:, i] * x[:, j] for i, j in itertools.combinations_with_replacement(range(n), 2)]
-    return np.column_stack([np.ones(len(x)), *x.T, *squares])
-
-
-def _fit(where: Array, values: Array) -> tuple[Callable[[Array], Array], Array]:
-    """Quadratics of runs (r, n + d) with values (r, 1 + m), and their errors (1 + m,)."""
-    columns = _columns(where)
-    weights, *_ = np.linalg.lstsq(columns, values, rcond=1e-10)
-    hat = columns @ np.linalg.pinv(columns, rcond=1e-10)
-    left_out = (values - columns @ weights) / np.maximum(1.0 - np.diag(hat), 1e-6)[:, None]
-    return (lambda x: _columns(x) @ weights), np.sqrt(np.mean(left_out**2, axis=0))
 
 
 def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Array]:
@@ -197,10 +234,10 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
 
 
 class _Finder:
-    """Finds the optimum of quadratics for given inputs, among many places about it.
+    """Finds the optimum of polynomials for given inputs, among many places about it.
 
     Args:
-        fit: The quadratics. low: Of the box of the variables, in steps (n,). high: Likewise.
+        fit: The polynomials. low: Of the box of the variables, in steps (n,). high: Likewise.
     """
 
     def __init__(self, fit: Callable[[Array], Array], low: Array, high: Array) -> None:

@@ -19,13 +19,14 @@ from castfem.case.key_names import full_key
 from castfem.case.portable import portable
 from castfem.errors import CastfemError, InputError
 from castfem.output.folder import CASE_NAME, PROPERTIES_NAME, RunRecord
-from castfem.output.summary import Quantity, Summary
+from castfem.output.summary import CUT, Quantity, Summary
+from castfem.sensitivity.slopes import Slopes, read_slopes
 from castfem.support.atomic_files import UNWRITTEN
 from castfem.support.messages import differences
 from castfem.sweep.plan import Variant, run_name
 from castfem.sweep.record import Record, check_own
 from castfem.sweep.results import TABLE_NAME, rows, write_table
-from castfem.sweep.work import Job, Outcome
+from castfem.sweep.work import Derivatives, Job, Outcome
 from castfem.values import units
 
 if TYPE_CHECKING:
@@ -59,6 +60,8 @@ class Evaluation:
         message: Why it failed, one line; empty if it did not.
         seconds: How long it took; 0 where that is not known.
         folder: Of the run; None of one that was made elsewhere.
+        slopes: Derivatives that it has carried along, empty where it can have none; None of one
+            that was made without.
     """
 
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
@@ -66,11 +69,28 @@ class Evaluation:
     message: str = ""
     seconds: float = 0.0
     folder: Path | None = None
+    slopes: Slopes | None = None
+    cut: int = 0
+
+    @classmethod
+    def of(
+        cls, summary: Summary, seconds: float, folder: Path | None, slopes: Slopes | None = None
+    ) -> Evaluation:
+        """What a run that has finished has given; see the attributes."""
+        cut = int(summary.steps.get(CUT, 0.0))
+        return cls(summary.quantities, 1.0, "", seconds, folder, slopes, cut)
 
     @property
     def failed(self) -> bool:
         """Whether it ended before its end."""
         return bool(self.message)
+
+    def has(self, derivatives: Derivatives | None) -> bool:
+        """Whether it tells some derivatives, or that there are none."""
+        if derivatives is None or self.failed or self.slopes == {}:
+            return True
+        slopes = self.slopes or {}
+        return all(set(derivatives.to) <= set(slopes.get(name, ())) for name in derivatives.of)
 
     def __getitem__(self, name: str) -> float:
         """A result in SI.
@@ -163,20 +183,29 @@ class Store:
                 return True
         return False
 
-    def find(self, case: Case) -> Evaluation | None:
-        """Return what the run of a case has given, None where there is none that has ended."""
-        return self._known.get(_key(case))
+    def find(self, case: Case, derivatives: Derivatives | None = None) -> Evaluation | None:
+        """Return what the run of a case has given, None where there is none that has ended.
 
-    def job(self, case: Case, given: Mapping[str, str]) -> Job:
+        Args:
+            case: The case.
+            derivatives: What it must have carried along; None for nothing.
+        """
+        found = self._known.get(_key(case))
+        return found if found is not None and found.has(derivatives) else None
+
+    def job(
+        self, case: Case, given: Mapping[str, str], derivatives: Derivatives | None = None
+    ) -> Job:
         """Return the run of a case, and note that it is to be; what was cut short goes on.
 
         Args:
             case: The case.
             given: Key to value of what is varied, as tables show it.
+            derivatives: What it is to carry along; None for nothing.
         """
         name = f"{run_name(given)}_{_key(case)[:_DIGITS]}".lstrip("_")
         self._variants[name] = Variant(name, given, case)
-        return Job(name, self.folder / name, case, resume=True)
+        return Job(name, self.folder / name, case, resume=True, derivatives=derivatives)
 
     def note(self, job: Job, outcome: Outcome) -> Evaluation:
         """Write down how a run has ended, and return what it has given.
@@ -246,7 +275,7 @@ class Store:
             return Evaluation({}, share, message, entry.seconds, place)
         if summary is None:
             return None
-        return Evaluation(summary.quantities, 1.0, "", entry.seconds, place)
+        return Evaluation.of(summary, entry.seconds, place, read_slopes(place))
 
 
 def _strand(tables: Mapping[str, Any]) -> Strand:

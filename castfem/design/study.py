@@ -2,8 +2,8 @@
 
 study = Study("billet125/optimum_single")
 while wanted := study.ask():
-for one in wanted:
-study.tell(one, castfem.run(study.case(one)))
+    for one in wanted:
+        study.tell(one, castfem.run(study.case(one)))
 print(study.result().changes())
 """
 
@@ -16,31 +16,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from castfem.accuracy.levels import DEFAULT, LEVELS
+from castfem.accuracy.levels import DEFAULT
 from castfem.api import Result
-from castfem.design import vicinity
-from castfem.design.binding import Binding
-from castfem.design.checked import Checked, best_by
+from castfem.design.carried import hindrances, of_run
 from castfem.design.evaluator import Evaluator, Watcher, lean, variant
-from castfem.design.front import Tracer
 from castfem.design.given import case_of, folder_of, origin_of, quantities_of, wanted_of
-from castfem.design.numerical import Numerical, Tilt, next_of
+from castfem.design.inquiry import Inquiry
 from castfem.design.optimum import Optimum
-from castfem.design.outputs import Needs, Obtain, Outputs
+from castfem.design.outputs import Needs, Obtain
 from castfem.design.question import Question, Wanted
-from castfem.design.search import AT_END, Done, Search
-from castfem.design.spread import spread
+from castfem.design.search import Done
 from castfem.design.store import Evaluation
-from castfem.design.verdict import Findings, verdict
 from castfem.errors import InputError
 from castfem.output.run_record import RunRecord
-from castfem.values.types import Array
 
 if TYPE_CHECKING:
     from castfem.case import Case
-
-_STEP, _WIDEST = 0.025, 0.1  # of the ranges: between the runs about an optimum
-_TURNS = 3  # of search and look around
 
 
 class Study:
@@ -83,11 +74,13 @@ class Study:
             self.question.check_results()
         self._lean = lean(sound)
         self._told: dict[Wanted, Evaluation] = {}
+        self._carried: set[Wanted] = set()  # that were told as runs that carry derivatives
         self._kept: list[Result] = []
         self._cases: dict[Wanted, Case] = {}
         self._result: Optimum | None = None
         self._done: Done = {}
-        self._stage: Callable[[str], None] | None = None
+        if self.question.table.method == "slsqp":
+            self._check_derivatives()
 
     def ask(self) -> tuple[Wanted, ...]:
         """Return the runs that the search needs next, which may be done at once; () at its end.
@@ -96,7 +89,7 @@ class Study:
             InputError: A run has no result that is asked for.
         """
         try:
-            self._result = self._solved(None)
+            self._result = self._inquiry().answer(None, own=self.evaluator is not None)
         except Needs as needs:
             return needs.wanted
         return ()
@@ -122,17 +115,34 @@ class Study:
         def run(wanted: Sequence[Wanted]) -> None:
             self.run(wanted, watcher)
 
-        self._stage = stage
-        try:
-            self._result = self._solved(obtain or run)
-        finally:
-            self._stage = None
+        self._result = self._inquiry(stage).answer(obtain or run, own=obtain is None)
         return self._result
 
-    def _follows(self, what: str) -> None:
-        """Tell what the runs that follow are for."""
-        if self._stage is not None:
-            self._stage(what)
+    def _inquiry(self, stage: Callable[[str], None] | None = None) -> Inquiry:
+        """The way to the answer, by the runs that are there."""
+        return Inquiry(self.question, self.known, self.case, self._told, self._done, stage)
+
+    def _check_derivatives(self) -> None:
+        """Refuse a search by derivatives of runs that have none.
+
+        Raises:
+            InputError: Saying why they have none.
+        """
+        where, mend = f"{self.question.origin}: optimise.method", 'or take method = "cobyqa"'
+        if self.evaluator is None:
+            raise InputError(
+                f"{where}: slsqp needs the derivatives that castfem's own runs carry along: give "
+                f"the study a folder, {mend}"
+            )
+        middle = self.question.at(np.full(len(self.question.axes), 0.5))
+        every = [middle]
+        if any(bound.relative for bound in self.question.bounds):
+            every.append(self.question.ideal(middle))
+        found = hindrances(self.question, {one: self.case(one) for one in every})
+        if found:
+            raise InputError(
+                [f"{where}: slsqp needs derivatives: {problem}; {mend}" for problem in found]
+            )
 
     def case(self, wanted: Wanted | Mapping[str, Any]) -> Case:
         """Return the case of a run that is wanted; see `tell`.
@@ -174,7 +184,7 @@ class Study:
                 "tell: an Evaluation or a Result is needed, or results by name "
                 f'{{"heat_removed": 9.1e6}}, not {given!r}'
             )
-        self._told[wanted] = given
+        self._note(wanted, given)
 
     def run(
         self,
@@ -198,7 +208,9 @@ class Study:
             raise InputError(f"run: runs are needed, such as ask() returns, not {wanted!r}")
         runs = [wanted_of(self.question, one, "run") for one in several]
         cases = [self.case(one) for one in runs]
-        found = self.evaluator.evaluate(cases, [self.given(one) for one in runs], watcher)
+        given = [self.given(one) for one in runs]
+        carried = [of_run(self.question, one) if one.carries else None for one in runs]
+        found = self.evaluator.evaluate(cases, given, watcher, carried)
         for one, evaluation in zip(runs, found, strict=True):
             self.tell(one, evaluation)
         return found
@@ -240,160 +252,27 @@ class Study:
     def known(self, wanted: Wanted) -> Evaluation | None:
         """Return what a run has given, None where it has not been done."""
         found = self._told.get(wanted)
+        if wanted.carries and wanted not in self._carried:
+            found = None  # it was made without derivatives
         if found is None and self.evaluator is not None:
-            found = self.evaluator.store.find(self.case(wanted))
+            carried = of_run(self.question, wanted) if wanted.carries else None
+            found = self.evaluator.store.find(self.case(wanted), carried)
             if found is not None:
-                self._told[wanted] = found
+                self._note(wanted, found)
         return found
 
-    def _solved(self, obtain: Obtain | None) -> Optimum:
-        """The whole search, as far as runs are there.
-
-        Raises:
-            Needs: Some are missing, and there is nobody to obtain them.
-        """
-        question = self.question
-        ideal = None
-        middle = question.at(question.start(None))
-        if question.needs_ideal:
-            ideal = self.known(question.ideal(middle))
-            if ideal is None and obtain is None:
-                raise Needs([question.ideal(middle)])
-            if ideal is None and obtain is not None:
-                obtain([question.ideal(middle)])
-                ideal = self.known(question.ideal(middle))
-        outputs = Outputs(question, self.known, obtain=obtain)
-        search = Search(outputs, question.table.most_runs, self._done)
-        start = question.start(ideal)
-        self._follows("search")
-        best = search.run(start)
-        if outputs.seen[best].failed:
-            return verdict(Findings(question, outputs, search, best, None, None, self._told))
-        self._follows("what a step away from the best run costs")
-        best, model, step = self._surroundings(search, best)
-        error = self._numerical(search, best, model)
-        untilted = replace(error, tilt=None, checked="")
-        for _ in range(2):
-            assert search.noise is not None
-            runs = outputs.runs_of(best.fidelity)
-            places = vicinity.intervals(model, search.noise.sigma, untilted, *runs)
-            ends = np.array([i.open_low or i.open_high for i in places])
-            if not np.any(ends & (step < _WIDEST)):
-                break
-            step = np.where(ends, np.minimum(2.0 * step, _WIDEST), step)
-            model = self._model(outputs, best, step)
-        binds = self._binding(search, best, model, error)
-        there = self._checked(search, best, model, error, binds)
-        found = Findings(question, outputs, search, best, model, error, self._told, there, binds)
-        spread_by = None
-        if question.inputs:
-            self._follows("spread by the inputs")
-            spread_by = spread(Outputs(question, self.known, obtain), best, model)
-        front = None
-        if question.table.front is not None:
-            self._follows("front of the two objectives")
-            front = Tracer(search, start, self._done).trace(best)
-        return verdict(found, front, spread_by)
-
-    def _surroundings(
-        self, search: Search, best: Wanted
-    ) -> tuple[Wanted, vicinity.Quadratic, Array]:
-        """Look round a best run; where another one there is better, search on from that."""
-        outputs = search.outputs
-        widths = np.ones(len(self.question.axes))
-        step = float(np.clip(4.0 * search.radius, _STEP, _WIDEST)) * widths
-        for _ in range(_TURNS):
-            model = self._model(outputs, best, step)
-            better = search.best()
-            gain = outputs.cost(best) - outputs.cost(better)
-            nearer = search.violation(better) < search.violation(best)
-            assert search.noise is not None
-            if better == best or not (nearer or gain > search.noise.sigma[0]):
-                break
-            best = search.again(better)
-        else:
-            best = search.best()
-            model = self._model(outputs, best, step)
-        return best, model, step
-
-    def _model(self, outputs: Outputs, best: Wanted, step: Array) -> vicinity.Quadratic:
-        """Quadratics through the runs about a best one, those that it takes to fit them."""
-        question = self.question
-        centre = question.shares(best)
-        outputs.fetch([question.at(place) for place in vicinity.around(centre, step)])
-        return vicinity.Quadratic.fit(centre, step, *outputs.runs_of(best.fidelity))
-
-    def _binding(
-        self, search: Search, best: Wanted, model: vicinity.Quadratic, error: Numerical
-    ) -> Binding:
-        """Which constraints keep the objective of a best run from being better."""
-        assert search.noise is not None
-        outputs = search.outputs
-        here, (_, seen) = outputs.vector(best), outputs.runs_of(best.fidelity)
-        if search.violation(best) > 0.0:  # better than what nothing meets is no evidence
-            seen = seen[:0]
-        off = np.maximum(error.below, error.above)[1:]
-        return Binding.of(model, search.noise.sigma, here, seen, off)
-
-    def _numerical(self, search: Search, best: Wanted, model: vicinity.Quadratic) -> Numerical:
-        """The error of cost and margins, by the best run at the other levels."""
-        every = {word: Wanted(best.values, word) for word in LEVELS}
-        able = {word: one for word, one in every.items() if self._sound(one)}
-        others = " and ".join(word for word in able if word != best.fidelity)
-        self._follows(f"numerical error: the best run on {others} cells, the last the dearest")
-        search.outputs.fetch(list(able.values()))
-        vectors = {word: search.outputs.vector_or_nan(one) for word, one in able.items()}
-        found = Numerical.of(best.fidelity, vectors)
-        shares, last = self.question.shares(best), AT_END * search.radius
-        held = sum(self._binding(search, best, model, found).near)
-        held += int(np.count_nonzero((shares <= last) | (shares >= 1.0 - last)))
-        if held >= len(shares):
-            return found
-        if next_of(best.fidelity) not in found.through:
-            return replace(found, untilted=np.ones(len(shares), dtype=bool))
-        return found.with_tilt(best.fidelity, self._tilt(search.outputs, best, model.step))
-
-    def _checked(
-        self,
-        search: Search,
-        best: Wanted,
-        model: vicinity.Quadratic,
-        error: Numerical,
-        binds: Binding,
-    ) -> Checked | None:
-        """The optimum by the level of the check."""
-        assert search.noise is not None
-        if not error.checked:
-            return None
-        self._follows(f"the best with the constraints as {error.checked} cells have them")
-        radius, scatter = search.radius, search.noise.sigma
-        return best_by(error.checked, search.outputs, best, model, binds.near, radius, scatter)
-
-    def _tilt(self, outputs: Outputs, best: Wanted, step: Array) -> Tilt:
-        """How the cost by the next level, less its own, changes about a best run."""
-        shares = self.question.shares(best)
-        own = [self.question.at(at) for at in [shares, *vicinity.around(shares, step, (1,))]]
-        there = [replace(one, fidelity=next_of(best.fidelity)) for one in own]
-        outputs.fetch([*own, *there])
-        pairs = zip(own, there, strict=True)
-        change = [outputs.vector_or_nan(b)[0] - outputs.vector_or_nan(a)[0] for a, b in pairs]
-        places = np.array([self.question.shares(one) for one in own])
-        return Tilt.fit(shares, places, np.array(change))
-
-    def _sound(self, wanted: Wanted) -> bool:
-        """Whether a case can be computed so: larger cells may not fit into its faces."""
-        try:
-            self.case(wanted)
-        except InputError:
-            return False
-        return True
+    def _note(self, wanted: Wanted, given: Evaluation) -> None:
+        """Keep what a run has given."""
+        self._told[wanted] = given
+        if wanted.carries:
+            self._carried.add(wanted)
 
 
 def _evaluated(result: Result, length: float) -> Evaluation:
     """What a run has given, of one that has failed how far of its length (m) it came."""
     summary = result.summary
     if summary.status == "finished":
-        return Evaluation(summary.quantities, folder=result.folder)
+        return Evaluation.of(summary, 0.0, result.folder)
     record = RunRecord.load(result.folder)
     share = min(record.reached.get("position", 0.0) / length, 1.0)
     return Evaluation({}, share, record.reason or summary.status, folder=result.folder)

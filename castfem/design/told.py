@@ -58,7 +58,8 @@ def told(optimum: Optimum) -> Iterator[Table | str]:
 def _spread(optimum: Optimum, spread: Spreading) -> Iterator[Table | str]:
     """What the inputs do, and where it is safe from them."""
     failed = f", {spread.failed} of them failed" if spread.failed else ""
-    yield f"spread by the inputs, {spread.runs} runs{failed}"
+    carried = " with their derivatives" if spread.derivatives else ""
+    yield f"spread by the inputs, {spread.runs} runs{carried}{failed}"
     found = _table("by the inputs", "5 to 95 % of the draws", "error of the fit", "met")
     vague = []
     for number, row in enumerate(spread.rows):

@@ -19,6 +19,7 @@ from castfem.design.spread import Spread
 Sides = tuple[bool, bool]
 BOTH: Sides = (True, True)
 NEITHER: Sides = (False, False)
+_NOISE = "noise was not measured: runs about the start, or about the best one, fail"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,7 @@ class Unknown:
             what = "the search has had its runs before it was done: raise optimise.most_runs"
             found.append((count * [BOTH], what))
         if search.noise is None or not search.noise.runs:
-            found.append((count * [BOTH], "noise was not measured: runs about the start fail"))
+            found.append((count * [BOTH], _NOISE))
         if not numerical.checked:
             found.append((count * [BOTH], _no_check(best, numerical)))
         elif there is not None and there.further:

@@ -226,7 +226,9 @@ def _spread(found: Findings, spread: Spread) -> Spreading:
                 tuple(float(x) for x in spread.place_total[number]),
             )
         )  # fmt: skip
-    return Spreading(spread.labels, tuple(rows), spread.runs, spread.failed, any(spread.open))
+    return Spreading(
+        spread.labels, tuple(rows), spread.runs, spread.failed, any(spread.open), spread.carried
+    )
 
 
 def _failing(found: Findings, number: int) -> tuple[float, float]:

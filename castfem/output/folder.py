@@ -59,6 +59,7 @@ LOG_NAME = "run.log"
 FIGURES_NAME = "figures"
 PROPERTIES_NAME = "properties"
 PROBES_NAME = "probes"
+DERIVATIVES_NAME = "derivatives.json"  # that a run has carried along
 MAPS_NAME, ROWS_NAME = "surface_maps.h5", "surface_maps.rows"
 ERROR_NAME, ERROR_ENDING = "error.json", "_error"
 """File of the errors of a case, and what its folder has behind the name of a run's."""
@@ -74,7 +75,7 @@ _COPY = re.compile(rf"{PROPERTIES_NAME}/\w+/[^/]*\w[^/]*")
 # The checkpoint is the first to go: of what is left of a run nothing is resumed.
 ARTEFACTS = (
     *(CHECKPOINT_NAME, CASE_NAME, RUN_NAME, LOG_NAME, HISTORY_NAME, XDMF_NAME, HDF5_NAME),
-    *(SUMMARY_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME),
+    *(SUMMARY_NAME, DERIVATIVES_NAME, MAPS_NAME, ROWS_NAME, STRAND_NAME),
     *(f"{FIGURES_NAME}/{name}.png" for name in ALL_FIGURES),
 )
 

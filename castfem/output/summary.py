@@ -54,6 +54,9 @@ RENAMED = {
 }
 """Counts and stages by the names they have in older result folders, and those of today."""
 
+CUT = "coupling windows cut for their error"
+"""One of the counts of a run's steps."""
+
 
 def renamed(entries: Mapping[str, Any]) -> dict[str, Any]:
     """Counts or stages of a file, by the names of today."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from castfem.output.summary import Comparison, Quantity, Reference, Summary, Zone, compare
+from castfem.output.summary import CUT, Comparison, Quantity, Reference, Summary, Zone, compare
 from castfem.results.registry import results_of
 from castfem.simulation import closed_form
 from castfem.thermal.mould_flux import MOULD_FLUXES
@@ -85,7 +85,7 @@ def _steps(run: RunState) -> dict[str, float]:
         found |= {
             "coupling windows": counts.windows,
             "coupling windows cut back": counts.cut_back,
-            "coupling windows cut for their error": counts.cut_for_error,
+            CUT: counts.cut_for_error,
             "Newton iterations, mechanics": counts.newton_mechanics,
         }
         if simulation.coupling is not None and simulation.coupling.gap is not None:

@@ -105,17 +105,22 @@ def sensitivity(
         readings = Readings(simulation, derivatives, asked)
         recorder = Recorder(simulation, derivatives, readings, path)
         run = _to_the_end(simulation, recorder, resume, progress)
-        assert run.sample is not None
-        values, found = readings.read(run.sample)
-        kept = tuple(v.parameter for v in derivatives.variations)
-        result = Sensitivity(
-            case.title, run.position, values, kept, tuple(found), run.counts.steps,
-            _kinks(simulation), simulation.coupling is not None, run.counts.windows,
-            run.counts.cut_for_error,
-        )  # fmt: skip
+        result = result_of(run, derivatives, readings)
         if folder is not None:
             on_root(comm, lambda: result.write(folder))
         return result
+
+
+def result_of(run: RunState, derivatives: ThermalDerivatives, readings: Readings) -> Sensitivity:
+    """Read the results of a run where it stands, and their derivatives (collective)."""
+    assert run.sample is not None
+    simulation, counts = run.simulation, run.counts
+    values, found = readings.read(run.sample)
+    return Sensitivity(
+        simulation.case.title, run.position, values,
+        tuple(v.parameter for v in derivatives.variations), tuple(found), counts.steps,
+        _kinks(simulation), simulation.coupling is not None, counts.windows, counts.cut_for_error,
+    )  # fmt: skip
 
 
 def _kinks(simulation: Simulation) -> tuple[Kink, ...]:

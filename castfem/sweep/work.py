@@ -22,6 +22,19 @@ Obstacle = Literal["", "in use", "file", "process"]
 
 
 @dataclass(frozen=True, slots=True)
+class Derivatives:
+    """Which derivatives a run is to carry along.
+
+    Attributes:
+        of: Names of results.
+        to: Parameters, as `castfem sensitivity` takes them.
+    """
+
+    of: tuple[str, ...]
+    to: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Job:
     """What is to be run.
 
@@ -31,6 +44,8 @@ class Job:
         case: The case.
         resume: Go on from the checkpoint, if there is one.
         figures: Draw its figures.
+        derivatives: To be carried along, where the case has them; None for none. Such a run is
+            begun anew, not resumed.
     """
 
     name: str
@@ -38,6 +53,7 @@ class Job:
     case: Case
     resume: bool = False
     figures: bool = False
+    derivatives: Derivatives | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +118,13 @@ def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Ou
     try:
         ranks = MPI.COMM_SELF if comm is None else comm
         reported = progress if ranks.rank == 0 else None
-        loop.run(job.case, job.folder, comm=ranks, resume=job.resume, progress=reported)
+        beside = None
+        if job.derivatives is not None:
+            from castfem.sensitivity.carried import carrying
+
+            beside = carrying(job.derivatives.of, job.derivatives.to, job.folder)
+        goes_on = job.resume and beside is None
+        loop.run(job.case, job.folder, comm=ranks, resume=goes_on, progress=reported, beside=beside)
         if job.figures and ranks.rank == 0:
             from castfem.plots.figures import draw_figures
 

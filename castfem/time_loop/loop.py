@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -45,6 +46,28 @@ class StepRecord(Protocol):
 
     def step(self, run: RunState, sample: Sample) -> None:
         """Take in one committed step (collective)."""
+
+
+class Companion(StepRecord, Protocol):
+    """What goes along with a run and its files, such as its derivatives."""
+
+    def finish(self, run: RunState) -> None:
+        """Write what it has found, before the run is said to have finished (collective)."""
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+
+
+class _Both:
+    """Two that keep the committed steps, one after the other."""
+
+    def __init__(self, first: StepRecord, second: StepRecord) -> None:
+        self._each = first, second
+
+    def step(self, run: RunState, sample: Sample) -> None:
+        """Take in one committed step (collective)."""
+        for one in self._each:
+            one.step(run, sample)
 
 
 class TimeLoop:
@@ -185,6 +208,7 @@ def run(
     resume: bool = False,
     profile: bool = False,
     progress: Progress | None = None,
+    beside: Callable[[Simulation], Companion | None] | None = None,
 ) -> Summary:
     """Run `case` and write everything into `folder` (collective).
 
@@ -195,6 +219,8 @@ def run(
         resume: Go on from the checkpoint in `folder`; where there is none yet, begin.
         profile: Log where the time went.
         progress: Told after each step; on rank 0.
+        beside: Makes what goes along with the built run; it begins with the run, so that none goes
+            along with one that is resumed.
 
     Returns:
         The summary, on every rank.
@@ -223,9 +249,12 @@ def run(
         simulation = build(case, comm)
         freed.callback(simulation.destroy)
         _tell_of_idle_ranks(simulation)
+        companion = None if beside is None or resume else beside(simulation)
+        if companion is not None:
+            freed.callback(companion.destroy)
         recorder = Recorder(simulation, output, resume)
         freed.callback(recorder.close)
-        return _run(simulation, output, recorder, together, profile, progress)
+        return _run(simulation, output, recorder, companion, together, profile, progress)
 
 
 def _tell_of_idle_ranks(simulation: Simulation) -> None:
@@ -243,6 +272,7 @@ def _run(
     simulation: Simulation,
     output: OutputFolder,
     recorder: Recorder,
+    companion: Companion | None,
     together: Together,
     profile: bool,
     progress: Progress | None,
@@ -250,7 +280,8 @@ def _run(
     """Run a built simulation with its files open."""
     comm, watch = simulation.section.comm, simulation.watch
     interrupt = Interrupt(comm)
-    loop = TimeLoop(simulation, recorder, progress, interrupt)
+    records = recorder if companion is None else _Both(recorder, companion)
+    loop = TimeLoop(simulation, records, progress, interrupt)
     run_state = loop.run_state
     recorder.begin_maps(run_state)
     recorder.begin_probes(run_state)
@@ -261,6 +292,8 @@ def _run(
     try:
         with interrupt, watch.section("time loop"):
             loop.run()
+        if companion is not None:
+            companion.finish(run_state)
     except BaseException as error:
         # Saving takes all ranks.  Failures and stops they raise together; after anything else they
         # may stand at different places: then the checkpoint before must do.

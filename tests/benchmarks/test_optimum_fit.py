@@ -10,7 +10,7 @@ import pytest
 from benchmarks.optimum_fit import _Point, misses
 from castfem.values.types import Array
 
-PLACES = 2.0 * np.random.default_rng(1).random((30, 5)) - 1.0
+PLACES = 2.0 * np.random.default_rng(1).random((36, 5)) - 1.0
 
 
 def points(function: Callable[[Array], Array], slope: Callable[[Array], Array]) -> list[_Point]:
@@ -27,11 +27,11 @@ def its_slope(x: Array) -> Array:
 
 
 def test_quadratics_are_found_by_so_few_runs() -> None:
-    """21 coefficients: by 21 values, or by few points of six numbers."""
+    """22 coefficients: by as many values, or by few points of six numbers."""
     given = points(quadratic, its_slope)
-    assert misses(given[:24], given[24:], carries=False) == pytest.approx([0.0, 0.0], abs=1e-9)
-    assert misses(given[:6], given[24:], carries=True) == pytest.approx([0.0, 0.0], abs=1e-9)
-    assert np.all(misses(given[:12], given[24:], carries=False) > 0.01)
+    assert misses(given[:28], given[28:], carries=False) == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert misses(given[:6], given[28:], carries=True) == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert np.all(misses(given[:12], given[28:], carries=False) > 0.01)
 
 
 def test_what_is_no_quadratic_is_missed_by_what_it_is() -> None:
@@ -43,6 +43,6 @@ def test_what_is_no_quadratic_is_missed_by_what_it_is() -> None:
     def its(x: Array) -> Array:
         return its_slope(x) + 0.3 * np.sign(x[0]) * np.eye(2, 5) * [[1.0], [0.0]]
 
-    missed = misses(points(bent, its)[:24], points(bent, its)[24:], carries=True)
+    missed = misses(points(bent, its)[:28], points(bent, its)[28:], carries=True)
     assert 0.02 < missed[0] < 0.15
     assert missed[1] == pytest.approx(0.0, abs=1e-9)

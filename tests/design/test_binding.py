@@ -11,7 +11,7 @@ import pytest
 from known_results import HEAT, SPEED, STRESS, solve
 from small_case import small
 
-from castfem.design import Optimum, Study, Wanted, study
+from castfem.design import Optimum, Study, Wanted, inquiry
 from castfem.design.binding import Binding
 from castfem.design.checked import Checked, best_by
 from castfem.design.numerical import Numerical
@@ -185,7 +185,7 @@ def test_a_value_whose_check_misses_a_constraint_may_lie_beyond(
         assert there is not None
         return replace(there, wanted=Wanted((4.9,), "fine"), missed=ends[1])
 
-    monkeypatch.setattr(study, "best_by", flagged)
+    monkeypatch.setattr(inquiry, "best_by", flagged)
     (value,) = solve(asked(), steep).values
     assert (value.open_low, value.open_high) == ends
     assert value.high == 4.9

@@ -35,7 +35,7 @@ SPREAD = Spreading(
         SpreadRow("corner <= 1010 degC", (-9.0, 18.0), "K", 0.9, 0.5, (1.0,), (1.0,)),
         SpreadRow("casting.speed", (-0.25, 0.5), "m/min", None, None, (1.0,), (1.0,)),
     ),
-    7, 0, open=False,
+    7, 0, open=False, derivatives=False,
 )  # fmt: skip
 ANSWER = Optimum(
     "a billet", "found", "minimise",

@@ -27,7 +27,7 @@ SPREAD = Spreading(
         SpreadRow("von_mises_max", (-1.0, 2.0), "MPa", 0.1, None, (0.25, 0.5), (0.5, 0.75)),
         SpreadRow("mould.taper", (-0.02, 0.03), "%/m", None, None, (0.9, 0.1), (0.9, 0.1)),
     ),
-    32, 0, False,
+    32, 0, False, False,
 )  # fmt: skip
 
 

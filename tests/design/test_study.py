@@ -316,3 +316,24 @@ def test_a_run_outside_of_the_ranges_is_refused(values: tuple[float, ...], said:
     for end in (2.0, 5.0):
         one.tell(Wanted((end,), "default"), {STRESS: 1.0})
     assert len(one._told) == 2
+
+
+def test_noise_about_the_best_run():
+    """Where windows are cut for their error, neighbours of the best run may differ by that."""
+
+    def given(cut: int) -> Given:
+        def one(wanted: Wanted) -> Evaluation:
+            speed = wanted.values[0]
+            steps = round(1e4 * speed) % 7 - 3 if abs(speed - 3.3) < 0.2 else 0
+            stress = Quantity(bowl(wanted)[STRESS] + 0.01 * steps, "Pa", "stress")
+            return Evaluation({STRESS: stress}, cut=cut)
+
+        return one
+
+    start = {**SPEED, "start": "4.5 m/min"}
+    blind, seen = solve(study(start), given(0)), solve(study(start), given(2))
+    assert blind.objective is not None and seen.objective is not None
+    assert blind.objective.noise < 1e-4
+    assert 0.005 < seen.objective.noise < 0.05
+    widths = [found.values[0].high - found.values[0].low for found in (blind, seen)]
+    assert widths[1] > widths[0]
