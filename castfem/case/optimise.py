@@ -208,10 +208,10 @@ class Optimise(TableModel):
         "the idealised mould gives",
         examples=[["heat_removed >= 99 % of idealised", "mould_gap_max <= 0.05 mm"]],
     )
-    fidelity: Literal["coarse", "default", "fine"] = Field(
+    fidelity: Literal["thermal", "coarse", "default", "fine"] = Field(
         "default",
-        description="how well the runs of the search are computed; the best one is run by the "
-        "other two, too, which gives its numerical error",
+        description="how well the runs of the search are computed (thermal: temperature alone, "
+        "without a mould); the best one is run by the others, too, which gives its numerical error",
     )
     method: Literal["cobyqa", "slsqp", "optuna"] = Field(
         "cobyqa",

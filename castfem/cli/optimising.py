@@ -12,6 +12,7 @@ from castfem.case.shown_units import units_of
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.design.evaluator import serve
+from castfem.design.fidelity import THERMAL
 from castfem.design.front import TABLE_NAME as FRONT_TABLE
 from castfem.design.front import write_front
 from castfem.design.mould_table import MOULD_NAME, mould_table, write_mould_table
@@ -160,7 +161,7 @@ def _drawn(study: Study, optimum: Optimum, target: Path) -> list[str]:
     names = [figure.FIGURE_NAME]
     figure.draw(optimum, target / figure.FIGURE_NAME)
     best = study.case_of(optimum)
-    if best.mould is not None and optimum.best:
+    if best.mould is not None and optimum.best and optimum.fidelity != THERMAL:
         names.append(mould_figure.FIGURE_NAME)
         run, path = target / optimum.best, target / mould_figure.FIGURE_NAME
         mould_figure.draw_mould(*mould_table(best), run, path)

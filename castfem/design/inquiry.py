@@ -168,7 +168,7 @@ class Inquiry:
 
     def _numerical(self, search: Search, best: Wanted, model: vicinity.Quadratic) -> Numerical:
         """The error of cost and margins, by the best run at the other levels."""
-        every = {word: Wanted(best.values, word) for word in LEVELS}
+        every = {word: Wanted(best.values, word) for word in (*LEVELS, best.fidelity)}
         able = {word: one for word, one in every.items() if self._sound(one)}
         others = " and ".join(word for word in able if word != best.fidelity)
         self._follows(f"numerical error: the best run on {others} cells, the last the dearest")

@@ -1,7 +1,8 @@
 """The numerical error at an optimum: its best run by the other levels of accuracy, too.
 
 The error of a result is its grid convergence index (`castfem.accuracy.estimate`): what better
-levels change, extrapolated to cells of no size with a factor of safety.
+levels change, extrapolated to cells of no size with a factor of safety. Of a search by temperature
+alone it is what the finest level changes, with its own.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 
 from castfem.accuracy.estimate import convergence_index
 from castfem.accuracy.levels import LEVELS
+from castfem.design.fidelity import THERMAL
 from castfem.values.types import Array, Flags
 
 
@@ -90,7 +92,7 @@ class Numerical:
         """Return it with how the cost by the next level differs near the optimum."""
         other = next_of(fidelity)
         most = error({fidelity: 0.0, other: 1.0}, fidelity)
-        finer = LEVELS[other].cells < LEVELS[fidelity].cells
+        finer = _is_better(other, fidelity)
         return replace(self, tilt=tilt, most=most if finer else -most, untilted=tilt.unknown)
 
     @classmethod
@@ -110,15 +112,20 @@ class Numerical:
             for i in range(len(here))
         ])  # fmt: skip
         moved = vectors[checked] - here if checked else np.full_like(here, np.nan)
-        better = bool(checked) and LEVELS[checked].cells < LEVELS[fidelity].cells
+        better = bool(checked) and _is_better(checked, fidelity)
         return cls(through, checked, moved, ends[:, 0], ends[:, 1], better)
 
 
 def checks_of(fidelity: str) -> tuple[str, ...]:
     """Return the levels that may check those of a search, the best first: finer ones, if any."""
     others = sorted((w for w in LEVELS if w != fidelity), key=lambda word: LEVELS[word].cells)
-    finer = [word for word in others if LEVELS[word].cells < LEVELS[fidelity].cells]
+    finer = [word for word in others if _is_better(word, fidelity)]
     return tuple(finer or others[:1])
+
+
+def _is_better(word: str, fidelity: str) -> bool:
+    """Whether a level is better than that of a search, as all are than temperature alone."""
+    return fidelity == THERMAL or LEVELS[word].cells < LEVELS[fidelity].cells
 
 
 def next_of(fidelity: str) -> str:
@@ -133,6 +140,9 @@ def error(values: Mapping[str, float], fidelity: str) -> float:
         values: The result by level.
         fidelity: The level whose error it is.
     """
+    if fidelity == THERMAL:
+        low, high = _beside_thermal(values)
+        return max(low, high)
     own = LEVELS[fidelity].cells
     return convergence_index({LEVELS[w].cells / own: value for w, value in values.items()})
 
@@ -142,6 +152,9 @@ def sides(values: Mapping[str, float], fidelity: str) -> tuple[float, float]:
 
     Where it goes one way over three levels or more it goes on that way, and the error has one side.
     """
+    if fidelity == THERMAL:
+        low, high = _beside_thermal(values)
+        return (0.0, 0.0) if math.isnan(low) else (low, high)
     size = error(values, fidelity)
     if math.isnan(size):
         return 0.0, 0.0
@@ -153,3 +166,14 @@ def sides(values: Mapping[str, float], fidelity: str) -> tuple[float, float]:
     if len(known) > 2 and np.all(steps <= 0.0):
         return size, 0.0
     return size, size
+
+
+def _beside_thermal(values: Mapping[str, float]) -> tuple[float, float]:
+    """How far below and above a result by temperature alone that of the finest level may lie."""
+    known = {word: v for word, v in values.items() if word != THERMAL and math.isfinite(v)}
+    if not known:
+        return math.nan, math.nan
+    finest = min(known, key=lambda word: LEVELS[word].cells)
+    own, off = error(known, finest), known[finest] - values[THERMAL]
+    own = 0.0 if math.isnan(own) else own
+    return max(0.0, own - off), max(0.0, off + own)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from castfem.case.load import changed, value_of
 from castfem.case.optimise import Bound, Optimise, Variable
 from castfem.case.varied_keys import faults_of_key
+from castfem.design.fidelity import THERMAL, at_level
 from castfem.design.inputs import Uncertain
 from castfem.design.valleys import check_installed
 from castfem.errors import InputError
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
 
 _STEPS = 1e4  # of a range: values are rounded to its hundredths of a percent
 _TAPER = "mould.taper"
+_COUPLED = 'take fidelity = "coarse"'
+_NOT_ALONE = f"is no result of temperature alone, of which fidelity thermal is; {_COUPLED}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,7 +141,7 @@ class Question:
 
     def _check_keys(self) -> None:
         """Try both ends of each range, each start in the case."""
-        problems: list[str] = []
+        problems: list[str] = [*self._thermal_faults()]
         for number, (axis, variable) in enumerate(zip(self.axes, self.table.variable, strict=True)):
             where = f"{self.origin}: optimise.variable.{number}"
             ends = (axis.written(axis.low), axis.written(axis.high), variable.start)
@@ -152,6 +156,18 @@ class Question:
                     problems += [_placed(line, where) for line in error.problems]
         if problems:
             raise InputError(dict.fromkeys(problems))
+
+    def _thermal_faults(self) -> Iterator[str]:
+        """Yield what a search by temperature alone knows nothing of."""
+        if self.table.fidelity != THERMAL:
+            return
+        where = f"{self.origin}: optimise.fidelity: thermal runs"
+        for axis in self.axes:
+            if axis.of_mould:
+                yield f"{where} have no mould: {axis.key} changes nothing in them; {_COUPLED}"
+        for bound in self.bounds:
+            if bound.relative:
+                yield f'{where} have no mould, to hold "{bound.text}" against; {_COUPLED}'
 
     def check_results(self) -> None:
         """Refuse, before anything runs, results that no run of the case has.
@@ -168,7 +184,11 @@ class Question:
             name = self.table.front.objective[0]
             key = "minimise" if self.table.front.minimise is not None else "maximise"
             asked.append((f"front.{key}", name))
-        faults = faults_of(self.case, [name for _, name in asked])
+        names = [name for _, name in asked]
+        faults = faults_of(self.case, names)
+        if self.table.fidelity == THERMAL and not any(faults):
+            alone = faults_of(at_level(self.case, THERMAL), names)
+            faults = [fault and _NOT_ALONE for fault in alone]
         problems = [
             f'{self.origin}: optimise.{key}: ("{name}") {fault}'
             for (key, name), fault in zip(asked, faults, strict=True)

@@ -252,7 +252,7 @@ def _known(found: Findings, name: str, place: int) -> Known:
     """A result at the optimum; `place` is that of its noise among cost and margins."""
     outputs, best = found.outputs, found.best
     quantity = outputs.seen[best].quantities[name]
-    levels = {word: found.told.get(Wanted(best.values, word)) for word in LEVELS}
+    levels = {word: found.told.get(Wanted(best.values, word)) for word in (*LEVELS, best.fidelity)}
     values = {w: e[name] for w, e in levels.items() if e is not None and name in e.quantities}
     numerical = error(values, best.fidelity)
     noise = float(found.noise[place])

@@ -202,3 +202,27 @@ def test_a_list_of_two_results_is_refused(tmp_path: Path, two: str) -> None:
     (line,) = caught.value.problems
     assert "two.toml: optimise: 2 results are to become best; give minimise = " in line
     assert line.endswith("one of them, and weigh it against another by [optimise.front]")
+
+
+def test_what_temperature_alone_knows_nothing_of() -> None:
+    """Mould, shares of what an idealised one gives, and results of the mechanics: a line each."""
+
+    def asked(**table: object) -> list[str]:
+        speed = {"key": "casting.speed", "range": ["1 m/min", "2 m/min"]}
+        table = {"fidelity": "thermal", "maximise": "heat_removed", "variable": [speed], **table}
+        case = load("billet125/taper_1").with_({"optimise": table})
+        try:
+            Question(case).check_results()
+        except InputError as error:
+            return list(error.problems)
+        return []
+
+    assert asked() == []
+    taper = {"key": "mould.taper", "range": ["0 %/m", "1 %/m"]}
+    (line,) = asked(variable=[taper])
+    assert "optimise.fidelity: thermal runs have no mould: mould.taper changes nothing" in line
+    (line,) = asked(constraints=["heat_removed >= 99 % of idealised"])
+    assert 'thermal runs have no mould, to hold "heat_removed >= 99 % of idealised" against' in line
+    (line,) = asked(maximise=[], minimise="von_mises_max")
+    assert 'optimise.minimise: ("von_mises_max") is no result of temperature alone' in line
+    assert line.endswith('take fidelity = "coarse"')

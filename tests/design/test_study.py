@@ -12,7 +12,7 @@ from known_results import HEAT, SPEED, STRESS, Given, bowl, covered, solve, stud
 from castfem.accuracy.estimate import SAFETY
 from castfem.accuracy.levels import LEVELS
 from castfem.design import Evaluation, Wanted
-from castfem.design.numerical import Numerical
+from castfem.design.numerical import Numerical, error, sides
 from castfem.design.told import told
 from castfem.errors import InputError
 from castfem.output.summary import Quantity
@@ -337,3 +337,35 @@ def test_noise_about_the_best_run():
     assert 0.005 < seen.objective.noise < 0.05
     widths = [found.values[0].high - found.values[0].low for found in (blind, seen)]
     assert widths[1] > widths[0]
+
+
+def test_a_search_by_temperature_alone():
+    """Its error is what the finest level changes, with its own; its check that by the finest."""
+    moved = {"thermal": 0.0, "coarse": 0.4, "default": 0.3, "fine": 0.25}
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        off = wanted.values[0] - 3.3 - moved[wanted.fidelity]
+        return {STRESS: 10.0 + 2.0 * off**2 + moved[wanted.fidelity]}
+
+    found = solve(study(fidelity="thermal"), given)
+    (value,) = found.values
+    assert found.checked == "fine"
+    assert value.value == pytest.approx(3.3, abs=0.01)
+    here = {word: 10.0 + 2.0 * by**2 + by for word, by in moved.items()}
+    own = error({word: here[word] for word in LEVELS}, "fine")
+    assert own > 0.0
+    assert found.objective is not None
+    assert found.objective.numerical == pytest.approx(here["fine"] - 10.0 + own, rel=0.02)
+    assert value.low <= 3.3 and (value.open_high or value.high >= 3.55)
+
+
+def test_a_level_that_lies_between_the_finest_and_its_error():
+    """Below as far as the error of the finest reaches, above by all of it."""
+    values = {"coarse": 1.4, "default": 1.2, "fine": 1.1}
+    own = error(values, "fine")
+    assert sides({"thermal": 1.0, **values}, "thermal") == pytest.approx(
+        (max(0.0, own - 0.1), own + 0.1)
+    )
+    assert sides({"thermal": 1.0, "coarse": 0.8}, "thermal") == pytest.approx((0.2, 0.0))
+    assert sides({"thermal": 1.0, "coarse": np.nan}, "thermal") == (0.0, 0.0)
+    assert np.isnan(error({"thermal": 1.0}, "thermal"))
