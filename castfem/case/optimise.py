@@ -237,8 +237,8 @@ class Optimise(TableModel):
         None,
         ge=8,
         strict=True,
-        description="runs for that spread; by default those that its polynomials take, fewer where "
-        "runs carry derivatives",
+        description="runs for that spread, at least those that fix its polynomials; by default a "
+        "few more, fewer where runs carry derivatives",
         examples=[32],
     )
     front: Front | None = Field(

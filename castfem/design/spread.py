@@ -3,10 +3,9 @@
 Runs at points of Sobol's sequence, in the box of the variables about the optimum and of the
 ranges of the inputs together. Through them, and through their derivatives where runs carry these,
 polynomials of objective and margins are laid, whose error is that of each run against the fit to
-all others. By these, for many draws of the
-inputs: results at the optimum, where the optimum would be, and their Sobol indices: of the first
-order (share of the variance that one input alone makes) and total (with all that it makes together
-with others).
+all others. By these, for many draws of the inputs: results at the optimum, where the optimum would
+be, and their Sobol indices: of the first order (share of the variance that one input alone makes)
+and total (with all that it makes together with others).
 
 Indices: [Saltelli2010] (docs/references.md), by `scipy.stats.sobol_indices`.
 """
@@ -28,6 +27,7 @@ from castfem.values.types import Array
 
 _PLACES, _DRAWS = 2**11, 2**8
 _TAILS = 0.05, 0.95
+_EDGE = 0.04  # of half the box: how near its end counts as there
 _SAFE = 0.95  # share of the draws in which a safe optimum meets its constraints
 _SEED = 12
 
@@ -72,16 +72,50 @@ class Spread:
 
 
 @dataclass(frozen=True, slots=True)
+class _Box:
+    """Where the runs are: each variable and each input goes from -1 to 1 over it.
+
+    Attributes:
+        middle: Of the variables (n,), shares of the ranges.
+        half: From there to either side.
+    """
+
+    middle: Array
+    half: Array
+
+    @classmethod
+    def about(cls, model: Quadratic) -> _Box:
+        """That in which quadratics about an optimum hold."""
+        low = np.clip(model.centre - REACH * model.step, 0.0, 1.0)
+        high = np.clip(model.centre + REACH * model.step, 0.0, 1.0)
+        return cls(0.5 * (low + high), 0.5 * (high - low))
+
+    def shares(self, place: Array) -> Array:
+        """Shares of the ranges at places of the variables (..., n)."""
+        return np.asarray(self.middle + self.half * place)
+
+    def place(self, shares: Array) -> Array:
+        """The inverse of `shares`."""
+        return np.asarray((shares - self.middle) / self.half)
+
+    def open(self, ends: Array) -> tuple[bool, ...]:
+        """Whether what lies between some ends (n, 2) goes on beyond the runs, by variable."""
+        below = (self.middle - self.half > 0.0) & (ends[:, 0] <= _EDGE - 1.0)
+        above = (self.middle + self.half < 1.0) & (ends[:, 1] >= 1.0 - _EDGE)
+        return tuple(bool(one) for one in below | above)
+
+
+@dataclass(frozen=True, slots=True)
 class _Made:
     """The runs that a spread is laid through.
 
     Attributes:
-        wanted: The runs (r).
+        places: In the box (r, n + d).
         values: Cost and margins (r, 1 + m); NaN of those that have failed.
-        slopes: Their derivatives by the shares of all ranges (r, 1 + m, n + d); None without.
+        slopes: Their derivatives by the places (r, 1 + m, n + d); None without.
     """
 
-    wanted: list[Wanted]
+    places: Array
     values: Array
     slopes: Array | None
 
@@ -105,53 +139,32 @@ def spread(
     Raises:
         Needs: Runs are missing.
     """
-    question = outputs.question
+    question, box = outputs.question, _Box.about(model)
     n, d = len(question.axes), len(question.inputs)
-    low = np.clip(model.centre - REACH * model.step, 0.0, 1.0)
-    high = np.clip(model.centre + REACH * model.step, 0.0, 1.0)
-    half = np.array([*(0.5 * (high - low)), *np.full(d, 0.5)])
-    made = _made(outputs, best, (low, high), carries)
+    made = _made(outputs, best, box, carries)
     fine, carried = made.fine, made.slopes is not None
     if np.count_nonzero(fine) < least(n, d, carrying=carried):
         return None
-    box = 0.5 * (low + high) - model.centre
-    where = np.array([_place(outputs, one, model) for one in made.wanted])
-    slopes = None if made.slopes is None else made.slopes[fine] * half
-    middle = np.array([*(box / model.step), *np.zeros(d)])
-    reach = np.array([*(half[:n] / model.step), *np.ones(d)])
-    laid, error = fit((where[fine] - middle) / reach, made.values[fine], n, slopes)
+    slopes = None if made.slopes is None else made.slopes[fine]
+    laid, error = fit(made.places[fine], made.values[fine], n, slopes)
+    centre, draws = box.place(model.centre), 2.0 * _sobol(d, _DRAWS) - 1.0
 
-    def found_by(x: Array) -> Array:
-        """Cost and margins at places in steps from the optimum and inputs from -1 to 1."""
-        return laid((x - middle) / reach)
+    def at_optimum(inputs: Array) -> Array:
+        return laid(np.hstack([np.tile(centre, (len(inputs), 1)), inputs]))
 
-    centre = np.zeros(n)
-    draws = 2.0 * _sobol(d, _DRAWS) - 1.0
-    here = found_by(np.hstack([np.tile(centre, (len(draws), 1)), draws]))
-    finder = _Finder(
-        found_by, (low - model.centre) / model.step, (high - model.centre) / model.step
-    )
-    found = finder.best(draws)
-    ends = np.quantile(found, _TAILS, axis=0).T
-    edge = 0.02 * (finder.high - finder.low)
-    safe = finder.safe(draws)
-    first, total = _indices(lambda x: found_by(np.hstack([np.zeros((len(x), n)), x])), d)
+    here, finder = at_optimum(draws), _Finder(laid, n)
+    ends, safe = np.quantile(finder.best(draws), _TAILS, axis=0).T, finder.safe(draws)
+    first, total = _indices(at_optimum, d)
     place_first, place_total = _indices(finder.best, d)
-    shares = model.centre[:, None] + model.step[:, None] * ends
     return Spread(
         labels=tuple(one.label for one in question.inputs),
         results=(outputs.objective, *(outputs.name(i) for i in range(outputs.count))),
         low=np.quantile(here, _TAILS[0], axis=0), high=np.quantile(here, _TAILS[1], axis=0),
         error=error, met=np.mean(here[:, 1:] >= 0.0, axis=0), first=first, total=total,
-        place=np.clip(shares, 0.0, 1.0), place_first=place_first, place_total=place_total,
-        open=tuple(
-            bool((lo > 0.0 and a <= e_lo + e) or (hi < 1.0 and b >= e_hi - e))
-            for lo, hi, (a, b), e_lo, e_hi, e in zip(
-                low, high, ends, finder.low, finder.high, edge, strict=True
-            )
-        ),
-        safe=None if safe is None else model.centre + model.step * safe,
-        runs=len(made.wanted), failed=int(np.count_nonzero(~fine)), carried=carried,
+        place=np.clip(box.shares(ends.T).T, 0.0, 1.0),
+        place_first=place_first, place_total=place_total, open=box.open(ends),
+        safe=None if safe is None else box.shares(safe),
+        runs=len(made.values), failed=int(np.count_nonzero(~fine)), carried=carried,
     )  # fmt: skip
 
 
@@ -162,32 +175,34 @@ def _sobol(dimensions: int, count: int) -> Array:
     return np.asarray(points[:count])
 
 
-def _made(outputs: Outputs, best: Wanted, box: tuple[Array, Array], carries: bool) -> _Made:
+def _made(outputs: Outputs, best: Wanted, box: _Box, carries: bool) -> _Made:
     """The runs, which carry derivatives if they may; further ones without where they tell none.
 
     Args:
         outputs: What runs mean.
         best: The best run.
-        box: Lowest and highest shares of the variables (n,).
+        box: Where they are to be.
         carries: Whether they may.
     """
-    question, (low, high) = outputs.question, box
+    question = outputs.question
     n, d = len(question.axes), len(question.inputs)
-    count = question.table.samples or samples(n, d, carrying=carries)
+    asked = question.table.samples or samples(n, d, carrying=carries)
+    count = max(asked, least(n, d, carrying=carries))
     wanted = [
-        _drawn(outputs, best.fidelity, low + point[:n] * (high - low), point[n:], carries)
+        _drawn(outputs, best.fidelity, box.shares(2.0 * point[:n] - 1.0), point[n:], carries)
         for point in _sobol(n + d, count)
     ]
     outputs.fetch(wanted)
     values = np.array([outputs.vector(one) for one in wanted])
+    places = np.array([_place(outputs, one, box) for one in wanted])
     if not carries:
-        return _Made(wanted, values, None)
-    missing = np.full((values.shape[1], n + d), np.nan)
+        return _Made(places, values, None)
+    missing, width = np.full((values.shape[1], n + d), np.nan), np.array([*box.half, *[0.5] * d])
     slopes = [missing if outputs.seen[w].failed else outputs.slopes(w) for w in wanted]
     told = [one for one in slopes if one is not None]
     if len(told) < len(slopes):
         return _made(outputs, best, box, carries=False)
-    return _Made(wanted, values, np.array(told))
+    return _Made(places, values, np.array(told) * width)
 
 
 def _drawn(outputs: Outputs, fidelity: str, shares: Array, inputs: Array, carries: bool) -> Wanted:
@@ -199,11 +214,11 @@ def _drawn(outputs: Outputs, fidelity: str, shares: Array, inputs: Array, carrie
     return Wanted(at.values, at.fidelity, inputs=given, carries=carries)
 
 
-def _place(outputs: Outputs, wanted: Wanted, model: Quadratic) -> Array:
-    """Where a run is: variables in steps from the optimum, inputs from -1 to 1 (n + d,)."""
+def _place(outputs: Outputs, wanted: Wanted, box: _Box) -> Array:
+    """Where a run is in the box (n + d,)."""
     question = outputs.question
     inputs = [_scaled(o, v) for o, v in zip(question.inputs, wanted.inputs, strict=True)]
-    return np.array([*((question.shares(wanted) - model.centre) / model.step), *inputs])
+    return np.array([*box.place(question.shares(wanted)), *inputs])
 
 
 def _scaled(one: Uncertain, value: float) -> float:
@@ -234,15 +249,15 @@ def _indices(function: Callable[[Array], Array], inputs: int) -> tuple[Array, Ar
 
 
 class _Finder:
-    """Finds the optimum of polynomials for given inputs, among many places about it.
+    """Finds the optimum of polynomials for given inputs, among many places in the box.
 
     Args:
-        fit: The polynomials. low: Of the box of the variables, in steps (n,). high: Likewise.
+        fit: The polynomials.
+        variables: How many there are.
     """
 
-    def __init__(self, fit: Callable[[Array], Array], low: Array, high: Array) -> None:
-        self._fit, self.low, self.high = fit, low, high
-        self._places = low + _sobol(len(low), _PLACES) * (high - low)
+    def __init__(self, fit: Callable[[Array], Array], variables: int) -> None:
+        self._fit, self._places = fit, 2.0 * _sobol(variables, _PLACES) - 1.0
 
     def _values(self, inputs: Array) -> Array:
         """Cost and margins at all places for one draw (places, 1 + m)."""
