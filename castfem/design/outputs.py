@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.case.optimise import Bound
-from castfem.design.carried import by_shares
+from castfem.design.carried import by_shares, of_run
 from castfem.design.question import Question, Wanted
 from castfem.errors import InputError
 from castfem.output.summary import Quantity
@@ -192,8 +192,8 @@ class Outputs:
         rows = [by_shares(self.question, wanted, given[name]) for name in names]
         rows[0] = self.sense * rows[0]
         for i, bound in enumerate(self.bounds, 1):
-            if bound.relative:
-                ideal = self.question.ideal(wanted)
+            ideal = self.question.ideal(wanted)
+            if bound.relative and of_run(self.question, ideal).to:  # else it is what it is
                 known = self._look(ideal)
                 there = known.slopes if known is not None else None
                 if not there or bound.quantity not in there:

@@ -190,3 +190,27 @@ def test_what_runs_carry() -> None:
     assert of_run(one.question, run) == Derivatives((STRESS, HEAT), ("mould.taper", H["key"]))
     ideal = of_run(one.question, one.question.ideal(run))
     assert ideal == Derivatives((HEAT,), (H["key"],))
+
+
+@pytest.mark.parametrize("inputs", [(), (1.0,)])
+def test_a_share_of_what_the_idealised_mould_gives(inputs: tuple[float, ...]) -> None:
+    """It hangs on the inputs, and not on the taper: without inputs there is nothing to carry."""
+    from castfem.api import load
+
+    asked = {"minimise": STRESS, "input": [H], "constraints": [f"{HEAT} >= 50 % of idealised"],
+             "variable": [{"key": "mould.taper", "range": ["0 %/m", "2 %/m"]}]}  # fmt: skip
+    one = Study(load("billet125/taper_1").with_({"optimise": asked}))
+    run = Wanted((0.5,), "coarse", inputs=inputs, carries=True)
+    by = {"mould.taper": Slope(3.0, 0.5, "%/m"), H["key"]: Slope(0.4, 1600.0, "W/(m^2 K)")}
+    ideal = {H["key"]: Slope(0.2, 1600.0, "W/(m^2 K)")} if inputs else None
+    given = quantities_of(one.question, run, {STRESS: 1e7, HEAT: 9e6})
+    one.tell(run, Evaluation(given, slopes={STRESS: by, HEAT: by}))
+    slopes = None if ideal is None else {HEAT: ideal}
+    one.tell(one.question.ideal(run), Evaluation(given, slopes=slopes))
+    outputs = Outputs(one.question, one.known)
+    outputs.fetch([run])
+    found = outputs.slopes(run)
+    assert found is not None
+    factor = 1600.0 * 0.2  # by the share of a range of 20 % of 1600
+    expected = [[6.0, 0.4 * factor], [6.0, (0.4 - 0.5 * 0.2) * factor]]
+    assert found == pytest.approx(np.array(expected)[:, : 1 + len(inputs)])
