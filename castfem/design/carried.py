@@ -51,7 +51,7 @@ def hindrances(question: Question, runs: Mapping[Wanted, Case]) -> list[str]:
             if to := of_run(question, wanted).to:
                 read_parameters(case, case_steel(case), to)
         except InputError as error:
-            return list(error.problems)
+            return [problem.removeprefix(f"{case.title}: ") for problem in error.problems]
     return []
 
 

@@ -56,6 +56,7 @@ SLOW = {
     "optimum_interval": "some 150 billets; tests/design has spread and front of known results",
     "optimum_gradients": "some 80 billets; tests/sensitivity has the derivatives",
     "optimum_fit": "some 100 billets; test_optimum_fit.py fits what is known",
+    "optimum_methods": "some 150 billets; tests/design/test_descent.py drives the search",
     "optimum_time": "some 80 billets by three levels; its parts are those of the others",
     "slabs": "reads what `make slabs` has run; test_slab_tables.py tests how",
     "sensitivity": "some forty billets; tests/sensitivity has smaller ones",
