@@ -311,7 +311,7 @@ class Search:
         with self._part(part) as new:
             if new:
                 descend(begin, given, slopes, first, last, self._most)
-        end = min(self._done[part], key=self._merit)
+        end = min(self._done[part], key=self._merit, default=self.best())
         if self.violation(end) > 0.0:  # a bound is bent more than its derivatives tell
             self._cobyqa(self.question.shares(end), max(4.0 * last, 2.0 * LAST), self._cost)
 
