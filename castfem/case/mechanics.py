@@ -14,6 +14,7 @@ from pydantic import Field
 from castfem.case.base import TableModel, written
 from castfem.case.bulging import Bulging, BulgingMark
 from castfem.case.thermal import PetscOption
+from castfem.constitutive.elasticity import ZERO_STRENGTH, MushyZone
 from castfem.support.messages import choices
 from castfem.values.curves import CurveOverEither
 from castfem.values.quantities import Kind, Notation, PositiveDifference, Time
@@ -192,15 +193,18 @@ class Mechanics(TableModel):
         description="fed: the liquid flows in from above where the shell moves away and carries "
         "its pressure alone; elastic: a soft body, as in the thesis (V.1.6), which holds the shell",
     )
-    mush: Literal["none", "geometric", "linear"] | None = Field(
+    mush: MushyZone | None = Field(
         None,
-        description="how the modulus of the mushy zone goes with the solid fraction; none: it is "
-        "as soft as the liquid. By default geometric where the liquid is elastic or a coherency is "
-        "given, else none",
-        examples=["geometric"],
+        description="what the mushy zone bears. skeleton: moduli and flow stress of the solid, in "
+        "proportion to the solid fraction above coherency; geometric, linear: a modulus that goes "
+        "so with the solid fraction; none: no more than the liquid. By default a skeleton where "
+        "the liquid is fed, geometric where it is elastic",
+        examples=["skeleton"],
     )
-    coherency: Solid = Field(
-        0.0, description="solid fraction up to which the mushy zone is as soft as the liquid"
+    coherency: Solid | None = Field(
+        None,
+        description="solid fraction up to which the mushy zone is as soft as the liquid. By "
+        f"default {ZERO_STRENGTH:g} of a skeleton, else 0",
     )
     ferrostatic: Literal["proportional", "full", "none", "off"] = Field(
         "full",
@@ -231,15 +235,21 @@ class Mechanics(TableModel):
     )
 
     @property
-    def mushy_zone(self) -> Literal["none", "geometric", "linear"]:
-        """How the modulus of the mushy zone goes with the solid fraction, `mush` or its default."""
-        soft = self.liquid == "fed" and not self.coherency
-        return self.mush or ("none" if soft else "geometric")
+    def mushy_zone(self) -> MushyZone:
+        """What the mushy zone bears, `mush` or its default."""
+        return self.mush or ("skeleton" if self.liquid == "fed" else "geometric")
+
+    @property
+    def coherent_from(self) -> float:
+        """Solid fraction from which the mushy zone bears anything, `coherency` or its default."""
+        if self.coherency is not None:
+            return self.coherency
+        return ZERO_STRENGTH if self.mushy_zone == "skeleton" else 0.0
 
     @property
     def liquid_has_modulus(self) -> bool:
         """Whether `liquid_stiffness` is of anything: liquid that is fed has no modulus."""
-        return self.liquid == "elastic" or self.mushy_zone != "none"
+        return self.liquid == "elastic" or self.mushy_zone in ("geometric", "linear")
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
-from castfem.case.section import Section
+from castfem.case.section import Mesh, Section
 from castfem.mould.taper import TaperProfile
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
@@ -17,12 +17,26 @@ _SIZE = 0.5  # of half the section, that a table has at the meniscus: no wall ha
 _STEP = 0.2  # 1/m, of half the section: a wall that moves faster has a step there
 _ENDS = 0.02  # of the mould's length, that a table may end above or below it
 _ROUGHEST = 2.0  # friction coefficient
+_CELLS = 4.0  # along the radius of a corner; with fewer its gap and shell are off by a tenth
 
 
-def mould_warnings(mould: Mould, section: Section) -> Iterator[Problem]:
+def mould_warnings(mould: Mould, section: Section, mesh: Mesh) -> Iterator[Problem]:
     """Yield what a sound mould has that was probably not meant."""
     yield from _taper(mould, section)
     yield from _friction(mould)
+    yield from _corner(section, mesh)
+
+
+def _corner(section: Section, mesh: Mesh) -> Iterator[Problem]:
+    """Yield that the cells at a round corner are too long for what happens there."""
+    radius = getattr(section, "corner_radius", 0.0)
+    size = mesh.surface_size if mesh.corner_size is None else mesh.corner_size
+    if radius > 0.0 and size * _CELLS > radius * (1.0 + ROUNDING):
+        yield Problem(
+            ("mesh", "surface_size" if mesh.corner_size is None else "corner_size"),
+            f"cells of {_mm(size)} along a corner of radius {_mm(radius)}: gap, shell and stress "
+            f"there may be off by a tenth or more; {_mm(radius / _CELLS)} or less resolve it",
+        )
 
 
 def _taper(mould: Mould, section: Section) -> Iterator[Problem]:

@@ -65,7 +65,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from secondary_warnings(case)
     yield from idle_keys(case)
     if case.mould is not None:
-        yield from mould_warnings(case.mould, case.section)
+        yield from mould_warnings(case.mould, case.section, case.mesh)
     start = 0.0
     for index, zone in enumerate(case.cooling):
         yield from _wasted(case, zone, ("cooling", index))

@@ -16,9 +16,8 @@ length = "3 m"                        # followed from the meniscus
 superheat = "25 K"                    # or: temperature = "1540 degC"
 
 [steel]
-name = "carbon_042"                   # shipped with castfem, or a file of your own: "./steel.toml"
-# or by its carbon: name = "plain_carbon" and
-# composition = {{ C = 0.20 }}
+name = "plain_carbon"                 # by its composition, wt%; or a file: "./steel.toml"
+composition = {{ C = 0.12, Mn = 0.5, Si = 0.25 }}
 
 [section]
 shape = "rectangle"                   # or round, beam_blank, strip
@@ -87,7 +86,7 @@ unit = "W/(m^2 K)"
 
 # Take the # away to strain the strand as well, in a mould with walls (docs/mould.md).
 # [mechanics]
-# law = "norton_hoff_kozlowski"         # of a steel of 0.1 %C; "kozlowski_zhu" goes by the carbon
+# law = "kozlowski_zhu"                 # goes by the carbon of the steel
 #
 # [mould]
 # length = "800 mm"                     # from the meniscus to its end

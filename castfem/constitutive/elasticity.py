@@ -9,15 +9,23 @@ that is, the elastic strain which the stress at A stands for is kept while the m
 Liquid is the degenerate case: Poisson's ratio 0, stiffness a small part of the solid's (thesis
 V.1.6; no thermal strain there is the caller's part).  Two things follow from its being a stand-in:
 
-* The little stress a point carries before it is solid is an artefact of that stiffness.  Keeping
+* The little stress a point carries before it is coherent is an artefact of that stiffness.  Keeping
   its *elastic strain* while the stiffness rises up to 1e6-fold on freezing would turn 1 kPa into
   1 GPa.
   Liquid that is fed has no memory: a point that is not coherent solid at the start of a step
   starts free of stress.  Where liquid is to be an elastic body (`memory`) its *stress* is kept
   (ratio 1), and where the stiffness falls, the smaller of the two (what melts lets go).
 * A point that freezes within a step takes up strain only from then on.  Its strain increment and
-  its time are multiplied by the part of the step that lies below the solidus (temperature linear
-  over the step), so that the stress of new shell does not depend on where the steps end.
+  its time are multiplied by the part of the step in which it is coherent (temperature linear over
+  the step), so that the stress of new shell does not depend on where the steps end.
+
+The crystals of the mushy zone touch from a solid fraction of about 0.75 on and form a skeleton.  As
+`mushy_zone="skeleton"` it obeys the law of the solid at the solidus with its moduli and its flow
+stress multiplied by
+
+    w = (fs - fc) / (1 - fc),    fc the coherency,                                             (S)
+
+and remembers its stress as solid does, so that what it bears does not depend on the time step.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
@@ -26,16 +34,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 
+from castfem.support.messages import choices
 from castfem.values.tables import Constant
 from castfem.values.types import Array
 
 Curve = Callable[[Array], Array]
+MushyZone = Literal["skeleton", "geometric", "linear", "none"]
+"""What the mushy zone bears, see `Solidity.mushy_zone`."""
+ZERO_STRENGTH = 0.75
+"""Solid fraction at which steel has no strength yet, at its zero strength temperature [M]."""
 LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end
 MOST_POISSON = 0.4999
+WIDEST = 1000.0  # K: no steel freezes over a wider range
+HALVINGS = 60  # of it, down to rounding
 MELTING = 1e-8  # K below a melting point down to which steel is still at it
 
 
@@ -59,10 +74,13 @@ class Solidity:
         fraction: Solid fraction over temperature in K; None where nothing is ever liquid.
         stiffness_ratio: Young's modulus of the liquid over that of the solid.
         mushy_zone: Between them the modulus goes geometrically or linearly with the solid
-            fraction; with "none" the mushy zone is as soft as the liquid down to the solidus.
+            fraction; with "none" the mushy zone is as soft as the liquid down to the solidus; with
+            "skeleton" moduli and flow stress are those of the solid times (S).
         coherency: Solid fraction up to which the mushy zone is as soft as the liquid.
         from_freezing: Count the strain of a step only from the moment of freezing on.
         memory: Whether what is not solid keeps its stress from one step to the next.
+        coherent: Temperature below which steel keeps its stress in any case, K: the solidus, or
+            that at which the crystals of a skeleton begin to touch.
 
     Raises:
         ValueError: If a number is out of range.
@@ -71,20 +89,35 @@ class Solidity:
     solidus: float = np.inf
     fraction: Curve | None = None
     stiffness_ratio: float = 1e-5
-    mushy_zone: Literal["geometric", "linear", "none"] = "geometric"
+    mushy_zone: MushyZone = "geometric"
     coherency: float = 0.0
     from_freezing: bool = True
     memory: bool = True
+    coherent: float = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.stiffness_ratio <= 1.0:
             raise ValueError(f"stiffness_ratio ({self.stiffness_ratio}) must be within 0 ... 1")
         if not 0.0 <= self.coherency < 1.0:
             raise ValueError(f"coherency ({self.coherency}) must be at least 0 and below 1")
-        if self.mushy_zone not in ("geometric", "linear", "none"):
+        if self.mushy_zone not in get_args(MushyZone):
             raise ValueError(
-                f'mushy_zone ("{self.mushy_zone}") must be "geometric", "linear" or "none"'
+                f'mushy_zone ("{self.mushy_zone}") must be {choices(get_args(MushyZone))}'
             )
+        object.__setattr__(self, "coherent", self._coherent())
+
+    def _coherent(self) -> float:
+        """The temperature `coherent`, by bisection of the solid fraction."""
+        if not self.is_skeleton:
+            return self.solidus
+        low, high = self.solidus, self.solidus + WIDEST
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            if self.weight(np.array([middle]))[0] > 0.0:
+                low = middle
+            else:
+                high = middle
+        return low
 
     @classmethod
     def between(cls, solidus: float, liquidus: float, **options: object) -> Solidity:
@@ -116,19 +149,33 @@ class Solidity:
         solid = (self.fraction(temperature) - self.coherency) / (1.0 - self.coherency)
         return np.where(temperature <= self.solidus, 1.0, np.clip(solid, 0.0, 1.0))
 
+    @property
+    def is_skeleton(self) -> bool:
+        """Whether the mushy zone flows as the solid does, at a lower stress."""
+        return self.mushy_zone == "skeleton" and self.fraction is not None
+
+    def strength(self, temperature: Array) -> Array:
+        """Flow stress over that of the solid at the solidus (n,), (S); 1 without a skeleton."""
+        if not self.is_skeleton:
+            return np.ones_like(temperature)
+        return np.maximum(self.weight(temperature), self.stiffness_ratio)
+
     def stiffness(self, weight: Array) -> Array:
         """Young's modulus over that of the solid."""
+        if self.mushy_zone == "skeleton":
+            return np.maximum(weight, self.stiffness_ratio)
         if self.mushy_zone == "linear":
             return np.asarray(self.stiffness_ratio + (1.0 - self.stiffness_ratio) * weight)
         return np.asarray(self.stiffness_ratio ** (1.0 - weight))
 
     def share(self, temperature_old: Array, temperature: Array) -> Array:
-        """Part of the step a freezing point is solid; 1 for all others."""
-        freezes = (temperature_old > self.solidus) & (temperature <= self.solidus)
+        """Part of the step in which a freezing point is coherent; 1 for all others."""
+        coherent = self.coherent
+        freezes = (temperature_old > coherent) & (temperature <= coherent)
         if not self.from_freezing or not freezes.any():
             return np.ones_like(temperature)
         drop = np.where(freezes, temperature_old - temperature, 1.0)
-        part = (self.solidus - temperature) / drop if np.isfinite(self.solidus) else 1.0
+        part = (coherent - temperature) / drop if np.isfinite(coherent) else 1.0
         return np.where(freezes, np.maximum(part, LEAST_SHARE), 1.0)
 
 
@@ -173,10 +220,11 @@ class Elasticity:
         """Columns SHEAR ... FRESH of `kernel.constants` for a step, each (n,)."""
         shear_old, bulk_old, _ = self.moduli(temperature_old)
         shear, bulk, young = self.moduli(temperature)
-        fresh = temperature_old > self.solidity.solidus
+        fresh = temperature_old > self.solidity.coherent
         carry_deviator, carry_mean = shear / shear_old, bulk / bulk_old
         most = 1.0 if self.solidity.memory else 0.0
         carry_deviator[fresh] = np.minimum(carry_deviator[fresh], most)
         carry_mean[fresh] = np.minimum(carry_mean[fresh], most)
         share = self.solidity.share(temperature_old, temperature)
-        return [shear, bulk, young, carry_deviator, carry_mean, share, fresh.astype(float)]
+        unhardened = (temperature_old > self.solidity.solidus).astype(float)
+        return [shear, bulk, young, carry_deviator, carry_mean, share, unhardened]

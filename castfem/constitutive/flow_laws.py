@@ -139,6 +139,10 @@ class RadialReturn:
         """Return what `kind` asks for, by column (n,), at temperatures not above the solidus."""
         return []
 
+    def weakened(self, columns: list[Array], strength: Array) -> list[Array]:
+        """Return `own_columns` of a material whose flow stress is multiplied by `strength` (n,)."""
+        return columns
+
     def coefficients(self, temperature_old: Array, temperature: Array) -> Array:
         """Return the table of coefficients of a step, (n, columns), see `base.Law`."""
         columns = self.elasticity.coefficients(temperature_old, temperature)
@@ -150,6 +154,8 @@ class RadialReturn:
                 f"{type(self).__name__}.own_columns returns {len(own)} columns, its kind of flow "
                 f"takes {needed}"
             )
+        if self.elasticity.solidity.is_skeleton:
+            own = self.weakened(own, self.elasticity.solidity.strength(temperature))
         columns += [self.fading(solid), *own]
         table = np.empty((len(temperature), len(columns)))
         for column, values in enumerate(columns):
@@ -252,6 +258,11 @@ class PerfectlyPlastic(RadialReturn):
         require(np.all(limit > 0.0), "the yield stress must be positive", limit)
         return [limit]
 
+    def weakened(self, columns: list[Array], strength: Array) -> list[Array]:
+        """See `RadialReturn.weakened`."""
+        (limit,) = columns
+        return [strength * limit]
+
 
 @dataclass(frozen=True, slots=True)
 class _LnFactor:
@@ -320,6 +331,11 @@ class NortonCreep(RadialReturn):
         n = self.exponent(temperature)
         require(np.all(n > 0.0), "the creep exponent must be positive", n)
         return [self.ln_factor(temperature), n]
+
+    def weakened(self, columns: list[Array], strength: Array) -> list[Array]:
+        """See `RadialReturn.weakened`."""
+        ln_factor, n = columns
+        return [ln_factor - n * np.log(strength), n]
 
 
 def require(fine: np.bool_ | bool, text: str, values: Array) -> None:

@@ -171,6 +171,11 @@ class NortonHoff(Hardening):
             np.full_like(temperature, self.largest_strain),
         ]
 
+    def weakened(self, columns: list[Array], strength: Array) -> list[Array]:
+        """See `RadialReturn.weakened`."""
+        ln_level, p1, p3, p4, limit, largest = columns
+        return [ln_level + np.log(strength), p1, p3, p4, strength * limit, largest]
+
 
 @dataclass(frozen=True, slots=True)
 class UnifiedSteel(Hardening):
@@ -238,3 +243,12 @@ class UnifiedSteel(Hardening):
             delta.stress_exponent,
             self.delta_weight(temperature),
         ]
+
+    def weakened(self, columns: list[Array], strength: Array) -> list[Array]:
+        """See `RadialReturn.weakened`."""
+        hardening, m, ln_rate, exponent, ln_level, *delta = columns
+        ln_strength = np.log(strength)
+        return [
+            strength * hardening, m, ln_rate - exponent * ln_strength, exponent,
+            ln_level + ln_strength, *delta,
+        ]  # fmt: skip

@@ -91,7 +91,7 @@ class SurfaceLiquid:
             self.pool = np.zeros(len(new))
             if self._fluid.any():
                 self.pool = np.where(self._fluid, self._pressure(new), 0.0)
-            self._opened = self._fluid & (old <= solidity.solidus) & (gap > LEAK)
+            self._opened = self._fluid & (old <= solidity.coherent) & (gap > LEAK)
 
     def breakout(self) -> str:
         """Where the shell melts open off the wall in a step; empty if nowhere (collective).

@@ -36,6 +36,7 @@ _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not 
 _COARSE = 0.2  # mm; what the shell is off by less is not told
 _MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
 _BULGED = 0.01  # of the section
+_REMELTED = 0.1  # mm; a shell that loses less on the way is not named
 _REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
 
@@ -121,6 +122,7 @@ def remarks(
         *_bulging(table, position),
         *weakest.values(),
         *_stairs(table, position),
+        *_remelting(table, position),
         *_reheating(table, position),
         *_stress(table, position),
         *_coupling(summary),
@@ -340,6 +342,26 @@ def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
     if ends is not None and ends <= position[-1] * (1 + ROUNDING):
         return ends, "mould exit"
     return float(position[-1]), "end of the run"
+
+
+def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
+    """Where the shell has become thinner on the way down, by the most at any probe."""
+    best: tuple[float, str, int, int, str] | None = None
+    for label, _, column in curves(table, "shell"):
+        shell = table[column].to_numpy()
+        lost = np.fmax.accumulate(shell) - shell
+        if not np.isfinite(lost).any():
+            continue
+        end = int(np.nanargmax(lost))
+        start = int(np.nanargmax(shell[: end + 1]))
+        if best is None or lost[end] > best[0]:
+            best = float(lost[end]), label, start, end, column
+    if best is None or best[0] < _REMELTED:
+        return
+    value, label, start, end, column = best
+    left = said(float(table[column].iloc[end]), unit_of(table, column), ".2g", column)
+    where = f"{label}, from {_mm(position[start])} to {_mm(position[end])}, where {left} are left"
+    yield Remark("shell melted again", value, unit_of(table, column), where, column)
 
 
 def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:

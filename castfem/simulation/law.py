@@ -35,7 +35,7 @@ def build_law(
         steel,
         stiffness_ratio=table.liquid_stiffness,
         mushy_zone=table.mushy_zone,
-        coherency=table.coherency,
+        coherency=table.coherent_from,
         memory=table.liquid != "fed",
     )
     delta = None if steel.diagram is None else DeltaShare(steel.diagram)

@@ -73,6 +73,10 @@ SMALL: dict[str, dict[str, Any]] = {
     "before_shell": {"FEW": ((2.0, 0.5, 0.3),)},
     "coupling": {"CASES_TO_RUN": (("taper_1", (), 0.5),)},
     "meniscus": {"COARSE": (*billet_run.COARSE, 'casting.length="120 mm"')},
+    "corner": {
+        "CELLS": {"4": ("4", "4", "18", "22")},
+        "MUSHES": {"skeleton": ("4",), "none": ("4",)},
+    },
     "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
     "optimum_noise": {"WINDOWS": {"0.2 s": {}}, "CHANGES": {"casting.length": "60 mm"}},
     "wall": {"PARTS": (wall_study.frictions, wall_study.factors), "FACTORS": (10, 1000)},

@@ -52,8 +52,15 @@ def test_what_was_hardly_meant(change: str, said: str) -> None:
 
 def test_cells_as_thick_as_a_shell() -> None:
     sizes = (f"mesh.{place}_size=25 mm" for place in ("surface", "corner", "face", "core"))
-    (line,) = _warnings(*sizes)
-    assert "mesh.surface_size: (25 mm) is as thick as a shell" in line
+    thick, corner = _warnings(*sizes)
+    assert "mesh.surface_size: (25 mm) is as thick as a shell" in thick
+    assert "mesh.corner_size: cells of 25 mm along a corner of radius 5 mm" in corner
+
+
+def test_cells_longer_than_a_quarter_of_the_corners_radius() -> None:
+    (line,) = _warnings("mesh.corner_size=1.3 mm")
+    assert "mesh.corner_size: cells of 1.3 mm" in line and "1.25 mm or less" in line
+    assert not _warnings("mesh.corner_size=1.25 mm")
 
 
 ROWS = 'mould.taper={ position = %s, position_unit = "mm", value = %s, unit = "mm" }'

@@ -204,3 +204,25 @@ def test_shipped_elasticity() -> None:
     c = np.linspace(700.0, 1488.0, 500)
     cubic = 968.0 - 2.33 * c + 1.90e-3 * c**2 - 5.18e-7 * c**3
     np.testing.assert_allclose(load_elasticity().moduli(c + ZERO)[2] / 1e9, cubic, rtol=0.02)
+
+
+def skeleton(**options: Any) -> Solidity:
+    return Solidity.between(1700.0, 1800.0, mushy_zone="skeleton", coherency=0.75, **options)
+
+
+def test_a_skeleton_is_in_proportion_to_the_solid_above_coherency() -> None:
+    solidity = skeleton(stiffness_ratio=1e-5)
+    t = np.array([1600.0, 1700.0, 1712.5, 1724.0, 1726.0, 1900.0])
+    weight = [1.0, 1.0, 0.5, 0.04, 0.0, 0.0]
+    np.testing.assert_allclose(solidity.weight(t), weight, atol=1e-12)
+    np.testing.assert_allclose(solidity.strength(t), np.maximum(weight, 1e-5), rtol=1e-9)
+    young = Elasticity.constant(E, NU, solidity).moduli(t)[2]
+    np.testing.assert_allclose(young / E, np.maximum(weight, 1e-5), rtol=1e-9)
+    assert solidity.coherent == pytest.approx(1725.0, abs=1e-6)
+
+
+def test_a_steel_that_freezes_at_once_has_no_skeleton() -> None:
+    sharp = Solidity(1700.0, lambda t: np.where(t < 1700.0, 1.0, 0.0), mushy_zone="skeleton")
+    assert sharp.coherent == pytest.approx(1700.0, abs=1e-9)
+    assert Solidity().coherent == np.inf
+    assert Solidity.between(1700.0, 1800.0).coherent == 1700.0
