@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,6 +51,11 @@ class Recorder:
         if resume:
             self.checkpoint = self.comm.bcast(self.checkpoint)
 
+    @cached_property
+    def _physics(self) -> dict[str, Any]:
+        """What the checkpoints of this run hold of its case; it does not change (rank 0)."""
+        return self.simulation.case.physics_record()
+
     def _open(self) -> None:
         """Begin history and fields."""
         self._history = History(self.folder / HISTORY_NAME, columns(self.simulation))
@@ -72,9 +78,7 @@ class Recorder:
     def _open_for_resume(self) -> None:
         """Read the checkpoint and cut what was written after it."""
         case = self.simulation.case
-        self.checkpoint = load_checkpoint(
-            self.folder / CHECKPOINT_NAME, physics=case.physics_hash(), case=case.physics()
-        )
+        self.checkpoint = load_checkpoint(self.folder / CHECKPOINT_NAME, **self._physics)
         time = float(self.checkpoint[0]["time"])
         if not same_or_before(time, case.casting.duration):
             come, length = self.simulation.machine.position(time), case.casting.length
@@ -196,14 +200,7 @@ class Recorder:
             self._maps.sync()
         for file in self._probe_files.values():
             file.sync()
-        case = self.simulation.case
-        save_checkpoint(
-            self.folder / CHECKPOINT_NAME,
-            description,
-            arrays,
-            physics=case.physics_hash(),
-            case=case.physics(),
-        )
+        save_checkpoint(self.folder / CHECKPOINT_NAME, description, arrays, **self._physics)
         self.folder.update(reached=run.reached)
 
     def save(self, run: RunState) -> None:
