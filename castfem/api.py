@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from castfem.errors import InputError
 from castfem.output.summary import Summary
 from castfem.support.closing import Closing
+from castfem.support.one_at_a_time import one_at_a_time
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -56,6 +57,7 @@ def load(name: str | Path) -> Case:
     return load_case(find(str(name)))
 
 
+@one_at_a_time()
 def run(
     case: Case | str | Path,
     folder: Path | str | None = None,
@@ -81,7 +83,8 @@ def run(
         The result. On ranks other than 0 it has the summary alone.
 
     Raises:
-        InputError: Case, folder or checkpoint cannot be used; it names keys in which they differ.
+        InputError: Case, folder or checkpoint cannot be used, it names keys in which they differ;
+            or another thread of this process runs a case.
         RunFailure: The run cannot go on; its last good state is in `folder`.
     """
     from mpi4py import MPI
@@ -119,6 +122,7 @@ def run(
     return Result(target, summary, temporary=made is not None)
 
 
+@one_at_a_time()
 def sensitivities(
     case: Case | str | Path,
     to: str | Sequence[str],

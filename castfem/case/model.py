@@ -273,8 +273,15 @@ class Case(TableModel):
 
     def physics_hash(self) -> str:
         """Return a hash of `physics`."""
-        text = json.dumps(self.physics(), sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return _hash(self.physics())
+
+    def physics_record(self) -> dict[str, Any]:
+        """Return `physics` ("case") and its hash ("physics"), as a checkpoint keeps them.
+
+        This writes out the whole case, which takes long if it has large tables: a run asks once.
+        """
+        tables = self.physics()
+        return {"physics": _hash(tables), "case": tables}
 
     def with_(self, changes: Mapping[str, Any] | None = None, **dotted: Any) -> Case:
         """Return a changed case: `case.with_({"casting.speed": "3 m/min"})`.
@@ -297,3 +304,8 @@ class Case(TableModel):
                 f'speed="3 m/min" (given: {changes!r})'
             )
         return changed(self, {**(changes or {}), **dotted})
+
+
+def _hash(physics: Mapping[str, Any]) -> str:
+    text = json.dumps(physics, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

@@ -25,7 +25,7 @@ class Probe(TableModel):
     """A point of the steel that is followed, as a thermocouple would; x and y, or a depth."""
 
     name: str = Field(
-        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$",
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,99}$",
         description="name of the probe and of its file, probes/NAME.csv",
     )
     x: Coordinate | None = Field(

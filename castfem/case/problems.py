@@ -109,7 +109,7 @@ _PLAIN = {
     "too_short": "must not be empty",
     "string_too_short": "must not be empty",
     "greater_than_equal": "must not be negative",
-    "string_pattern_mismatch": "takes letters, digits, - and _, the first a letter or a digit",
+    "string_pattern_mismatch": "takes at most 100 letters, digits, - and _; the first is no sign",
 }
 
 

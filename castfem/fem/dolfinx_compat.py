@@ -53,7 +53,7 @@ def _compiled(comm: MPI.Comm, folder: str, make: Callable[[dict[str, Any]], T]) 
     """
     options = jit_options()
     cache = options["cache_dir"] / folder
-    return form_cache.compiled(comm, cache, lambda: make(options | {"cache_dir": cache}))
+    return form_cache.compiled(comm, cache, lambda place: make(options | {"cache_dir": place}))
 
 
 def compile_form(form: ufl.Form) -> fem.Form:

@@ -1,62 +1,104 @@
-"""Compiled forms on disk, and what a process that was killed while it compiled has left there.
+"""Compiled forms on disk, whatever has become of them or of the place where they are kept.
 
 FFCx marks a form as being compiled by its C file, which it creates before, and as ready by another
 file, which it creates after; whoever finds the first alone waits for the second. If the process
 that would write it is dead, nobody ever will. Here every process that compiles holds a lock, which
 the operating system releases with the process: whoever has waited in vain, and can have the lock
 for itself, knows that no one is at work on what lacks the second file.
+
+The second file also holds a check sum of the compiled module: one that is cut off, as on a disk
+that was full, is compiled anew.
 """
 
 from __future__ import annotations
 
+import atexit
+import errno
 import fcntl
+import os
+import shutil
+import tempfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from functools import lru_cache, partial
+from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from typing import TypeVar
 
 from mpi4py import MPI
 
+from castfem.errors import RunFailure
 from castfem.fem.root import on_root
 from castfem.support.log import logger
 
 T = TypeVar("T")
 WAIT = 10  # s: of FFCx for a form that another process compiles
 LOCK = "compiling.lock"
+READY = ".c.cached"  # ending of the file by which FFCx marks a compiled form
 TIMED_OUT = "compilation timed out"  # what FFCx says then
+# What the operating system says of a folder that cannot be written.
+REFUSED = tuple(
+    os.strerror(n)
+    for n in (errno.EACCES, errno.EPERM, errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.ENOTDIR)
+)
 # What DOLFINx says on several ranks: 0.9 and 0.10 on all of them, 0.11 on the first, on the others.
 FAILED = (
     "Failed just-in-time compilation", "Failed JIT compilation", "JIT compilation failed on rank 0",
 )  # fmt: skip
 
+_MEND = "let XDG_CACHE_HOME name a folder that can be written"
+_whole = set[Path]()  # marks of forms that this process has compiled, or found whole
 
-def compiled(comm: MPI.Comm, cache: Path, make: Callable[[], T]) -> T:
+
+def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
     """What `make` compiles, or finds compiled (collective).
 
     Args:
         comm: Of those who need it; the first of them compiles.
-        cache: Folder of compiled forms; created if there is none.
-        make: Calls DOLFINx.
+        cache: Folder of compiled forms; created if there is none. Where it cannot be written, a
+            temporary one of this process takes its place.
+        make: Calls DOLFINx with the folder.
 
     Raises:
-        Exception: Whatever `make` raises, but that its wait was in vain.
+        RunFailure: There is no folder that can be written.
+        Exception: Whatever `make` raises, but that its wait was in vain or the folder refused.
     """
-    cache.mkdir(parents=True, exist_ok=True)
+    folder = _on_all(comm, partial(_ready, cache))
     while True:
         try:
-            with _locked(cache, fcntl.LOCK_SH):
-                return make()
-        except (TimeoutError, RuntimeError) as error:
-            if not _waited_in_vain(comm, error):
+            with _locked(folder, fcntl.LOCK_SH):
+                made = make(folder)
+                on_root(comm, partial(_seal, folder))
+                return made
+        except (OSError, RuntimeError) as error:
+            why = _reason(comm, error)
+            if why == TIMED_OUT:
+                on_root(comm, partial(_clean, folder))
+            elif why and folder == cache:
+                folder = _on_all(comm, partial(_instead, cache, why))
+            else:
                 raise
-        on_root(comm, lambda: _clean(cache))
 
 
-def _waited_in_vain(comm: MPI.Comm, error: Exception) -> bool:
-    """Whether the first rank has; all ranks fail together then (collective in that case)."""
-    if comm.size == 1:
-        return isinstance(error, TimeoutError)
-    return str(error).startswith(FAILED) and bool(comm.bcast(TIMED_OUT in str(error), root=0))
+def _on_all(comm: MPI.Comm, work: Callable[[], Path]) -> Path:
+    """What the first rank finds, on all (collective)."""
+    found: Path = comm.bcast(on_root(comm, work), root=0)
+    return found
+
+
+def _reason(comm: MPI.Comm, error: Exception) -> str:
+    """What the first rank said, if that can be mended; all ranks fail together then (collective).
+
+    On several ranks DOLFINx makes another error of it, which has the words of the first.
+    """
+    if comm.size > 1 and not str(error).startswith(FAILED):
+        return ""
+    said = f"{TIMED_OUT} {error}" if isinstance(error, TimeoutError) else str(error)
+    if comm.size == 1 and not isinstance(error, OSError):
+        said = ""
+    found: str = comm.bcast(next((one for one in (TIMED_OUT, *REFUSED) if one in said), ""), root=0)
+    return found
 
 
 @contextmanager
@@ -72,10 +114,82 @@ def _locked(cache: Path, kind: int) -> Iterator[None]:
         yield
 
 
+def _ready(cache: Path) -> Path:
+    """The folder of a cache, or the one instead of it, without what is damaged."""
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+        if not all(_is_whole(ready) for ready in cache.glob(f"*{READY}")):
+            _clean(cache)
+    except OSError as error:
+        return _instead(cache, error.strerror or str(error))
+    return cache
+
+
+def _instead(cache: Path, why: str) -> Path:
+    """A folder of this process alone, in place of a cache that cannot be written."""
+    try:
+        folder = _temporary(why) / cache.name
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise RunFailure(
+            f"{cache}: cannot be written ({why}), and there is no temporary folder "
+            f"({error.strerror or error}); {_MEND}"
+        ) from error
+    return folder
+
+
+@lru_cache(maxsize=1)
+def _temporary(why: str) -> Path:
+    """A folder that goes with this process; says once why."""
+    folder = Path(tempfile.mkdtemp(prefix="castfem-forms-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    logger.warning(
+        "the cache of compiled forms cannot be written (%s): each run compiles them anew; %s",
+        why,
+        _MEND,
+    )
+    return folder
+
+
 def _clean(cache: Path) -> None:
-    """Remove what no one will finish; waits until no other process compiles."""
+    """Remove what no one will finish and what is damaged; waits until no other process compiles."""
     with _locked(cache, fcntl.LOCK_EX):
         for source in cache.glob("*.c"):
-            if not source.with_suffix(".c.cached").exists():
-                logger.debug("%s was never finished, and is removed", source)
-                source.unlink(missing_ok=True)
+            ready = source.with_suffix(READY)
+            if not ready.exists() or not _is_whole(ready):
+                logger.debug("%s was never finished or is damaged, and is removed", source)
+                for path in (ready, *_modules(ready), source):
+                    path.unlink(missing_ok=True)
+
+
+def _modules(ready: Path) -> list[Path]:
+    """What was compiled and marked by this file."""
+    name = ready.name.removesuffix(READY)
+    paths = (ready.with_name(f"{name}{ending}") for ending in EXTENSION_SUFFIXES)
+    return [path for path in paths if path.exists()]
+
+
+def _seal(cache: Path) -> None:
+    """Write a check sum into the marks of what has just been compiled.
+
+    A module that is cut off is not noticed when it is loaded: it ends the process by a signal.
+    """
+    for ready in cache.glob(f"*{READY}"):
+        if ready not in _whole and (found := _sum(ready)):
+            with suppress(OSError):  # it is compiled anew then
+                ready.write_text(found)
+            _whole.add(ready)
+
+
+def _is_whole(ready: Path) -> bool:
+    """Whether a compiled form is as it was when it was sealed; looks once."""
+    if ready not in _whole:
+        with suppress(OSError):
+            if ready.read_text(errors="replace") == _sum(ready):
+                _whole.add(ready)
+    return ready in _whole
+
+
+def _sum(ready: Path) -> str:
+    """Check sums of what was compiled; empty if there is none."""
+    return " ".join(f"{zlib.crc32(path.read_bytes()):08x}" for path in _modules(ready))

@@ -15,6 +15,7 @@ from castfem.compare.figures import Curve, Panel, figures
 from castfem.compare.runs import Run
 from castfem.plots.style import probe_colours
 from castfem.results.registry import probe_label
+from castfem.support.own_style import own_matplotlib
 from castfem.values.shown_units import documented, plain_unit, scale_of
 
 WIDTH, HEIGHT = 720, 260
@@ -203,6 +204,7 @@ def _span(low: float, high: float) -> tuple[float, float]:
 
 def _marks(low: float, high: float) -> list[float]:
     """Round numbers from below `low` to beyond `high`."""
+    own_matplotlib()
     from matplotlib.ticker import MaxNLocator
 
     return [float(v) for v in MaxNLocator(_TICKS).tick_values(low, high)]

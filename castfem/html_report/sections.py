@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from castfem.output.field_files import HDF5_NAME
 from castfem.output.fields import Fields
 from castfem.output.layout import UNITS
+from castfem.support.own_style import own_matplotlib
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.shown_units import place_said, plain_unit, scale_of
 
@@ -138,7 +139,7 @@ def _values(
 
 def _field(name: str, values: NDArray[np.float64], low: float, high: float) -> dict[str, Any]:
     """A field (places, cells) in a scale of colours between two limits."""
-    from matplotlib import colormaps
+    colormaps = own_matplotlib().colormaps
     from matplotlib.colors import to_hex
 
     scale = scale_of(_SCALED[UNITS[name]][0], name)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from castfem.materials import iron_carbon, knots
+from castfem.materials.enthalpy_table import EnthalpyTable
 from castfem.materials.expansion import (
     ChandraExpansion,
     ConstantExpansion,
@@ -19,6 +20,7 @@ from castfem.materials.expansion import (
     MeanExpansion,
 )
 from castfem.materials.formulas import FORMULAS
+from castfem.materials.plausible import implausible
 from castfem.materials.properties import ByFormula, Property
 from castfem.materials.schema import (
     KINDS,
@@ -84,9 +86,12 @@ class Workshop:
         curves = self._curves()
         fraction = self._or_none(self._fraction)
         latent = self._or_none(self._latent_heat)
+        self._or_none(self._heat_of_table, curves, fraction)
         expansion = self._or_none(self._expansion, curves.get("density"))
+        enthalpy = self.given.enthalpy
+        in_rows = enthalpy is not None and enthalpy.formula is None
         for key in NEEDED:
-            if self.given.entry(key) is None:
+            if self.given.entry(key) is None and not (in_rows and key == "specific_heat"):
                 sample = KINDS[key].example
                 self.fail(key, text=f'is missing; the {KINDS[key].name}, such as "{sample}"')
         if self.problems or fraction is None or latent is None:
@@ -105,7 +110,10 @@ class Workshop:
             origins=MappingProxyType(self._origins()),
             left_out=self.left_out,
         )
-        return steel if "enthalpy" not in curves else _with_released_heat(steel)
+        if "enthalpy" in curves:
+            steel = _with_released_heat(steel)
+        self.problems += implausible(steel, self.given)
+        return None if self.problems else steel
 
     def _or_none(self, make: Any, *arguments: Any) -> Any:
         try:
@@ -207,16 +215,30 @@ class Workshop:
         return curves
 
     def _curve(self, key: str, entry: Entry) -> Property:
-        # Beyond the ends of a table of enthalpies there would be no heat capacity.
-        allowed = ("formula",) if key == "enthalpy" else ("value", "table", "formula")
+        allowed = ("table", "formula") if key == "enthalpy" else ("value", "table", "formula")
         form = self._form(key, entry, allowed)
         if form == "value":
             return Constant(self._constant(key, entry))
         if form == "table":
-            return self._table(key, entry)
+            table = self._table(key, entry)
+            try:
+                return EnthalpyTable(table) if key == "enthalpy" else table
+            except ValueError as error:
+                raise self.fail(key, text=str(error)) from None
         law = self._formula(key, entry)
         self._check_range(key, law)
         return law
+
+    def _heat_of_table(self, curves: dict[str, Property], fraction: SolidFraction | None) -> None:
+        """Put in the specific heat that a table of enthalpies has."""
+        law = curves.get("enthalpy")
+        if not isinstance(law, EnthalpyTable) or fraction is None:
+            return
+        if self.given.specific_heat is not None:
+            raise self.fail(
+                "specific_heat", text="follows from the enthalpy, which is a table; leave it out"
+            )
+        curves["specific_heat"] = law.sensible(fraction.solidus, fraction.liquidus)
 
     def _check_range(self, key: str, law: Property) -> None:
         """Refuse a formula that leaves the bounds of its quantity from 20 to 1700 degC."""
@@ -288,7 +310,8 @@ class Workshop:
             if entry is not None:
                 raise self.fail("latent_heat", text="is in the enthalpy already; leave one out")
             fraction = self.given.solid_fraction
-            if fraction is None or fraction.formula != "lever_rule":
+            by_phase = enthalpy.formula is not None
+            if by_phase and (fraction is None or fraction.formula != "lever_rule"):
                 raise self.fail(
                     "enthalpy",
                     text="freezes by the lever rule; "
@@ -296,7 +319,7 @@ class Workshop:
                 )
             return 0.0
         if entry is None:
-            raise self.fail("latent_heat", text='is missing; such as "270 kJ/kg"')
+            raise self.fail("latent_heat", text='is missing; such as "270 kJ/kg", or an enthalpy')
         self._form("latent_heat", entry, ("value",))
         return self._constant("latent_heat", entry)
 
@@ -349,6 +372,8 @@ class Workshop:
             source = entry.source or (formula.source if formula else "")
             status = entry.status if entry.source or not formula else formula.status
             origins[key] = Origin(law, source, status)
+        if "enthalpy" in origins:  # has the specific heat, too, if that is not given
+            origins.setdefault("specific_heat", origins["enthalpy"])
         return origins
 
 

@@ -144,7 +144,8 @@ def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Apply overrides; a property that gets another value loses the source of the old one.
 
     What the override makes meaningless goes: the solidus and liquidus of the set under a solid
-    fraction that brings its own, and one of latent heat and enthalpy under the other.
+    fraction that brings its own, one of latent heat and enthalpy under the other, and the specific
+    heat under a table of enthalpies.
     """
     merged = copy.deepcopy(data)
     fraction = changes.get("solid_fraction")
@@ -152,6 +153,9 @@ def _merged(data: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     gone = [old for new, old in dropped.items() if new in changes]
     if isinstance(fraction, Mapping) and fraction.get("formula") != "linear":
         gone += ["solidus", "liquidus"]
+    enthalpy = changes.get("enthalpy")
+    if isinstance(enthalpy, Mapping) and enthalpy.keys() & {"temperature", "file"}:
+        gone.append("specific_heat")
     for key in gone:
         merged.pop(key, None)
     for key, given in changes.items():

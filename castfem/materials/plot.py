@@ -14,6 +14,7 @@ from castfem.materials.describe import celsius
 from castfem.materials.iron_carbon import IronCarbon, Side
 from castfem.materials.solid_fraction import LeverFraction
 from castfem.materials.steel import Steel
+from castfem.support.own_style import own_style
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.types import Array
 
@@ -24,6 +25,7 @@ COLD, HOT = 700.0 + ZERO_CELSIUS, 1600.0 + ZERO_CELSIUS  # K, wide panels
 LIQUID, DELTA, GAMMA, SOLID = "#c1272d", "#0072b2", "#2e8b57", "#333333"
 
 
+@own_style()
 def plot_steel(steel: Steel, path: str | os.PathLike[str]) -> Path:
     """Draw the properties of a steel over temperature into one picture.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from castfem.plots.style import new_figure
+from castfem.plots.style import look, new_figure
 from castfem.values.shown_units import plain_unit
 from castfem.values.types import Array
 
@@ -36,6 +36,7 @@ class Compared:
     after: Array
 
 
+@look()
 def draw_calibration(panels: Sequence[Compared]) -> Figure:
     """One panel a result, over the position."""
     figure = new_figure(7.2, 0.9 + 2.6 * len(panels))

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from castfem.errors import CastfemError
 from castfem.output.chosen_units import units_of_run
 from castfem.output.fields import Fields
 from castfem.output.folder import ALL_FIGURES, CASE_NAME, FIGURES_NAME, MAPS_NAME, ROWS_NAME
@@ -21,10 +24,13 @@ from castfem.plots.section import SECTION_FIGURES, Steel
 from castfem.plots.strand import draw_stack
 from castfem.plots.style import Abscissa, look, save
 from castfem.support.atomic_files import saving
+from castfem.support.log import logger
+from castfem.support.messages import said_in_a_line
 from castfem.values.shown_units import shown_in
 
 if TYPE_CHECKING:
     import pandas
+    from matplotlib.figure import Figure
 
     from castfem.machine.rolls import Rolls
 
@@ -38,7 +44,7 @@ def draw_figures(folder: Path | str) -> list[Path]:
     """Draws all figures for which the folder has the data, into its `figures`.
 
     Columns, fields and probes that a run does not have are left out; so is a figure of which
-    nothing is left.
+    nothing is left. One that cannot be drawn costs a warning, not the others.
 
     Args:
         folder: Of a run, which may still be at work.
@@ -71,9 +77,24 @@ def _draw_maps(path: Path, summary: Summary | None) -> list[Path]:
 
     maps = SurfaceMaps(path)
     abscissa = Abscissa(maps.time, maps.position, summary.zones if summary else ())
-    caster = draw_caster(maps, _with_defects(path))
-    figures = {"maps": draw_maps(maps, abscissa), "caster": caster}
-    return [save(one, _target(path, name)) for name, one in figures.items() if one is not None]
+    return [
+        *_drawn(path, "maps", lambda: draw_maps(maps, abscissa)),
+        *_drawn(path, "caster", lambda: draw_caster(maps, _with_defects(path))),
+    ]
+
+
+def _drawn(
+    path: Path, name: str, draw: Callable[[], Figure | None], maps: tuple[str, ...] = ()
+) -> list[Path]:
+    """The file of a figure, if there is something to draw and it could be drawn."""
+    try:
+        figure = draw()
+        return [] if figure is None else [save(figure, _target(path, name), maps=maps)]
+    except CastfemError:
+        raise
+    except Exception as error:
+        logger.warning("%s.png could not be drawn (%s)", name, said_in_a_line(error))
+        return []
 
 
 def _target(path: Path, name: str) -> Path:
@@ -93,9 +114,7 @@ def _draw_section(path: Path, summary: Summary | None) -> list[Path]:
             return []
         steel = _steel(fields, summary)
         for name, draw in _OVER_SECTION.items():
-            figure = draw(fields, steel)
-            if figure is not None:
-                drawn.append(save(figure, _target(path, name), maps=_SHADED.get(name, ())))
+            drawn += _drawn(path, name, partial(draw, fields, steel), _SHADED.get(name, ()))
     return drawn
 
 
@@ -113,9 +132,7 @@ def _draw_history(path: Path, summary: Summary | None) -> list[Path]:
             steel = _steel(fields, summary)
     drawn = []
     for name, draw in (HISTORY_FIGURES | MECHANICS_FIGURES | BENDING_FIGURES).items():
-        figure = draw(table, abscissa, steel)
-        if figure is not None:
-            drawn.append(save(figure, _target(path, name)))
+        drawn += _drawn(path, name, partial(draw, table, abscissa, steel))
     return drawn + _draw_roll_to_roll(path, table, abscissa)
 
 
@@ -146,8 +163,7 @@ def _draw_roll_to_roll(path: Path, table: pandas.DataFrame, abscissa: Abscissa) 
     from castfem.case import load_case
     from castfem.plots.secondary import draw_roll_to_roll
 
-    figure = draw_roll_to_roll(table, abscissa, load_case(case))
-    return [] if figure is None else [save(figure, _target(path, "roll_to_roll"))]
+    return _drawn(path, "roll_to_roll", lambda: draw_roll_to_roll(table, abscissa, load_case(case)))
 
 
 def _known(summary: Summary | None) -> dict[str, float]:

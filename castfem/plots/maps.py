@@ -73,10 +73,10 @@ def band_ticks(norm: Normalize) -> list[float]:
 @lru_cache
 def index_colours() -> Colormap:
     """White for zero, then from light yellow to dark red."""
-    import matplotlib
+    from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
-    found = ListedColormap(matplotlib.colormaps["YlOrRd"](np.linspace(0.08, 1.0, _SHADES)))
+    found = ListedColormap(colormaps["YlOrRd"](np.linspace(0.08, 1.0, _SHADES)))
     found.set_bad("white")
     return found
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from castfem.output.summary import Zone
 from castfem.support.atomic_files import replacing
+from castfem.support.own_style import own_style
 from castfem.values.shown_units import is_chosen
 
 if TYPE_CHECKING:
@@ -81,9 +82,7 @@ class Abscissa:
 
 @contextmanager
 def look() -> Iterator[None]:
-    """The settings of matplotlib inside the block."""
-    import matplotlib
-
+    """The settings of matplotlib inside the block, none of them the user's."""
     settings: dict[Any, Any] = {
         "font.size": 9.5,
         "axes.labelsize": 9.5,
@@ -101,7 +100,7 @@ def look() -> Iterator[None]:
         "ytick.labelsize": 9,
         "figure.constrained_layout.use": True,
     }
-    with matplotlib.rc_context(settings):
+    with own_style(settings):
         yield
 
 
@@ -165,6 +164,7 @@ def save(figure: Figure, path: Path, *, maps: tuple[str, ...] = ()) -> Path:
     return path
 
 
+@look()
 def render(figure: Figure) -> Image.Image:
     """Draws a figure once; `savefig` does it twice where a layout has to be found first."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg

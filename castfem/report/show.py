@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.errors import CastfemError, InputError
+from castfem.errors import InputError
 from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import LOG_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, read_history
@@ -24,6 +24,7 @@ from castfem.report.remarks import remarks_of
 from castfem.report.results_table import print_results, result_rows
 from castfem.report.wide_gap import wide_gap
 from castfem.results.labels import last_quantities
+from castfem.support.messages import said_in_a_line
 from castfem.values.same_place import ROUNDING
 from castfem.values.shown_units import (
     place_said,
@@ -235,8 +236,8 @@ def _print_figures(out: Console, path: Path) -> None:
 
     try:
         drawn = draw_figures(path)
-    except CastfemError as error:
-        print_line(out, f"figures: {error}", style="yellow")
+    except Exception as error:  # the run is what it is, whatever becomes of its pictures
+        print_line(out, f"figures: {said_in_a_line(error)}", style="yellow")
         return
     if drawn:
         print_list(out, f"figures in {drawn[0].parent}: ", [figure.name for figure in drawn])

@@ -11,14 +11,18 @@ if TYPE_CHECKING:
     from castfem.simulation.simulation import Simulation
 
 
-def columns(simulation: Simulation) -> list[tuple[str, str]]:
-    """Names and units of the history's columns: those of what the simulation has."""
-    return [(d.named(probe), d.unit) for d, probe in columns_of(simulation)]
+class Columns:
+    """The columns of a simulation, found once: which there are does not change as it goes on.
 
+    Attributes:
+        heading: Name and unit of each.
+    """
 
-def row(sample: Sample) -> dict[str, float]:
-    """One row of the history in its units (collective)."""
-    return {
-        d.named(probe): d.in_unit(d.value(sample, probe))
-        for d, probe in columns_of(sample.simulation)
-    }
+    def __init__(self, simulation: Simulation) -> None:
+        """Find them."""
+        self._having = [(d, probe, d.named(probe)) for d, probe in columns_of(simulation)]
+        self.heading = [(name, d.unit) for d, _, name in self._having]
+
+    def row(self, sample: Sample) -> dict[str, float]:
+        """One row of the history in its units (collective)."""
+        return {name: d.in_unit(d.value(sample, probe)) for d, probe, name in self._having}

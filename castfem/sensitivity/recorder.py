@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,6 +53,11 @@ class Recorder:
         self.simulation, self.derivatives, self.readings = simulation, derivatives, readings
         self.path, self._every = path, simulation.case.output.checkpoint_every
 
+    @cached_property
+    def _physics(self) -> dict[str, Any]:
+        """What the checkpoints of this run hold of its case; it does not change (rank 0)."""
+        return self.simulation.case.physics_record()
+
     @property
     def reads_all(self) -> bool:
         """Whether each step must be sampled, not the last alone."""
@@ -91,13 +97,13 @@ class Recorder:
             for number, owned in enumerate(getattr(slopes, name)):
                 arrays[f"{name}_by_{number}"] = gather(owned)
         kept = {name: values for name, values in arrays.items() if values is not None}
-        case, path = self.simulation.case, self.path
+        path = self.path
 
         def write() -> None:
             assert path is not None
             with saving(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
-            save_checkpoint(path, meta, kept, physics=case.physics_hash(), case=case.physics())
+            save_checkpoint(path, meta, kept, **self._physics)
 
         on_root(self.simulation.section.comm, write)
 
@@ -108,11 +114,9 @@ class Recorder:
             InputError: There is none, or it is of another case or of other parameters, or an
                 earlier castfem wrote it with fewer derivatives.
         """
-        case, comm, path = self.simulation.case, self.simulation.section.comm, self.path
+        comm, path = self.simulation.section.comm, self.path
         assert path is not None
-        read = on_root(
-            comm, lambda: load_checkpoint(path, physics=case.physics_hash(), case=case.physics())
-        )
+        read = on_root(comm, lambda: load_checkpoint(path, **self._physics))
         meta, by_node = comm.bcast(read)
         if meta["parameters"] != self._parameters():
             names = ", ".join(name for name, *_ in meta["parameters"])

@@ -15,11 +15,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numba
+from numba.core.caching import FunctionCache
 from numba.extending import is_jitted
+
+from castfem.support.log import logger
 
 # Divisions follow IEEE instead of raising; fastmath stays off, since it would let the compiler
 # assume that no NaN and no infinity exists, which the tests must be able to see.
@@ -45,9 +49,31 @@ def outermost(function: Callable[..., Any]) -> Any:
         raise TypeError(f"{function.__qualname__} needs sources=None as its last argument")
     try:
         function.__defaults__ = (_digest(function),)
-        return numba.njit(cache=True, **OPTIONS)(function)
+        kept = _Kept(function)
     except (OSError, RuntimeError):  # no text of the sources, or no place for numba's cache
         return numba.njit(**OPTIONS)(function)
+    found = numba.njit(**OPTIONS)(function)
+    found._cache = kept  # what njit(cache=True) does, with a cache that bears damage
+    return found
+
+
+class _Kept(FunctionCache):  # type: ignore[misc]
+    """What numba keeps on disk: damaged files are compiled anew, a full disk keeps nothing."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What was compiled for a signature; None if it is not there, or cannot be read."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception as error:  # reason: numba lets through whatever pickle meets in a file
+            logger.debug("%s: damaged (%s), compiled anew", self.cache_path, error)
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what was compiled, where that is possible."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
 
 
 def _digest(function: Any) -> tuple[int | float, ...]:

@@ -2,27 +2,55 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
+import time
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from filelock import FileLock
 
 
+_PAUSE = 0.05  # s between two tries
+# What flock() answers where there are none; the last is ENOTSUPP, which has no name in Python.
+_NONE = {errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, 524}
+
+
 def taken(lock: FileLock) -> bool:
     """Whether the lock was taken; False where the file system has none, as on some network mounts.
 
-    There processes cannot be kept apart, and what they write has to do. flock() answers ENOSYS
-    there, for which filelock 3 has an error of its own; all other errors pass. filelock 4 goes by a
-    file of its own instead, and raises nothing.
+    There processes cannot be kept apart, and what they write has to do: that is no fault of the
+    run, which must write its results there, too.
+
+    Args:
+        lock: Of filelock; a `timeout` of 0 does not wait, any other waits as long as it takes.
 
     Raises:
         filelock.Timeout: Another process has it.
     """
-    try:
-        lock.acquire()
-    except NotImplementedError:
-        # Reason: a file system without locks is no fault of the run, which must write its results
-        # there, too. filelock raises this for ENOSYS alone, so no other error is hidden by it; who
-        # calls is told by False that nothing keeps other processes out.
-        return False
+    from filelock import Timeout
+
+    while True:
+        try:
+            lock.acquire(timeout=0)
+        except NotImplementedError:  # filelock knows ENOSYS
+            return False
+        except Timeout:
+            if not _has_locks(Path(lock.lock_file)):
+                return False
+            if lock.timeout == 0:
+                raise
+            time.sleep(_PAUSE)
+        else:
+            return True
+
+
+def _has_locks(path: Path) -> bool:
+    """Whether files may be locked there: filelock takes any other answer for a lock of others."""
+    with open(path, "ab") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            return error.errno not in _NONE
     return True

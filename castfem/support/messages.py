@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from castfem.errors import CastfemError
+
 Path = tuple[str | int, ...]
 
 
@@ -26,6 +28,13 @@ def shown(value: object) -> str:
     else:
         text = str(value)
     return text if len(text) <= 60 else text[:56] + " ..."
+
+
+def said_in_a_line(error: BaseException) -> str:
+    """Return what an error says in one line; its kind, too, if nobody has worded it for a user."""
+    lines = str(error).splitlines() or [""]
+    said = lines[0] if isinstance(error, CastfemError) else f"{type(error).__name__}: {lines[0]}"
+    return said.removesuffix(": ")
 
 
 def choices(names: Iterable[object]) -> str:

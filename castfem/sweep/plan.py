@@ -225,11 +225,27 @@ def read_table(path: Path, document: Mapping[str, Any]) -> list[Row]:
             if cell
         }
         name = values.pop(_NAME, "")
-        if name and any(other.name == name for other in rows):
-            raise ValueError(f"two rows are named {name}")
+        if name:
+            _check_name(name, row.line, rows)
         place = f"{path}: run {number} ({name})" if name else f"{path}: run {number}"
         rows.append(Row(name, values, place))
     return rows
+
+
+def _check_name(name: str, line: int, rows: Iterable[Row]) -> None:
+    """Refuse the name of a row that no folder can have, or that another row has."""
+    if any(other.name == name for other in rows):
+        raise ValueError(f"line {line}: two rows are named {shortened(name)}")
+    if not _safe(name):
+        raise ValueError(
+            f'line {line}: the name "{shortened(name)}" makes no name of a folder; give it letters '
+            "(A to Z) or digits"
+        )
+    if len(name) > _LONGEST:
+        raise ValueError(
+            f'line {line}: the name "{shortened(name)}" has {len(name)} characters; a folder is '
+            f"named so, give at most {_LONGEST}"
+        )
 
 
 def _key(heading: Heading, document: Mapping[str, Any]) -> str:

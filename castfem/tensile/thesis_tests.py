@@ -20,6 +20,7 @@ from castfem.constitutive.curves import modified_norton_hoff, yield_limit
 from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.hardening_laws import NortonHoff
 from castfem.constitutive.uniaxial import Tension, pull
+from castfem.support.own_style import own_style
 from castfem.values.tables import Constant
 from castfem.values.types import Array
 
@@ -99,6 +100,7 @@ TESTS = (
 )  # fmt: skip
 
 
+@own_style()
 def plot_tensile_tests(path: str | os.PathLike[str], steps: int = 200) -> Path:
     """Draw the five tests against their analytical curves.
 

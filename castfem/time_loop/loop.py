@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -23,6 +23,7 @@ from castfem.results.sample import Sample
 from castfem.results.summary import quantities, summarise
 from castfem.simulation.simulation import Simulation, build
 from castfem.support import log
+from castfem.support.one_at_a_time import one_at_a_time
 from castfem.support.stopwatch import peak_memory, profile_table
 from castfem.time_loop import restart
 from castfem.time_loop.interrupt import Interrupt, Stopped
@@ -200,6 +201,7 @@ class TimeLoop:
         return self.simulation.zones.name(self.run_state.zone)
 
 
+@one_at_a_time()
 def run(
     case: Case,
     folder: Path | str,
@@ -245,7 +247,7 @@ def run(
     resume = bool(comm.bcast(on_root(comm, begin)))
     # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
     together = Together(comm, (RunFailure, Stopped), lambda error: output.fail(_reason(error)))
-    with output, ExitStack() as freed, together:
+    with _no_end_of_file(), output, ExitStack() as freed, together:
         simulation = build(case, comm)
         freed.callback(simulation.destroy)
         _tell_of_idle_ranks(simulation)
@@ -255,6 +257,15 @@ def run(
         recorder = Recorder(simulation, output, resume)
         freed.callback(recorder.close)
         return _run(simulation, output, recorder, companion, together, profile, progress)
+
+
+@contextmanager
+def _no_end_of_file() -> Iterator[None]:
+    """Make a failure of an EOFError, which command lines take for a stop that was asked for."""
+    try:
+        yield
+    except EOFError as error:
+        raise RunFailure(_reason(error)) from error
 
 
 def _tell_of_idle_ranks(simulation: Simulation) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from castfem.output.checkpoint import CHECKPOINT_NAME, load_checkpoint, save_che
 from castfem.output.folder import PROBES_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, History
 from castfem.output.xdmf import FieldWriter
-from castfem.results.columns import columns, row
+from castfem.results.columns import Columns
 from castfem.results.run_state import Counts, RunState
 from castfem.results.sample import Sample
 from castfem.support.atomic_files import saving
@@ -40,6 +41,7 @@ class Recorder:
     def __init__(self, simulation: Simulation, folder: OutputFolder, resume: bool = False) -> None:
         self.simulation, self.folder, self.comm = simulation, folder, simulation.section.comm
         self._every = simulation.case.output.checkpoint_every
+        self._columns = Columns(simulation)
         self._history: History | None = None
         self._fields: FieldWriter | None = None
         self._maps: MapWriter | None = None
@@ -50,9 +52,14 @@ class Recorder:
         if resume:
             self.checkpoint = self.comm.bcast(self.checkpoint)
 
+    @cached_property
+    def _physics(self) -> dict[str, Any]:
+        """What the checkpoints of this run hold of its case; it does not change (rank 0)."""
+        return self.simulation.case.physics_record()
+
     def _open(self) -> None:
         """Begin history and fields."""
-        self._history = History(self.folder / HISTORY_NAME, columns(self.simulation))
+        self._history = History(self.folder / HISTORY_NAME, self._columns.heading)
         source = self.simulation.section.source
         if self.simulation.case.output_fields and source is not None:
             steel = self.simulation.steel
@@ -72,9 +79,7 @@ class Recorder:
     def _open_for_resume(self) -> None:
         """Read the checkpoint and cut what was written after it."""
         case = self.simulation.case
-        self.checkpoint = load_checkpoint(
-            self.folder / CHECKPOINT_NAME, physics=case.physics_hash(), case=case.physics()
-        )
+        self.checkpoint = load_checkpoint(self.folder / CHECKPOINT_NAME, **self._physics)
         time = float(self.checkpoint[0]["time"])
         if not same_or_before(time, case.casting.duration):
             come, length = self.simulation.machine.position(time), case.casting.length
@@ -85,7 +90,7 @@ class Recorder:
             )
         taken = Counts.restored(self.checkpoint[0]["counts"]).taken
         self._history = History.resume(
-            self.folder / HISTORY_NAME, time, columns(self.simulation), rows=taken + 1
+            self.folder / HISTORY_NAME, time, self._columns.heading, rows=taken + 1
         )
         if names := self.simulation.case.output_fields:
             self._fields = FieldWriter.resume(self.folder.path, time, names)
@@ -96,7 +101,7 @@ class Recorder:
         Raises:
             RunFailure: On every rank, when a file cannot be written.
         """
-        cells, fields = row(sample), self._due_fields(run, sample)
+        cells, fields = self._columns.row(sample), self._due_fields(run, sample)
         judged = run.sampler.quality
         mapped = None if judged is None else judged.row()
         probed = {} if self._probes is None else self._probes.rows(run.state, sample)
@@ -196,14 +201,7 @@ class Recorder:
             self._maps.sync()
         for file in self._probe_files.values():
             file.sync()
-        case = self.simulation.case
-        save_checkpoint(
-            self.folder / CHECKPOINT_NAME,
-            description,
-            arrays,
-            physics=case.physics_hash(),
-            case=case.physics(),
-        )
+        save_checkpoint(self.folder / CHECKPOINT_NAME, description, arrays, **self._physics)
         self.folder.update(reached=run.reached)
 
     def save(self, run: RunState) -> None:

@@ -207,7 +207,7 @@ def split(text: str) -> tuple[str, str]:
     number, unit = found.groups()
     if re.match(r",\d", unit):
         raise ValueError(f'write "{text.strip()}" with a decimal point, not a comma')
-    return number, unit
+    return number, "" if unit == "-" else unit  # so written where a unit has to stand
 
 
 def parse(

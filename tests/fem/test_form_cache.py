@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import os
+import subprocess
+import sys
+import tempfile
 import threading
 from pathlib import Path
 from typing import Any
@@ -14,9 +19,18 @@ import pytest
 import ufl
 from dolfinx import fem, mesh
 
+from castfem.errors import RunFailure
 from castfem.fem import dolfinx_compat, form_cache
 
 SIZE = 2.5
+AREA = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pathlib import Path
+from mpi4py import MPI
+from test_form_cache import area
+print(area(MPI.COMM_SELF, Path(sys.argv[1])))
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -25,11 +39,14 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def area(comm: MPI.Comm, cache: Path) -> float:
-    """Of a rectangle, by a form in this cache."""
+    """Of a rectangle, by a form in this cache, as a process finds it that has used none before."""
+    form_cache._whole.clear()
     cells = mesh.create_rectangle(comm, [(0.0, 0.0), (SIZE, 1.0)], (2, 2))
     one = fem.Constant(cells, 1.0) * ufl.dx(domain=cells)
-    options = {"cache_dir": cache, "timeout": form_cache.WAIT}
-    form = form_cache.compiled(comm, cache, lambda: fem.form(one, jit_options=options))
+    options = {"timeout": form_cache.WAIT}
+    form = form_cache.compiled(
+        comm, cache, lambda folder: fem.form(one, jit_options=options | {"cache_dir": folder})
+    )
     return comm.allreduce(fem.assemble_scalar(form), op=MPI.SUM)
 
 
@@ -74,8 +91,90 @@ def test_another_at_work_is_waited_for(tmp_path: Path) -> None:
     assert not cleaning.is_alive() and not (tmp_path / "begun.c").exists()
 
 
+def damaged(cache: Path, size: int) -> None:
+    """Cut off what was compiled, as a disk does that is full."""
+    modules = list(cache.glob("*.so"))
+    assert modules
+    for module in modules:
+        whole = module.read_bytes()
+        assert len(whole) > size
+        module.unlink()  # it is in use by this process
+        module.write_bytes(whole[:size])
+
+
+@pytest.mark.parametrize("size", [0, 1000, 8192])
+def test_a_damaged_form_is_compiled_anew(tmp_path: Path, size: int) -> None:
+    """By a process of its own: a damaged one, loaded, would end it by a signal."""
+    assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
+    damaged(tmp_path, size)
+    run = subprocess.run(
+        [sys.executable, "-c", AREA, str(tmp_path)], check=True, capture_output=True, text=True
+    )
+    assert float(run.stdout) == pytest.approx(SIZE)
+    assert all(len(module.read_bytes()) > 8192 for module in tmp_path.glob("*.so"))
+
+
+def test_a_form_that_is_gone_is_compiled_anew(tmp_path: Path) -> None:
+    assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
+    for module in tmp_path.glob("*.so"):
+        module.unlink()
+    assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
+    assert list(tmp_path.glob("*.so"))
+
+
+def test_a_whole_form_is_not_compiled_again(tmp_path: Path) -> None:
+    assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.so")}
+    assert area(MPI.COMM_SELF, tmp_path) == pytest.approx(SIZE)
+    assert before and before == {path: path.stat().st_mtime_ns for path in tmp_path.glob("*.so")}
+
+
+@pytest.mark.parametrize("kind", ["a file", "no folder can be made"])
+def test_a_cache_that_cannot_be_written(
+    tmp_path: Path, told: pytest.LogCaptureFixture, kind: str
+) -> None:
+    """Root may write everywhere but into a file and into /proc."""
+    place = tmp_path / "file" if kind == "a file" else Path("/proc/castfem")
+    if kind == "a file":
+        place.touch()
+    form_cache._temporary.cache_clear()
+    for _ in range(2):
+        assert area(MPI.COMM_SELF, place / "forms" / "form_1") == pytest.approx(SIZE)
+    (line,) = told.messages
+    assert line.startswith("the cache of compiled forms cannot be written (")
+    assert line.endswith("; let XDG_CACHE_HOME name a folder that can be written")
+
+
+def test_a_cache_that_may_only_be_read(tmp_path: Path, told: pytest.LogCaptureFixture) -> None:
+    """What it holds is used; what it lacks is compiled elsewhere."""
+    form_cache._temporary.cache_clear()
+
+    def make(folder: Path) -> Path:
+        if folder == tmp_path:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), "x.c")
+        return folder
+
+    assert form_cache.compiled(MPI.COMM_SELF, tmp_path, lambda folder: folder) == tmp_path
+    assert not told.messages
+    found = form_cache.compiled(MPI.COMM_SELF, tmp_path, make)
+    assert found != tmp_path and found.is_dir() and len(told.messages) == 1
+
+
+def test_no_place_at_all_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(**_: object) -> str:
+        raise FileNotFoundError(errno.ENOENT, "No usable temporary directory found")
+
+    form_cache._temporary.cache_clear()
+    monkeypatch.setattr(tempfile, "mkdtemp", none)
+    (tmp_path / "file").touch()
+    with pytest.raises(
+        RunFailure, match=r"and there is no temporary folder .*; let XDG_CACHE_HOME"
+    ):
+        area(MPI.COMM_SELF, tmp_path / "file" / "forms")
+
+
 def test_what_else_fails_is_told(tmp_path: Path) -> None:
-    def make() -> None:
+    def make(folder: Path) -> None:
         raise RuntimeError("no such element")
 
     with pytest.raises(RuntimeError, match="no such element"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
@@ -89,6 +90,28 @@ def test_no_place_to_keep_it(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None
     for _ in range(2):
         assert answer(found=False) == 13.0
     assert not list(toy.rglob("*.nbi"))
+
+
+@pytest.mark.parametrize("kind", ["*.nbc", "*.nbi"])
+@pytest.mark.parametrize("kept", [0.0, 0.5, 0.99])
+def test_a_damaged_file_is_compiled_anew(toy: Path, kind: str, kept: float) -> None:
+    """And replaced: the next process finds it whole."""
+    assert answer(found=False) == 13.0
+    (path,) = toy.rglob(kind)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(kept * len(whole))])
+    assert answer(found=False) == 13.0
+    assert answer(found=True) == 13.0
+
+
+def test_a_full_disk_keeps_nothing(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    outer = anew()
+    monkeypatch.setattr("os.replace", full)
+    assert float(outer(3.0)) == 13.0
+    monkeypatch.undo()
 
 
 def test_each_is_called_directly(toy: Path) -> None:

@@ -141,7 +141,11 @@ def test_two_ranks_read_what_one_reads(folder: Path, tmp_path: Path) -> None:
     [
         ({"name": "a"}, "one of x with y, or under with depth, is needed"),
         ({"name": "a", "x": "1 mm"}, "y is missing; x and y go together"),
-        ({"name": "../a", "x": "1 mm", "y": "0 mm"}, "takes letters, digits, - and _, the first"),
+        ({"name": "a" * 101, "x": "1 mm", "y": "0 mm"}, "takes at most 100 letters, digits, - and"),
+        (
+            {"name": "../a", "x": "1 mm", "y": "0 mm"},
+            "takes at most 100 letters, digits, - and _, the first",
+        ),
         ({"name": "a", "under": "corner"}, "depth is missing; under and depth go together"),
         ({"name": "a", "x": "1 mm", "y": "1 mm", "under": "corner", "depth": "1 mm"}, "one of x"),
         ({"name": "../a", "x": "1 mm", "y": "1 mm"}, r"output\.probe\.0\.name"),

@@ -15,7 +15,7 @@ SURFACE = "cooling.0.surface"
 
 def test_between_semicolons_a_comma_is_a_point(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("position [mm]; value; text\n0,5; -1,25e-3; 3,6 m/min\n1.5; ,5; [1,2]\n")
+    path.write_text("position [mm]; value; text\n0,5; -1,25e-3; 3,6 m/min\n1,5; ,5; [1,2]\n")
     rows = read_csv(path).rows
     assert rows[0].cells == ("0.5", "-1.25e-3", "3.6 m/min")
     assert rows[1].cells == ("1.5", ".5", "[1,2]")

@@ -135,7 +135,7 @@ def _header(
         elif name in places:
             problems.append(f"{where}: the column '{name}' stands there twice")
         else:
-            places[name], units[name] = place, "" if heading.unit == "-" else heading.unit
+            places[name], units[name] = place, heading.unit
             problems += _unit_problem(where, name, units[name])
     missing = [name for name in COLUMNS if name not in places]
     if missing and not problems:

@@ -14,6 +14,7 @@ from castfem.constitutive.curves import modified_norton_hoff
 from castfem.constitutive.elasticity import Curve, Elasticity
 from castfem.constitutive.hardening_laws import NortonHoff
 from castfem.constitutive.identification.measured import TensileData
+from castfem.support.own_style import own_style
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.tables import Constant, Table
 from castfem.values.types import Array
@@ -204,6 +205,7 @@ class IdentifiedLaw:
         lines += ['unit = "MPa"'] if name == "strength" else []
         return [*lines, f"# +- {note}"]
 
+    @own_style()
     def plot(self, path: str | os.PathLike[str]) -> Path:
         """Draw the curves with the fit, and the parameters over temperature; return the path."""
         from matplotlib.figure import Figure
