@@ -49,19 +49,13 @@ def execute(arguments: Sequence[str] | None = None) -> int:
         os.environ["PETSC_OPTIONS"] = f"{options} -no_signal_handler".strip()
     import click
 
-    from castfem.cli import completion
-
-    if completion.VARIABLE in os.environ:
-        return completion.answer()
     from castfem.cli.app import app
 
     try:
-        status = app(args=words, prog_name="castfem", standalone_mode=False)
-        if status == _INTERRUPTED:
-            return _interrupted(rank, words)
+        status = app(args=words or ["--help"], prog_name="castfem", standalone_mode=False)
         return status if isinstance(status, int) else 0
-    except click.exceptions.Exit as stop:
-        return int(stop.exit_code)
+    except SystemExit as stop:  # after the answer to a shell's completion, and at a closed pipe
+        return stop.code if isinstance(stop.code, int) else 0
     except click.exceptions.Abort:
         return _interrupted(rank, words)
     except click.ClickException as error:

@@ -1,5 +1,6 @@
 """The commands of castfem. Heavy modules are imported inside the commands that need them.
 
+What a command only hands on to its `Options` is in `given`, by the names of their attributes.
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """
 
@@ -7,96 +8,52 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
-import typer
+import click
 
 from castfem import __version__
-from castfem.cli import pictures, studies
-from castfem.cli.options import Accuracy, At, CaseName, Overrides, Quiet, Units, Verbose
+from castfem.cli import options, pictures, studies
+from castfem.cli.command import Argument, Group, command
+from castfem.cli.options import PATH, case_name, folder, folders, output, overrides, quiet
 from castfem.errors import InputError
 
-app = typer.Typer(
-    name="castfem",
-    help="Continuous casting of steel: one slice of the strand, followed from the meniscus.",
-    add_completion=False,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
 
-
-def _version(wanted: bool) -> None:
-    if wanted:
-        print(f"castfem {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _common(
-    version: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Print the version."),
-    ] = False,
-) -> None:
-    pass
-
-
-@app.command()
-def run(
-    case: CaseName,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Folder; by default results/<family>/<name>."),
-    ] = None,
-    set_: Overrides = None,
-    accuracy: Accuracy = "default",
-    resume: Annotated[bool, typer.Option(help="Go on from the last checkpoint.")] = False,
-    overwrite: Annotated[
-        bool, typer.Option(help="Replace a run of another case in the folder.")
-    ] = False,
-    profile: Annotated[bool, typer.Option(help="Print where the time went.")] = False,
-    quiet: Quiet = False,
-    verbose: Verbose = 0,
-) -> None:
+@command('run billet125/thermal --set casting.speed="3 m/min" -o slow')
+@case_name
+@output("Folder; by default results/<family>/<name>.")
+@overrides
+@options.accuracy
+@click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
+@click.option("--overwrite/--no-overwrite", help="Replace a run of another case in the folder.")
+@click.option("--profile/--no-profile", help="Print where the time went.")
+@quiet
+@click.option("--verbose", "-v", count=True, help="Say more; tracebacks of faults.")
+def run(case: str, output: Path | None, quiet: bool, verbose: int, **given: Any) -> None:
     """Run a case. Under mpirun it runs on all ranks."""
     from castfem.cli.running import Options, run_case
 
-    if resume and overwrite:
+    if given["resume"] and given["overwrite"]:
         raise InputError("--resume and --overwrite exclude each other")
-    run_case(
-        Options(
-            name=case,
-            folder=output,
-            overrides=tuple(set_ or ()),
-            accuracy=accuracy,
-            resume=resume,
-            overwrite=overwrite,
-            profile=profile,
-            verbosity=-1 if quiet else verbose,
-        )
-    )
+    verbosity = -1 if quiet else verbose
+    run_case(Options(name=case, folder=output, verbosity=verbosity, **given))
 
 
-app.command()(studies.sweep)
-app.command()(studies.error)
-app.command()(studies.optimise)
-app.command()(studies.calibrate)
-app.command()(studies.sensitivity)
-
-
-@app.command()
-def check(case: CaseName, set_: Overrides = None, quiet: Quiet = False) -> None:
+@command("check my_billet.toml")
+@case_name
+@overrides
+@quiet
+def check(case: str, overrides: tuple[str, ...], quiet: bool) -> None:
     """Check a case, its steel and its mesh without running it."""
     from castfem.case.shipped_cases import find
     from castfem.cli.checking import check_case
 
-    text = check_case(case, find(case), set_ or ())
+    text = check_case(case, find(case), overrides)
     if not quiet:
         print(text)
 
 
-@app.command()
+@command("cases")
 def cases() -> None:
     """List the cases shipped with castfem."""
     from castfem.case import shipped_cases
@@ -107,8 +64,9 @@ def cases() -> None:
         print(f"{name:{width}}  {shipped_cases.title_of(path)}")
 
 
-@app.command()
-def init(name: Annotated[str, typer.Argument(help="Name of the new case file.")]) -> None:
+@command("init my_billet")
+@click.argument("name", help="Name of the new case file.", cls=Argument)
+def init(name: str) -> None:
     """Write a commented case to start from."""
     from castfem.cli.starter import starter
 
@@ -125,12 +83,11 @@ def init(name: Annotated[str, typer.Argument(help="Name of the new case file.")]
     print(f"wrote {path}; run it with: castfem run {path}")
 
 
-@app.command()
-def show(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
-    at: At = None,
-    units: Units = None,
-) -> None:
+@command('show results/billet125/thermal --at "300 mm"')
+@folder("Folder of a run.")
+@options.at
+@options.units
+def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
     """Print the table of a run and draw its figures; with --at the results at some places."""
     if not folder.is_dir():
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
@@ -146,84 +103,74 @@ def show(
     from castfem.results.places import read_positions
 
     with chosen(units):
-        show_folder(folder, parallel.console(), at=read_positions(at or ()))
+        show_folder(folder, parallel.console(), at=read_positions(at))
     if at:
         return
     for line in error_pages.lines({"": folder}):
         print(line)
 
 
-@app.command()
-def watch(
-    folder: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Folder of a run at work, or of a sweep.")
-    ],
-    html: Annotated[
-        Path | None,
-        typer.Option("--html", metavar="FILE", help="Write its report, too, anew until it ends."),
-    ] = None,
-    every: Annotated[
-        str, typer.Option(metavar="TIME", help='Between two looks, such as "5 s".')
-    ] = "",
-    wait: Annotated[
-        bool,
-        typer.Option(
-            "--wait", help="Wait for runs that have not begun, or are to be taken up again."
-        ),
-    ] = False,
-    units: Units = None,
-) -> None:
+@command("watch results/billet125/thermal --html at_work.html")
+@folder("Folder of a run at work, or of a sweep.")
+@click.option(
+    "--html", metavar="FILE", type=PATH, help="Write its report, too, anew until it ends."
+)
+@click.option(
+    "--every",
+    metavar="TIME",
+    default="",
+    show_default=False,
+    help='Between two looks, such as "5 s".',
+)
+@click.option(
+    "--wait", is_flag=True, help="Wait for runs that have not begun, or are to be taken up again."
+)
+@options.units
+def watch(folder: Path, html: Path | None, every: str, wait: bool, units: tuple[str, ...]) -> int:
     """Show how far a run has come, until it ends; with --html as a page that refreshes itself."""
     from castfem.cli.options import chosen
     from castfem.cli.watching import watch_folder
 
     with chosen(units):
-        watch_folder(folder, html, every, wait=wait)
+        return watch_folder(folder, html, every, wait=wait)
 
 
-@app.command()
+@command("compare results/billet125/thermal slow")
+@folders
+@output("Folder; by default `compare` beside the runs.")
+@click.option("--base", help="Run the others are measured by; by default idealised, or the first.")
+@click.option(
+    "everything", "--all", is_flag=True, help="All quantities, not only those of the headline."
+)
+@click.option("--figures/--no-figures", default=True, help="Draw the figures.")
+@options.at
+@options.units
 def compare(
-    folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Folders of runs, or of a sweep.")
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Folder; by default `compare` beside the runs."),
-    ] = None,
-    base: Annotated[
-        str | None,
-        typer.Option(help="Run the others are measured by; by default idealised, or the first."),
-    ] = None,
-    everything: Annotated[
-        bool, typer.Option("--all", help="All quantities, not only those of the headline.")
-    ] = False,
-    figures: Annotated[bool, typer.Option(help="Draw the figures.")] = True,
-    at: At = None,
-    units: Units = None,
+    folders: tuple[Path, ...],
+    output: Path | None,
+    base: str | None,
+    everything: bool,
+    figures: bool,
+    at: tuple[str, ...],
+    units: tuple[str, ...],
 ) -> None:
     """Print runs side by side and draw their histories over one another."""
     from castfem.cli.comparing import compare_runs
     from castfem.cli.options import chosen
     from castfem.results.places import read_positions
 
-    places = read_positions(at or ())
+    places = read_positions(at)
     with chosen(units):
         compare_runs(folders, output, base, everything=everything, figures=figures, at=places)
 
 
-@app.command()
+@command("report results/billet125/thermal -o thermal.html")
+@folders
+@output("File; by default report.html in the run, or beside the runs.")
+@options.at
+@options.units
 def report(
-    folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Folders of runs, or of a sweep.")
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", help="File; by default report.html in the run, or beside the runs."
-        ),
-    ] = None,
-    at: At = None,
-    units: Units = None,
+    folders: tuple[Path, ...], output: Path | None, at: tuple[str, ...], units: tuple[str, ...]
 ) -> None:
     """Write a run, or several side by side, as one HTML file that opens offline and prints."""
     from castfem.cli.options import chosen
@@ -232,57 +179,39 @@ def report(
 
     beside = folders[0] if len(folders) == 1 else folders[0].resolve().parent
     with chosen(units):
-        places = read_positions(at or ())
+        places = read_positions(at)
         print(f"report in {write(folders, output or beside / REPORT_NAME, places)}")
 
 
-app.command()(pictures.mesh)
-app.command()(pictures.mould)
-app.command()(pictures.section)
-app.command()(pictures.machine)
-
-
-@app.command()
-def strand(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a run.")],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="File; by default strand.vtu in DIR.")
-    ] = None,
-    every: Annotated[
-        str, typer.Option(help="Length of its cells along the strand, at most.")
-    ] = "100 mm",
-) -> None:
+@command('strand results/slab1200/reference --every "50 mm"')
+@folder("Folder of a run.")
+@output("File; by default strand.vtu in DIR.")
+@click.option("--every", default="100 mm", help="Length of its cells along the strand, at most.")
+def strand(folder: Path, output: Path | None, every: str) -> None:
     """Write the slices of a run, stacked along its caster, for ParaView."""
     from castfem.cli.strand import write
 
     write(folder, output, every)
 
 
-app.command()(pictures.material)
-
-
-@app.command()
+@command("identify curves.csv")
+@click.argument(
+    "data",
+    metavar="DATA.csv",
+    type=PATH,
+    help="Tensile curves: temperature [..], strain rate [..], strain [..], stress [..].",
+    cls=Argument,
+)
+@output("File of the law; by default DATA.toml.")
+@click.option(
+    "--degree", type=int, help="Smooth over temperature, of this degree; left out: each by itself."
+)
+@click.option(
+    "--softening", default="positive", help="p1: positive (0 or more), free, or none (0)."
+)
+@click.option("--overwrite", is_flag=True, help="Replace a law and a picture of these names.")
 def identify(
-    data: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DATA.csv",
-            help="Tensile curves: temperature [..], strain rate [..], strain [..], stress [..].",
-        ),
-    ],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="File of the law; by default DATA.toml.")
-    ] = None,
-    degree: Annotated[
-        int | None,
-        typer.Option(help="Smooth over temperature, of this degree; left out: each by itself."),
-    ] = None,
-    softening: Annotated[
-        str, typer.Option(help="p1: positive (0 or more), free, or none (0).")
-    ] = "positive",
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace a law and a picture of these names.")
-    ] = False,
+    data: Path, output: Path | None, degree: int | None, softening: str, overwrite: bool
 ) -> None:
     """Fit the modified Norton-Hoff law (163) to tensile curves."""
     from castfem.cli.identifying import identify_law
@@ -290,12 +219,9 @@ def identify(
     identify_law(data, output, degree, softening, overwrite)
 
 
-@app.command()
-def schema(
-    markdown: Annotated[
-        bool, typer.Option("--markdown", help="Print the reference page of case files instead.")
-    ] = False,
-) -> None:
+@command("schema > castfem.schema.json")
+@click.option("--markdown", is_flag=True, help="Print the reference page of case files instead.")
+def schema(markdown: bool) -> None:
     """Print the JSON schema of case files, for editors."""
     from castfem.case.json_schema import schema_text
     from castfem.case.reference_page import markdown_page
@@ -303,11 +229,31 @@ def schema(
     sys.stdout.write(markdown_page() if markdown else schema_text())
 
 
-@app.command()
-def completion(
-    shell: Annotated[str, typer.Argument(metavar="SHELL", help="bash, zsh or fish.")],
-) -> None:
+@command("completion bash > ~/.castfem.bash")
+@click.argument("shell", metavar="SHELL", help="bash, zsh or fish.", cls=Argument)
+def completion(shell: str) -> None:
     """Print what lets a shell complete commands, names of cases and keys of --set."""
     from castfem.cli.completion import script
 
     print(script(shell))
+
+
+@click.group(
+    cls=Group,
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        "show_default": True,
+        "max_content_width": 100,
+    },
+)
+@click.version_option(__version__, message="castfem %(version)s", help="Print the version.")
+def app() -> None:
+    """Continuous casting of steel: one slice of the strand, followed from the meniscus."""
+
+
+for one in (
+    run, studies.sweep, studies.error, studies.optimise, studies.calibrate, studies.sensitivity,
+    check, cases, init, show, watch, compare, report, pictures.mesh, pictures.mould,
+    pictures.section, pictures.machine, strand, pictures.material, identify, schema, completion,
+):  # fmt: skip
+    app.add_command(one)

@@ -5,33 +5,45 @@ The shells' own parts are click's. Nothing is imported here that a case file doe
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import click
-from click.shell_completion import CompletionItem, ShellComplete, get_completion_class
+from click.shell_completion import CompletionItem, get_completion_class
 
 from castfem.errors import InputError
 
 VARIABLE = "_CASTFEM_COMPLETE"
-"""Of the environment: what a shell asks for, such as "bash_complete"."""
-SHELLS = ("bash", "zsh", "fish")
-# A key is followed by its value: no blank behind its sign (fish leaves it out by itself).
-_BASH = ("COMPREPLY+=($value)", "COMPREPLY+=($value); [[ $value == *= ]] && compopt -o nospace")
-_ZSH = (
-    "compadd -U -V unsorted -a completions",
-    """[[ "${completions[1]}" == *= ]] && compadd -U -S '' -V unsorted -a completions \\
-            || compadd -U -V unsorted -a completions""",
-)
-
-
-def answer() -> int:
-    """Print what the shell asks for by the variable of the environment; return the exit status."""
-    shell, _, what = os.environ[VARIABLE].partition("_")
-    if shell not in SHELLS or what != "complete":
-        return InputError.exit_status
-    click.echo(_of(shell).complete())
-    return 0
+"""Of the environment: what a shell asks for, such as "bash_complete"; click reads it."""
+# click's script, {click}, and a function that the shell calls in place of click's: a key is
+# followed by its value, so no blank is put behind its sign. fish leaves it out by itself.
+_SCRIPTS = {
+    "bash": """\
+{click}
+_castfem_keys() {
+    _castfem_completion "$@"
+    [[ $COMPREPLY == *= ]] && compopt -o nospace
+}
+complete -o nosort -F _castfem_keys castfem
+""",
+    # Inside a function, click's script registers its function and does not call it.
+    "zsh": """\
+#compdef castfem
+() {
+{click}
+}
+_castfem_keys() {
+    compadd() {
+        [[ $completions[1] == *= ]] && set -- -S '' "$@"
+        builtin compadd "$@"
+    }
+    _castfem_completion "$@"
+    unfunction compadd
+}
+compdef _castfem_keys castfem
+[[ $zsh_eval_context[-1] == loadautofunc ]] && _castfem_keys "$@"
+""",
+    "fish": "{click}",
+}
 
 
 def script(shell: str) -> str:
@@ -40,20 +52,14 @@ def script(shell: str) -> str:
     Raises:
         InputError: There is none for this shell.
     """
-    if shell not in SHELLS:
-        raise InputError(f"{shell}: no such shell; there are {', '.join(SHELLS)}")
-    text = _of(shell).source()
-    return text.replace(*_BASH).replace(*_ZSH)
-
-
-def _of(shell: str) -> ShellComplete:
-    import typer
-
+    if shell not in _SCRIPTS:
+        raise InputError(f"{shell}: no such shell; there are {', '.join(_SCRIPTS)}")
     from castfem.cli.app import app
 
     found = get_completion_class(shell)
     assert found is not None
-    return found(typer.main.get_command(app), {}, "castfem", VARIABLE)
+    source = found(app, {}, "castfem", VARIABLE).source()
+    return _SCRIPTS[shell].replace("{click}", source.strip())
 
 
 class CaseName(click.ParamType):

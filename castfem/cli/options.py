@@ -2,57 +2,81 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Any
 
-import typer
+import click
 
 from castfem.cli import completion
+from castfem.cli.command import Argument
 from castfem.errors import CaseError
 
-CaseName = Annotated[
-    str,
-    typer.Argument(
-        metavar="CASE",
-        help="A case file, or the name of a shipped case.",
-        click_type=completion.CaseName(),
-    ),
-]
-Overrides = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="Change a key, e.g. casting.length='20 m'.",
-        click_type=completion.Assignment(),
-    ),
-]
-Accuracy = Annotated[
-    str, typer.Option(help="Cells, steps and windows: coarse, default (the case's) or fine.")
-]
-At = Annotated[
-    list[str] | None,
-    typer.Option("--at", metavar="POSITION", help='Results there, such as "800 mm"; repeatable.'),
-]
-Units = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--units",
-        metavar="UNITS",
-        help="In plant, si, or NAME=UNIT (temperature=degF, shell=inch); repeatable; by default "
-        "as the case says.",
-    ),
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")]
-Verbose = Annotated[
-    int, typer.Option("--verbose", "-v", count=True, help="Say more; tracebacks of faults.")
-]
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
+"""What adds an argument or an option to a function that becomes a command."""
+PATH = click.Path(path_type=Path)
+
+case_name: Decorator = click.argument(
+    "case",
+    metavar="CASE",
+    type=completion.CaseName(),
+    help="A case file, or the name of a shipped case.",
+    cls=Argument,
+)
+folders: Decorator = click.argument(
+    "folders",
+    metavar="DIR...",
+    nargs=-1,
+    required=True,
+    type=PATH,
+    help="Folders of runs, or of a sweep.",
+    cls=Argument,
+)
+overrides: Decorator = click.option(
+    "overrides",
+    "--set",
+    metavar="KEY=VALUE",
+    multiple=True,
+    type=completion.Assignment(),
+    help="Change a key, e.g. casting.length='20 m'.",
+)
+accuracy: Decorator = click.option(
+    "--accuracy",
+    default="default",
+    help="Cells, steps and windows: coarse, default (the case's) or fine.",
+)
+at: Decorator = click.option(
+    "--at", metavar="POSITION", multiple=True, help='Results there, such as "800 mm"; repeatable.'
+)
+units: Decorator = click.option(
+    "--units",
+    metavar="UNITS",
+    multiple=True,
+    help="In plant, si, or NAME=UNIT (temperature=degF, shell=inch); repeatable; by default "
+    "as the case says.",
+)
+jobs: Decorator = click.option(
+    "-j", "jobs", type=int, help="How many runs at once; by default one a core."
+)
+ranks: Decorator = click.option(
+    "--ranks", metavar="K", default=1, help="Under mpirun: run each case on K ranks."
+)
+quiet: Decorator = click.option("--quiet", "-q", is_flag=True, help="Say nothing but errors.")
+
+
+def folder(about: str) -> Decorator:
+    """Return the argument `folder`, with its line of help."""
+    return click.argument("folder", metavar="DIR", type=PATH, help=about, cls=Argument)
+
+
+def output(about: str) -> Decorator:
+    """Return the option --output, with its line of help."""
+    return click.option("--output", "-o", type=PATH, help=about)
 
 
 @contextmanager
-def chosen(units: Sequence[str] | None) -> Iterator[None]:
+def chosen(units: Sequence[str]) -> Iterator[None]:
     """Show numbers in the units that were asked for with --units, if any were.
 
     Raises:
@@ -68,14 +92,14 @@ def chosen(units: Sequence[str] | None) -> Iterator[None]:
         yield
 
 
-def sound_units(units: list[str] | None) -> tuple[str, ...]:
+def sound_units(units: tuple[str, ...]) -> tuple[str, ...]:
     """Return what was given with --units, for a command that needs it only when its runs are done.
 
     Raises:
         InputError: It cannot be read.
     """
     with chosen(units):
-        return tuple(units or ())
+        return units
 
 
 def above_zero(option: str, text: str, unit: str) -> float:

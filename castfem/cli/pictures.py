@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
+import click
 
-from castfem.cli.options import CaseName, Overrides
+from castfem.cli.command import Argument, command
+from castfem.cli.options import PATH, case_name, output, overrides
 
 
-def mesh(
-    case: CaseName,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_mesh.png.")
-    ] = None,
-    set_: Overrides = None,
-) -> None:
+@command("mesh billet125/idealised")
+@case_name
+@output("Picture; by default <name>_mesh.png.")
+@overrides
+def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
     """Draw the mesh of a case and print its counts and quality."""
     from castfem.case import load_case
     from castfem.case.shipped_cases import find
@@ -25,25 +23,21 @@ def mesh(
 
     path = find(case)
     with read_from(path):
-        draw_mesh(load_case(path, set_ or ()), output or Path(f"{path.stem}_mesh.png"))
+        draw_mesh(load_case(path, overrides), output or Path(f"{path.stem}_mesh.png"))
 
 
+@command("mould billet125/hot --hot")
+@case_name
+@output("Picture; by default <name>_mould.png.")
+@click.option("--hot", is_flag=True, help="How heat distorts it: cold and at work, [mould.tube].")
+@click.option(
+    "--coupled",
+    is_flag=True,
+    help="As --hot, and again with the strand in the hot mould, until both agree.",
+)
+@overrides
 def mould(
-    case: CaseName,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_mould.png.")
-    ] = None,
-    hot: Annotated[
-        bool, typer.Option("--hot", help="How heat distorts it: cold and at work, [mould.tube].")
-    ] = False,
-    coupled: Annotated[
-        bool,
-        typer.Option(
-            "--coupled",
-            help="As --hot, and again with the strand in the hot mould, until both agree.",
-        ),
-    ] = False,
-    set_: Overrides = None,
+    case: str, output: Path | None, hot: bool, coupled: bool, overrides: tuple[str, ...]
 ) -> None:
     """Print size and taper of a case's mould, and draw it; --hot, --coupled: cold and at work."""
     from castfem.case import load_case
@@ -55,21 +49,17 @@ def mould(
         from castfem.cli.hot_mould import draw_hot_mould
 
         target = output or Path(f"{path.stem}_hot.png")
-        draw_hot_mould(load_case(path, set_ or ()), target, case, coupled=coupled)
+        draw_hot_mould(load_case(path, overrides), target, case, coupled=coupled)
         return
-    draw_mould(load_case(path, set_ or ()), output or Path(f"{path.stem}_mould.png"), case)
+    draw_mould(load_case(path, overrides), output or Path(f"{path.stem}_mould.png"), case)
 
 
-def section(
-    case: CaseName,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_section.png.")
-    ] = None,
-    at: Annotated[
-        str | None, typer.Option("--at", help="Where; by default the end of the mould.")
-    ] = None,
-    set_: Overrides = None,
-) -> None:
+@command("section billet125/idealised")
+@case_name
+@output("Picture; by default <name>_section.png.")
+@click.option("--at", help="Where; by default the end of the mould.")
+@overrides
+def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
     """Find the outline at the meniscus whose strand has the case's section further down."""
     from castfem.case import load_case
     from castfem.case.shipped_cases import find
@@ -77,19 +67,15 @@ def section(
 
     path = find(case)
     target = output or Path(f"{path.stem}_section.png")
-    find_outline(load_case(path, set_ or ()), target, case, at)
+    find_outline(load_case(path, overrides), target, case, at)
 
 
-def machine(
-    case: CaseName,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>_machine.png.")
-    ] = None,
-    run: Annotated[
-        Path | None, typer.Option(help="Folder of a run: where it is solid, how drives pulled.")
-    ] = None,
-    set_: Overrides = None,
-) -> None:
+@command("machine slab1200/reference")
+@case_name
+@output("Picture; by default <name>_machine.png.")
+@click.option("--run", type=PATH, help="Folder of a run: where it is solid, how drives pulled.")
+@overrides
+def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[str, ...]) -> None:
     """Print the rolls of a case, and draw its caster."""
     from castfem.case import load_case
     from castfem.case.shipped_cases import find
@@ -97,22 +83,19 @@ def machine(
 
     path = find(case)
     target = output or Path(f"{path.stem}_machine.png")
-    draw_machine(load_case(path, set_ or ()), target, case, run)
+    draw_machine(load_case(path, overrides), target, case, run)
 
 
-def material(
-    name: Annotated[
-        str, typer.Argument(metavar="NAME", help="A shipped set, or a steel file (.toml).")
-    ],
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Picture; by default <name>.png.")
-    ] = None,
-    composition: Annotated[
-        list[str] | None,
-        typer.Option("--composition", "-c", metavar="C=0.42", help="Weight percent of an element."),
-    ] = None,
-) -> None:
+@command("material carbon_042")
+@click.argument(
+    "name", metavar="NAME", help="A shipped set, or a steel file (.toml).", cls=Argument
+)
+@output("Picture; by default <name>.png.")
+@click.option(
+    "--composition", "-c", metavar="C=0.42", multiple=True, help="Weight percent of an element."
+)
+def material(name: str, output: Path | None, composition: tuple[str, ...]) -> None:
     """Describe a steel and plot its properties."""
     from castfem.cli.drawing import draw_material
 
-    draw_material(name, composition or [], output)
+    draw_material(name, composition, output)

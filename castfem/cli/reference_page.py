@@ -12,7 +12,6 @@ import sys
 from pathlib import Path
 
 import click
-import typer
 
 from castfem.cli.app import app
 from castfem.support.atomic_files import write_text
@@ -30,9 +29,7 @@ Equation numbers are those of [Pascon2003](references.md).
 
 def markdown_page() -> str:
     """The page."""
-    group = typer.main.get_command(app)
-    assert isinstance(group, click.Group)
-    return _HEAD + "".join(_section(name, group.commands[name]) for name in group.commands)
+    return _HEAD + "".join(_section(name, command) for name, command in app.commands.items())
 
 
 def _section(name: str, command: click.Command) -> str:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
 from castfem.cli import parallel
 from castfem.cli.options import above_zero
 from castfem.errors import RunFailure
@@ -13,8 +11,8 @@ from castfem.errors import RunFailure
 _TERMINAL, _LINES = 1.0, 10.0  # s between two looks: at a terminal, and elsewhere
 
 
-def watch_folder(folder: Path, html: Path | None, every: str, *, wait: bool = False) -> None:
-    """Show a run, or the runs of a sweep, until they have ended.
+def watch_folder(folder: Path, html: Path | None, every: str, *, wait: bool = False) -> int:
+    """Show a run, or the runs of a sweep, until they have ended; return the exit status.
 
     Args:
         folder: Of the run, or of the sweep.
@@ -40,8 +38,7 @@ def watch_folder(folder: Path, html: Path | None, every: str, *, wait: bool = Fa
         well = watch(folder, Viewing(console, interval, page, wait))
     except KeyboardInterrupt:
         print("watched no longer; what is at work goes on")
-        return
+        return 0
     if page is not None:
         print(f"page in {html}")
-    if not well:
-        raise typer.Exit(RunFailure.exit_status)
+    return 0 if well else RunFailure.exit_status

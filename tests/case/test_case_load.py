@@ -353,7 +353,7 @@ def test_cases_are_loaded_without_heavy_modules(write):
     code = (
         "import sys; from castfem.case import load_case; load_case(sys.argv[1]); "
         "bad = {'dolfinx', 'gmsh', 'mpi4py', 'petsc4py', 'ufl', 'matplotlib', 'pandas', "
-        "'typer', 'rich'} & set(sys.modules); assert not bad, bad"
+        "'click', 'rich'} & set(sys.modules); assert not bad, bad"
     )
     subprocess.run([sys.executable, "-c", code, str(write())], check=True)
 

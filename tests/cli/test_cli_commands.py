@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 import castfem as package
 from castfem.case import load_case
 from castfem.case.reference_page import markdown_page
+from castfem.cli.app import app
 
 
 def test_version(castfem):
@@ -153,6 +155,34 @@ def test_help_tells_the_commands(castfem):
         assert name in outcome.out
 
 
+def test_without_words_the_help_is_printed(castfem):
+    outcome = castfem()
+    assert (outcome.status, outcome.err) == (0, "")
+    assert outcome.out == castfem("-h").out
+
+
+def test_help_of_a_command_has_arguments_options_and_defaults(castfem):
+    shown = " ".join(castfem("identify", "-h").out.split())
+    assert "Arguments: DATA.csv Tensile curves: temperature [..], strain rate [..]," in shown
+    assert "stress [..]. [required] Options: -o, --output PATH File of the law; by" in shown
+    assert "p1: positive (0 or more), free, or none (0). [default: positive]" in shown
+    assert shown.count("[default: ") == 1
+    for name in app.commands:  # neither the empty text nor "not given" is told as a default
+        assert not re.search(r'default: *(""|None|Sentinel)', castfem(name, "-h").out)
+
+
+@pytest.mark.parametrize("name", app.commands)
+def test_the_example_of_a_command_is_understood(castfem, name):
+    shown = castfem(name, "--help").out
+    example = re.search("^ *Example: castfem (.*?)( > .*)?$", shown, re.MULTILINE)
+    called, *words = shlex.split(example[1])
+    assert called == name
+    command = app.commands[name]
+    context = command.make_context(name, words)
+    assert set(context.params) == {one.name for one in command.params}
+    assert "Exit status: 0 if all went well, 1 for bad input, 2 for" in shown
+
+
 def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):
     from castfem.case import shipped_cases
 
@@ -287,3 +317,12 @@ def test_what_goes_on_after_an_interrupt_is_told(castfem, monkeypatch, command, 
     monkeypatch.setattr("castfem.cli.app.app", interrupted)
     outcome = castfem(command, "billet125/thermal")
     assert (outcome.status, outcome.err) == (130, f"castfem: interrupted{mend}\n")
+
+
+def test_an_interrupted_command_prints_one_line(castfem, monkeypatch):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("castfem.case.shipped_cases.shipped", interrupted)
+    outcome = castfem("cases")
+    assert (outcome.status, outcome.out, outcome.err) == (130, "", "castfem: interrupted\n")

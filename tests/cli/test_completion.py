@@ -67,10 +67,15 @@ def test_keys_of_a_case_that_is_none(completed: Callable[..., list[str]]) -> Non
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_each_shell_has_its_part(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_shell_has_its_part(
+    shell: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert execute(["completion", shell]) == 0
     text = capsys.readouterr().out
     assert f"{VARIABLE}={shell}_complete" in text
+    monkeypatch.setenv(VARIABLE, f"{shell}_source")
+    assert execute([]) == 0
+    assert capsys.readouterr().out.strip() in text  # click's script as it is
     assert ("nospace" in text) is (shell == "bash") and ("-S ''" in text) is (shell == "zsh")
 
 
@@ -87,8 +92,8 @@ def test_bash_fills_in_what_is_offered(tmp_path: Path, capsys: pytest.CaptureFix
     offers.write_text("#!/bin/sh\necho plain,casting.length=\n")
     offers.chmod(0o755)
     lines = (
-        "complete() { :; }; compopt() { echo option $2; }; . ./part",
-        "COMP_WORDS=(castfem run); COMP_CWORD=1; _castfem_completion ./castfem",
+        "complete() { called=${@: -2:1}; }; compopt() { echo option $2; }; . ./part",
+        "COMP_WORDS=(castfem run); COMP_CWORD=1; $called ./castfem",
         'echo "${COMPREPLY[@]}"',
     )
     said = subprocess.run(

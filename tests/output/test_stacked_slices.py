@@ -170,8 +170,8 @@ def test_one_slice_is_no_strand(tmp_path: Path) -> None:
 
 def test_the_command_writes_it_and_tells_what_is_wrong(tmp_path: Path) -> None:
     from bent_case import bent
+    from click.testing import CliRunner
     from small_case import small
-    from typer.testing import CliRunner
 
     write_fields(tmp_path, section())
     runner = CliRunner()

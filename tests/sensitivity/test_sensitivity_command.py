@@ -10,10 +10,10 @@ from typing import Any
 
 import matplotlib.image
 import pytest
+from click.testing import CliRunner
 from matplotlib.figure import Figure
 from rich.console import Console
 from small_case import write_small
-from typer.testing import CliRunner
 
 from castfem.cli.app import app
 from castfem.cli.sensitivity import head_of, remarks, table_of

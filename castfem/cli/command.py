@@ -1,0 +1,76 @@
+"""Commands and arguments of click, with what castfem adds to their help.
+
+The help of click has no line for an argument before its version 8.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+_STATUS = "Exit status: 0 if all went well, 1 for bad input, 2 for a run that could not go on."
+
+
+class Argument(click.Argument):
+    """An argument with a line in the help; all of castfem are required."""
+
+    def __init__(self, *args: Any, help: str, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.help = help
+
+    def get_help_record(self, ctx: click.Context) -> tuple[str, str]:
+        """Name and description."""
+        return self.human_readable_name, f"{self.help}  [required]"
+
+
+class Command(click.Command):
+    """A command whose help lists its arguments before its options."""
+
+    def format_arguments(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write nothing: click calls this only from 8.5 on, and `format_options` always."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write a section for the arguments and one for the options."""
+        for title, kind in (("Arguments", click.Argument), ("Options", click.Option)):
+            found = [p.get_help_record(ctx) for p in self.get_params(ctx) if isinstance(p, kind)]
+            if rows := [row for row in found if row is not None]:
+                with formatter.section(title):
+                    formatter.write_dl(rows)
+
+
+class Group(click.Group):
+    """The commands, in the order in which they were added; each with its whole description."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands."""
+        return list(self.commands)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the section of the commands."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, one.help or "") for name, one in self.commands.items()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command and return what it returns.
+
+        Raises:
+            click.Abort: It was interrupted; click would print an empty line first.
+        """
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise click.Abort from None
+
+
+def command(example: str) -> Callable[[Callable[..., Any]], Command]:
+    """Return a decorator that makes a command of a function.
+
+    The command has the name of the function and its docstring as help. An integer that it returns
+    is the exit status.
+
+    Args:
+        example: The words behind `castfem` of a call that the help shows.
+    """
+    return click.command(cls=Command, epilog=f"\b\nExample: castfem {example}\n{_STATUS}")
