@@ -90,7 +90,7 @@ def _beyond(key: str, value: float, least: float, most: float) -> str:
     """Say that a value is beyond its range."""
     kind = KINDS[key]
     unit = kind.shown or kind.unit
-    low, high = (f"{convert(x, kind.unit, unit):.4g}" for x in (least, most))
+    low, high = (f"{convert(x, kind.unit, unit):.6g}" for x in (least, most))
     ends = f"{low} to {high}{'' if unit == '1' else f' {unit}'}"
     shown = f"{value:g}" if kind.unit == "1" else write(value, kind.unit, unit)
     return f"({shown}) is beyond what metals have, {ends}; are number and unit right?"
