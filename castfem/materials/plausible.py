@@ -34,7 +34,7 @@ PLAUSIBLE: Mapping[str, tuple[float, float]] = {
     "youngs_modulus": (1e5, 6e11),
 }
 # Of a differential coefficient: a transformation within a kelvin changes lengths by 0.5 %.
-STEEPEST_EXPANSION = 1e-2  # 1/K
+LARGEST_DIFFERENTIAL = 1e-2  # 1/K
 TWICE = 0.2  # of the latent heat: so much more in the specific heat is no rounding
 SMOOTH = 1.3  # the specific heats of solid and liquid differ by less
 MARGIN = 50.0  # K beyond solidus and liquidus: a peak may be wider than they say
@@ -60,7 +60,7 @@ def _out_of_range(steel: Steel, given: MaterialFile, key: str) -> Iterator[Probl
     assert entry is not None
     least, most = PLAUSIBLE[key]
     if isinstance(entry, ExpansionEntry) and entry.coefficient == "differential":
-        least, most = -STEEPEST_EXPANSION, STEEPEST_EXPANSION
+        least, most = -LARGEST_DIFFERENTIAL, LARGEST_DIFFERENTIAL
     for number, (at, value) in enumerate(_values(steel, key)):
         freezing = at is not None and _is_near(steel, at) and key == "specific_heat"
         if value == 0.0 or least <= value <= (np.inf if freezing else most):
@@ -90,7 +90,7 @@ def _beyond(key: str, value: float, least: float, most: float) -> str:
     """Say that a value is beyond its range."""
     kind = KINDS[key]
     unit = kind.shown or kind.unit
-    low, high = (f"{convert(x, kind.unit, unit):.4g}" for x in (least, most))
+    low, high = (f"{convert(x, kind.unit, unit):.6g}" for x in (least, most))
     ends = f"{low} to {high}{'' if unit == '1' else f' {unit}'}"
     shown = f"{value:g}" if kind.unit == "1" else write(value, kind.unit, unit)
     return f"({shown}) is beyond what metals have, {ends}; are number and unit right?"

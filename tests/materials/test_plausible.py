@@ -53,7 +53,7 @@ def without(*keys: str) -> str:
         (
             "density",
             '"7 kg/m^3"',
-            "density: (7 kg/m^3) is beyond what metals have, 1000 to 2.5e+04",
+            "density: (7 kg/m^3) is beyond what metals have, 1000 to 25000 kg",
         ),
         ("specific_heat", '"0.7 J/(kg K)"', "specific_heat: (0.7 J/(kg K)) is beyond what metals"),
         (
