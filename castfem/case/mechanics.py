@@ -198,7 +198,7 @@ class Mechanics(TableModel):
         description="what the mushy zone bears. skeleton: moduli and flow stress of the solid, in "
         "proportion to the solid fraction above coherency; geometric, linear: a modulus that goes "
         "so with the solid fraction; none: no more than the liquid. By default a skeleton where "
-        "the liquid is fed, geometric where it is elastic",
+        "the liquid is fed (none with a coherency of 0), geometric where it is elastic",
         examples=["skeleton"],
     )
     coherency: Solid | None = Field(
@@ -236,8 +236,15 @@ class Mechanics(TableModel):
 
     @property
     def mushy_zone(self) -> MushyZone:
-        """What the mushy zone bears, `mush` or its default."""
-        return self.mush or ("skeleton" if self.liquid == "fed" else "geometric")
+        """What the mushy zone bears, `mush` or its default.
+
+        The files of earlier runs have a coherency of 0 and no `mush`, which was "none".
+        """
+        if self.mush is not None:
+            return self.mush
+        if self.liquid == "elastic":
+            return "geometric"
+        return "none" if self.coherency == 0.0 else "skeleton"
 
     @property
     def coherent_from(self) -> float:
