@@ -14,12 +14,13 @@ from pydantic import Field
 from castfem.case.base import TableModel, written
 from castfem.case.bulging import Bulging, BulgingMark
 from castfem.case.thermal import PetscOption
-from castfem.constitutive.elasticity import ZERO_STRENGTH, MushyZone
 from castfem.support.messages import choices
+from castfem.values.constants import ZERO_STRENGTH
 from castfem.values.curves import CurveOverEither
 from castfem.values.quantities import Kind, Notation, PositiveDifference, Time
 from castfem.values.table_notation import Curve, CurveOr
 from castfem.values.tables import Table
+from castfem.values.types import MushyZone
 from castfem.values.units import parse_any
 
 if TYPE_CHECKING:
@@ -197,8 +198,9 @@ class Mechanics(TableModel):
         None,
         description="what the mushy zone bears. skeleton: moduli and flow stress of the solid, in "
         "proportion to the solid fraction above coherency; geometric, linear: a modulus that goes "
-        "so with the solid fraction; none: no more than the liquid. By default a skeleton where "
-        "the liquid is fed (none with a coherency of 0), geometric where it is elastic",
+        "so with the solid fraction; none: no more than the liquid. By default geometric where "
+        "the liquid is elastic or a coherency is given, else none; a corner in its mould needs the "
+        "skeleton where the steel has 0.05 to 0.2 % C",
         examples=["skeleton"],
     )
     coherency: Solid | None = Field(
@@ -236,15 +238,9 @@ class Mechanics(TableModel):
 
     @property
     def mushy_zone(self) -> MushyZone:
-        """What the mushy zone bears, `mush` or its default.
-
-        The files of earlier runs have a coherency of 0 and no `mush`, which was "none".
-        """
-        if self.mush is not None:
-            return self.mush
-        if self.liquid == "elastic":
-            return "geometric"
-        return "none" if self.coherency == 0.0 else "skeleton"
+        """What the mushy zone bears, `mush` or its default."""
+        soft = self.liquid == "fed" and not self.coherency
+        return self.mush or ("none" if soft else "geometric")
 
     @property
     def coherent_from(self) -> float:

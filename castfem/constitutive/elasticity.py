@@ -34,19 +34,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, get_args
+from typing import Protocol, get_args
 
 import numpy as np
 
 from castfem.support.messages import choices
 from castfem.values.tables import Constant
-from castfem.values.types import Array
+from castfem.values.types import Array, MushyZone
 
 Curve = Callable[[Array], Array]
-MushyZone = Literal["skeleton", "geometric", "linear", "none"]
-"""What the mushy zone bears, see `Solidity.mushy_zone`."""
-ZERO_STRENGTH = 0.75
-"""Solid fraction at which steel has no strength yet, at its zero strength temperature [M]."""
 LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end
 MOST_POISSON = 0.4999
 WIDEST = 1000.0  # K: no steel freezes over a wider range

@@ -57,12 +57,3 @@ def test_it_goes_on(run: Path) -> None:
         assert found[name].to_numpy() == pytest.approx(
             expected[name].to_numpy(), rel=MOVED[run.name], abs=MOVED[run.name] * scale, nan_ok=True
         ), name
-
-
-def test_the_mushy_zone_of_an_earlier_run_is_what_it_was() -> None:
-    """Its file has a coherency of 0 and no `mush`; a case of today without both has a skeleton."""
-    mechanics = castfem.load(HERE / "taper_1" / "case.toml").mechanics
-    assert mechanics is not None and mechanics.mushy_zone == "none"
-    mechanics = castfem.load("billet180/peritectic").mechanics
-    assert mechanics is not None and mechanics.mushy_zone == "skeleton"
-    assert mechanics.coherent_from == 0.75

@@ -1,7 +1,7 @@
 """The corner of a peritectic billet: one branch, whatever the windows, and no false breakout.
 
-Without the skeleton of the mushy zone the run ends as a breakout 32 mm below the meniscus; with other
-windows or tapers its corner goes back to the wall and leaves it again.
+Without the skeleton of the mushy zone the run ends as a breakout 32 mm below the meniscus; with
+other windows or tapers its corner goes back to the wall and leaves it again.
 """
 
 from __future__ import annotations

@@ -144,7 +144,7 @@ def test_two_ranks_read_what_one_reads(folder: Path, tmp_path: Path) -> None:
         ({"name": "a" * 101, "x": "1 mm", "y": "0 mm"}, "takes at most 100 letters, digits, - and"),
         (
             {"name": "../a", "x": "1 mm", "y": "0 mm"},
-            "takes at most 100 letters, digits, - and _, the first",
+            "takes at most 100 letters, digits, - and _; the first",
         ),
         ({"name": "a", "under": "corner"}, "depth is missing; under and depth go together"),
         ({"name": "a", "x": "1 mm", "y": "1 mm", "under": "corner", "depth": "1 mm"}, "one of x"),
