@@ -23,7 +23,7 @@ CELLS = {
 }
 """Sizes of the cells at the surface, at the corner, at mid-face and in the core, mm."""
 KEYS = ("surface_size", "corner_size", "face_size", "core_size")
-WINDOWS = ("0.2", "0.05", "0.025")
+WINDOWS = {"skeleton": ("0.2", "0.05", "0.025"), "none": ("0.2", "0.05")}
 OTHERS = {
     "triangles": ("mesh.cell=triangle",),
     "Nitsche": ("mould.contact=nitsche",),
@@ -68,7 +68,7 @@ def main(output: Output, quick: bool) -> None:
     for mush, sizes in MUSHES.items():
         kinds = {f"cells {size} mm": cells(size) for size in sizes[: 1 if quick else None]}
         if not quick:
-            kinds |= {f"windows {w} s": (f"coupling.interval={w} s",) for w in WINDOWS}
+            kinds |= {f"windows {w} s": (f"coupling.interval={w} s",) for w in WINDOWS[mush]}
             kinds |= OTHERS if mush == "skeleton" else {}
         for kind, changes in kinds.items():
             keys = (f"mechanics.mush={mush}", *changes)

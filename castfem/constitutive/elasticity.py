@@ -20,8 +20,8 @@ V.1.6; no thermal strain there is the caller's part).  Two things follow from it
   the step), so that the stress of new shell does not depend on where the steps end.
 
 The crystals of the mushy zone touch from a solid fraction of about 0.75 on and form a skeleton.  As
-`mushy_zone="skeleton"` it obeys the law of the solid at the solidus with its moduli and its flow
-stress multiplied by
+`mushy_zone="skeleton"` it obeys the law of the solid at the solidus with Young's modulus, Poisson's
+ratio and flow stress multiplied by
 
     w = (fs - fc) / (1 - fc),    fc the coherency,                                             (S)
 
@@ -71,7 +71,7 @@ class Solidity:
         stiffness_ratio: Young's modulus of the liquid over that of the solid.
         mushy_zone: Between them the modulus goes geometrically or linearly with the solid
             fraction; with "none" the mushy zone is as soft as the liquid down to the solidus; with
-            "skeleton" moduli and flow stress are those of the solid times (S).
+            "skeleton" Young's modulus, Poisson's ratio and flow stress are the solid's times (S).
         coherency: Solid fraction up to which the mushy zone is as soft as the liquid.
         from_freezing: Count the strain of a step only from the moment of freezing on.
         memory: Whether what is not solid keeps its stress from one step to the next.

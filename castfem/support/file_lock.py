@@ -34,7 +34,7 @@ def taken(lock: FileLock) -> bool:
     while True:
         try:
             lock.acquire(timeout=0)
-        except NotImplementedError:  # filelock knows ENOSYS
+        except NotImplementedError:  # so filelock says that the file system has no locks
             return False
         except Timeout:
             if not _has_locks(Path(lock.lock_file)):
