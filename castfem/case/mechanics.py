@@ -198,9 +198,9 @@ class Mechanics(TableModel):
         None,
         description="what the mushy zone bears. skeleton: stiffness and flow stress of the solid, "
         "in proportion to the solid fraction above coherency; geometric, linear: a modulus that "
-        "goes so with the solid fraction; none: no more than the liquid. By default geometric where "
-        "the liquid is elastic or a coherency is given, else none; a corner in its mould needs the "
-        "skeleton where the steel has 0.05 to 0.2 % C",
+        "goes so with the solid fraction; none: no more than the liquid. By default geometric "
+        "where the liquid is elastic or a coherency is given, else none; peritectic steel in a "
+        "mould needs the skeleton",
         examples=["skeleton"],
     )
     coherency: Solid | None = Field(
