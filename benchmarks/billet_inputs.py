@@ -105,7 +105,10 @@ IDEAL = ("idealised",)  # whose liquid is elastic; in the others it is fed
 
 def _of_the_liquid() -> list[Variant]:
     """What is not solid: in the ideal mould how soft it is, in the others what it is."""
-    elastic = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
+    elastic = (
+        "mechanics.liquid=elastic", "mechanics.mush=geometric",
+        "mechanics.ferrostatic=proportional",
+    )  # fmt: skip
     soft = (
         "mechanics.strain=small",
     )  # -3 %/m is of large strain, which an elastic core is not for
@@ -130,7 +133,7 @@ def _of_the_liquid() -> list[Variant]:
         ),
         Variant(
             "mushy zone as soft as the liquid to 50 % solid",
-            ("mechanics.coherency=0.5",),
+            ("mechanics.coherency=0.5", "mechanics.mush=geometric"),
             liquid=True,
         ),
         Variant(

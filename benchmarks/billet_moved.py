@@ -19,7 +19,8 @@ from benchmarks.billet_study import MORE, at_the_exit, told
 from benchmarks.report import Output, table
 
 ELASTIC = (
-    "mechanics.liquid=elastic", "mechanics.ferrostatic=proportional", "mechanics.strain=small",
+    "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
+    "mechanics.strain=small",
 )  # fmt: skip
 """That of the ideal mould in all: `taper_minus_3_as_thesis` is one of these."""
 LEFT_OUT = ("penetration", "newton", "seconds")  # no results

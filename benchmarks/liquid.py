@@ -21,7 +21,9 @@ from castfem.mechanics import material_points
 FACTORS = (10.0, 30.0, 300.0)
 STIFFNESSES = (1e-2, 1e-7)
 ELASTIC = (1e-2, 1e-3, 1e-5, 1e-7)
-AS_THESIS = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
+AS_THESIS = (
+    "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
+)  # fmt: skip
 SIZES = (2.0, 1.2, 0.8, 0.5)  # of cells at the surface, mm
 SMALL_STRAIN = "mechanics.strain=small"  # of the case; an elastic core this soft wants small strain
 

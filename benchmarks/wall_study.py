@@ -221,7 +221,7 @@ WARM = '["wide_face_intrados","corner_intrados","narrow_face","corner_extrados"]
 COLD = '["wide_face_extrados"]'
 # Liquid that runs to the wall would hold the strand as well: here points alone do, or springs.
 HALF = (
-    "mechanics.liquid=elastic", "mechanics.ferrostatic=proportional",
+    "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
     "section.symmetry=half", "mesh.surface_size=3 mm", "mesh.corner_size=3 mm",
     "mesh.face_size=10 mm", "mesh.core_size=14 mm", "coupling.interval=0.25 s",
     f"cooling.mould.surface=[{LAW.format(WARM, 1600, WALL)},{LAW.format(COLD, 1000, WALL)}]",

@@ -198,9 +198,8 @@ class Mechanics(TableModel):
         None,
         description="what the mushy zone bears. skeleton: stiffness and flow stress of the solid, "
         "in proportion to the solid fraction above coherency; geometric, linear: a modulus that "
-        "goes so with the solid fraction; none: no more than the liquid. By default geometric "
-        "where the liquid is elastic or a coherency is given, else none; peritectic steel in a "
-        "mould needs the skeleton",
+        "goes so with the solid fraction; none: no more than the liquid. By default skeleton where "
+        "the liquid is fed, geometric where it is elastic or a coherency is given",
         examples=["skeleton"],
     )
     coherency: Solid | None = Field(
@@ -239,8 +238,11 @@ class Mechanics(TableModel):
     @property
     def mushy_zone(self) -> MushyZone:
         """What the mushy zone bears, `mush` or its default."""
-        soft = self.liquid == "fed" and not self.coherency
-        return self.mush or ("none" if soft else "geometric")
+        if self.mush is not None:
+            return self.mush
+        if self.liquid == "elastic" or self.coherency:
+            return "geometric"
+        return "skeleton" if self.coherency is None else "none"
 
     @property
     def coherent_from(self) -> float:

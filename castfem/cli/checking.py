@@ -41,7 +41,7 @@ def problems_of(
     Args:
         path: File of the case.
         overrides: Assignments of --set.
-        sizes: Further ones, of --accuracy, about which the user is not warned.
+        sizes: Further ones, of --accuracy; of what they do only too large cells are warned of.
     """
     sizes = tuple(sizes)
     reading = read_case(path, (*overrides, *sizes))
@@ -59,8 +59,8 @@ def problems_of(
         problems += _solvers(reading, reading.case)
         problems += [reading.line(one) for one in _lacking(reading.case, steel)]
     if not problems:
-        own = tuple(f"--set: {one.partition('=')[0]}" for one in sizes)
-        _print_warnings(reading, steel, law, law_carbon, own)
+        scaled = tuple(f"--set: {one.partition('=')[0]}" for one in sizes)
+        _print_warnings(reading, steel, law, law_carbon, scaled)
     return (None if problems else reading.case), steel, problems
 
 
@@ -69,15 +69,21 @@ def _print_warnings(
     steel: Steel | None,
     law: Law | None,
     law_carbon: float | None,
-    but: tuple[str, ...],
+    scaled: tuple[str, ...],
 ) -> None:
-    """Log what a sound case has that was probably not meant, `but` what begins so."""
+    """Log what a sound case has that was probably not meant.
+
+    Of what is `scaled` by --accuracy, no fault of the user, what results are lost by larger cells.
+    """
     warnings = list(reading.warnings)
     if isinstance(reading.case, Case) and steel is not None:
         found = plausibility.warnings_with(reading.case, steel, law_carbon, law)
         warnings += [reading.line(problem) for problem in found]
-    for warning in (one for one in warnings if not one.startswith(but)):
-        log.logger.warning("%s", warning)
+    for warning in warnings:
+        if not warning.startswith(scaled):
+            log.logger.warning("%s", warning)
+        elif warning.startswith("--set: mesh."):
+            log.logger.warning("%s", warning.replace("--set", "--accuracy", 1))
 
 
 def _steel(reading: Reading) -> Steel | None:

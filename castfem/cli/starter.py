@@ -87,7 +87,6 @@ unit = "W/(m^2 K)"
 # Take the # away to strain the strand as well, in a mould with walls (docs/mould.md).
 # [mechanics]
 # law = "kozlowski_zhu"                 # goes by the carbon of the steel
-# mush = "skeleton"                     # of peritectic steel: docs/coupling.md
 #
 # [mould]
 # length = "800 mm"                     # from the meniscus to its end

@@ -13,6 +13,7 @@ from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.errors import InputError, RunFailure
 from castfem.output.chosen_units import units_of_run
+from castfem.report import doubts
 from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant, plan
 from castfem.sweep.record import Record, check_own
@@ -231,6 +232,9 @@ def _report(sweep: _Sweep, options: Options) -> int:
         with chosen(options.units), shown_in(units_of_run(target / first)):
             if table:
                 out.print(printed(table, out.width), highlight=False)
+            finished = {row.label or row.name: target / row.name for row in table if row.quantities}
+            for line in doubts.lines(finished):
+                out.print(line, highlight=False, soft_wrap=True)
         where = f"table in {target / TABLE_NAME}, runs in {target}"
         after = "their table: --collect, when all parts have ended"
         print(where if sweep.whole else f"runs in {target}; {after}")

@@ -43,6 +43,7 @@ from castfem.values.tables import Constant
 from castfem.values.types import Array, MushyZone
 
 Curve = Callable[[Array], Array]
+LEAST_STRENGTH = 0.01  # of a skeleton: what flows at no stress at all bears no shape, and folds
 LEAST_SHARE = 1e-6  # of a step, for a point that freezes at its very end
 MOST_POISSON = 0.4999
 WIDEST = 1000.0  # K: no steel freezes over a wider range
@@ -154,7 +155,7 @@ class Solidity:
         """Flow stress over that of the solid at the solidus (n,), (S); 1 without a skeleton."""
         if not self.is_skeleton:
             return np.ones_like(temperature)
-        return np.maximum(self.weight(temperature), self.stiffness_ratio)
+        return np.maximum(self.weight(temperature), LEAST_STRENGTH)
 
     def stiffness(self, weight: Array) -> Array:
         """Young's modulus over that of the solid."""
@@ -216,11 +217,12 @@ class Elasticity:
         """Columns SHEAR ... FRESH of `kernel.constants` for a step, each (n,)."""
         shear_old, bulk_old, _ = self.moduli(temperature_old)
         shear, bulk, young = self.moduli(temperature)
-        fresh = temperature_old > self.solidity.coherent
         carry_deviator, carry_mean = shear / shear_old, bulk / bulk_old
-        most = 1.0 if self.solidity.memory else 0.0
-        carry_deviator[fresh] = np.minimum(carry_deviator[fresh], most)
-        carry_mean[fresh] = np.minimum(carry_mean[fresh], most)
+        loose = temperature_old > self.solidity.coherent
+        most = np.where(loose & (not self.solidity.memory), 0.0, 1.0)
+        most[temperature_old <= self.solidity.solidus] = np.inf
+        carry_deviator = np.minimum(carry_deviator, most)
+        carry_mean = np.minimum(carry_mean, most)
         share = self.solidity.share(temperature_old, temperature)
         unhardened = (temperature_old > self.solidity.solidus).astype(float)
         return [shear, bulk, young, carry_deviator, carry_mean, share, unhardened]

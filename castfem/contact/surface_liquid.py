@@ -103,10 +103,14 @@ class SurfaceLiquid:
         if reductions.largest(self.section.comm, gap) == -np.inf:
             return ""
         widest, x, y = reductions.peak(self.section.comm, gap, self._facets.position)
+        height = np.where(self._opened, self._facets.height, 0.0)
+        cells = reductions.largest(self.section.comm, height)
         return (
             f"a breakout: the shell melts open at x = {1e3 * x:.4g} mm, y = {1e3 * y:.4g} mm, "
             + (f"{1e3 * widest:.3g} mm off the wall" if np.isfinite(widest) else "below the mould")
-            + "; keep the mould nearer (taper), or cool more"
+            + "; keep the mould nearer (taper), or cool more; a shell thinner than its cells "
+            + f"({1e3 * cells:.2g} mm) is uncertain: confirm a breakout near the meniscus with "
+            + "half the cells (mesh.surface_size, mesh.corner_size)"
         )
 
     def of_stress(self) -> tuple[tuple[Array, Array], Array]:

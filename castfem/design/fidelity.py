@@ -26,7 +26,12 @@ if TYPE_CHECKING:
 THERMAL = "thermal"
 _WALL = "mould"  # a contact law's word for mould.wall_temperature
 # Nothing but the liquid holds a shell without a wall; with this stiffness it bulges as in V.2.1.1.
-_HELD = {"liquid": "elastic", "liquid_stiffness": 1e-3, "ferrostatic": "proportional"}
+_HELD = {
+    "liquid": "elastic",
+    "liquid_stiffness": 1e-3,
+    "mush": "geometric",
+    "ferrostatic": "proportional",
+}
 WORDS = (THERMAL, *LEVELS)
 
 

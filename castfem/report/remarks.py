@@ -30,13 +30,14 @@ if TYPE_CHECKING:
     import pandas
 
 
+REMELTED, UNSETTLED = "shell melted again", "coupling windows not converged"
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 _THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
 _COARSE = 0.2  # mm; what the shell is off by less is not told
 _MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
 _BULGED = 0.01  # of the section
-_REMELTED = 0.1  # mm; a shell that loses less on the way is not named
+_MELTED = 0.1  # mm; a shell that loses less on the way is not named
 _REHEATED = 5.0  # K; surfaces that heat up by less are not named
 
 
@@ -246,7 +247,7 @@ def _coupling(summary: Summary | None) -> Iterator[Remark]:
     if missed and of:
         where = f"{missed:.0f} of {of:.0f}: heat and gap differ by more than coupling.settled; "
         where += "shorten coupling.interval or allow more coupling.passes"
-        yield Remark("coupling windows not converged", 100.0 * missed / of, "%", where)
+        yield Remark(UNSETTLED, 100.0 * missed / of, "%", where)
 
 
 def _largest(
@@ -356,12 +357,12 @@ def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         start = int(np.nanargmax(shell[: end + 1]))
         if best is None or lost[end] > best[0]:
             best = float(lost[end]), label, start, end, column
-    if best is None or best[0] < _REMELTED:
+    if best is None or best[0] < _MELTED:
         return
     value, label, start, end, column = best
     left = said(float(table[column].iloc[end]), unit_of(table, column), ".2g", column)
     where = f"{label}, from {_mm(position[start])} to {_mm(position[end])}, where {left} are left"
-    yield Remark("shell melted again", value, unit_of(table, column), where, column)
+    yield Remark(REMELTED, value, unit_of(table, column), where, column)
 
 
 def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:

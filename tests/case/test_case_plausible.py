@@ -396,6 +396,18 @@ def test_what_an_accuracy_sets_is_no_fault_of_the_user(capsys: pytest.CaptureFix
     assert told == [1, 0]
 
 
+def test_an_accuracy_says_which_results_its_cells_cannot_give(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    log.setup()
+    try:
+        case, _, problems = problems_of(TAPERED, (), ("mesh.corner_size=2 mm",))
+    finally:
+        log.close()
+    assert case is not None and not problems
+    assert "--accuracy: mesh.corner_size: cells of 2 mm along a corner" in capsys.readouterr().err
+
+
 def test_keys_of_the_coupling_that_do_something() -> None:
     for changes in (("coupling.passes=3", "coupling.window_error=3 K"), ("coupling.passes=1",)):
         assert not any("no effect" in line for line in _warnings(*changes))

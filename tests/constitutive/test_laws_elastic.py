@@ -215,7 +215,7 @@ def test_a_skeleton_is_in_proportion_to_the_solid_above_coherency() -> None:
     t = np.array([1600.0, 1700.0, 1712.5, 1724.0, 1726.0, 1900.0])
     weight = [1.0, 1.0, 0.5, 0.04, 0.0, 0.0]
     np.testing.assert_allclose(solidity.weight(t), weight, atol=1e-12)
-    np.testing.assert_allclose(solidity.strength(t), np.maximum(weight, 1e-5), rtol=1e-9)
+    np.testing.assert_allclose(solidity.strength(t), np.maximum(weight, 0.01), rtol=1e-9)
     young = Elasticity.constant(E, NU, solidity).moduli(t)[2]
     np.testing.assert_allclose(young / E, np.maximum(weight, 1e-5), rtol=1e-9)
     assert solidity.coherent == pytest.approx(1725.0, abs=1e-6)

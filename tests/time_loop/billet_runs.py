@@ -21,8 +21,10 @@ CASES = Path(__file__).parents[2] / "cases" / "billet125"
 # Tests of steps, files and resuming keep the liquid where it is. Those that leave the mould within
 # 100 mm (test_mould_end) or load a strand before it has a shell (test_axial_forces) have no answer
 # with liquid that is fed. `shipped` is for all others.
-ELASTIC = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
-FED = ("mechanics.liquid=fed", "mechanics.ferrostatic=full")
+ELASTIC = (
+    "mechanics.liquid=elastic", "mechanics.mush=geometric", "mechanics.ferrostatic=proportional",
+)  # fmt: skip
+FED = ("mechanics.liquid=fed", "mechanics.mush=none", "mechanics.ferrostatic=full")
 COARSE = (
     "mesh.surface_size=2 mm",
     "mesh.corner_size=2 mm",

@@ -113,6 +113,7 @@ def test_a_hollow_surface_stays_where_it_is(tmp_path: Path) -> None:
     path = tmp_path / "beam_blank.toml"
     path.write_text(BEAM_BLANK)
     changes = ("coupling.interval=0.25 s", "casting.length=30 mm", "mould.taper=0 %/m")
+    changes += ("mechanics.mush=none",)  # a skeleton would creep under the wall, which is no fault
     kept = run_in_memory(load_case(path, changes))
     assert kept.samples[-1].shell["mid_face"] == 0.0
     first, last = (s.mechanical for s in (kept.states[1], kept.states[-1]))

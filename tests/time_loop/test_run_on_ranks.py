@@ -107,7 +107,10 @@ def assert_same_state(one: Path, other: Path) -> dict[str, np.ndarray]:
 @needs_mpirun
 def test_nitsche_with_friction_on_two_ranks(tmp_path: Path) -> None:
     """What Nitsche's method keeps at the wall among it, and a window that is cut for its error."""
-    elastic = ("mechanics.liquid=elastic", "mechanics.ferrostatic=proportional")
+    elastic = (
+        "mechanics.liquid=elastic", "mechanics.mush=geometric",
+        "mechanics.ferrostatic=proportional",
+    )  # fmt: skip
     changes = (*MOULDED, *elastic, "mould.contact=nitsche", "casting.length=105 mm")
     for ranks in (1, 2):
         run(tmp_path / str(ranks), ranks, "taper_0", changes)
