@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import numpy as np
+
 import castfem
 from benchmarks.billet_run import CASES, COARSE, NAMES, QUIET
 from benchmarks.report import Output, table
@@ -20,16 +22,27 @@ CELLS = {
     "1": ("1", "1", "8", "10"),
     "0.7": ("0.7", "0.7", "5.6", "7"),
     "0.5": ("0.5", "0.5", "4", "5"),
+    "0.35": ("0.35", "0.35", "2.8", "3.5"),
 }
 """Sizes of the cells at the surface, at the corner, at mid-face and in the core, mm."""
 KEYS = ("surface_size", "corner_size", "face_size", "core_size")
-WINDOWS = {"skeleton": ("0.2", "0.05", "0.025"), "none": ("0.2", "0.05")}
-OTHERS = {
-    "triangles": ("mesh.cell=triangle",),
-    "Nitsche": ("mould.contact=nitsche",),
+AS_SHIPPED = "as shipped"
+WINDOWS = ("0.2", "0.05", "0.025")
+MIDDLE = 0.2
+"""A place on the way at which results are read besides the mould's exit, m."""
+SHORT = (f"casting.length={MIDDLE} m",)
+KINDS: dict[str, dict[str, tuple[str, ...]]] = {
+    "skeleton": {
+        **{f"cells {size} mm": SHORT if size == "0.35" else () for size in CELLS},
+        AS_SHIPPED: (),
+        **{f"windows {w} s": (*SHORT, f"coupling.interval={w} s") for w in WINDOWS},
+        "triangles": (*SHORT, "mesh.cell=triangle"),
+        "first-order cells": (*SHORT, "mesh.order=1"),
+        "Nitsche": (*SHORT, "mould.contact=nitsche"),
+    },
+    "none": {f"cells {size} mm": () for size in (*CELLS,)[:3]},
 }
-MUSHES = {"skeleton": (*CELLS,), "none": (*CELLS,)[:4]}
-"""Cells that each mushy zone is run with."""
+"""What is varied with each mushy zone; the windows and kinds of the case as shipped."""
 COLUMNS = {
     "shell_corner": ("shell, corner [mm]", ".1f"),
     "surface_temperature_corner": ("surface, corner [°C]", ".0f"),
@@ -54,33 +67,45 @@ def cells(size: str) -> tuple[str, ...]:
     return tuple(f"mesh.{key}={length} mm" for key, length in zip(KEYS, CELLS[size], strict=True))
 
 
-def run(case: str, changes: Sequence[str], columns: Iterable[str]) -> dict[str, float]:
-    """The last row of the history of a case with some keys changed."""
+def run(
+    case: str, changes: Sequence[str], columns: Iterable[str], at: float | None = None
+) -> list[dict[str, float]]:
+    """Rows of the history of a case with some keys changed: the last, before it that `at` (m)."""
     found = load_case(CASES.parent / f"{case}.toml", changes)
     with castfem.run(found) as result:
-        last = result.history.iloc[-1]
-        return {name: float(last[name]) for name in columns}
+        table = result.history
+    rows = [len(table) - 1]
+    if at is not None:
+        rows = sorted({int(np.argmin(np.abs(table["position"].to_numpy() - at))), *rows})
+    return [{name: float(table[name].iloc[row]) for name in columns} for row in rows]
+
+
+def corner(mush: str, kind: str) -> list[dict[str, Any]]:
+    """Rows of the table: one thing varied, on the way and at the mould's exit."""
+    size = kind.removeprefix("cells ").removesuffix(" mm")
+    changes = (*KINDS[mush][kind], *(cells(size) if size in CELLS else ()))
+    # With its fields, as users run it: coupling windows end where they are written.
+    keys = (*QUIET[1:], f"mechanics.mush={mush}", *changes)
+    found = run("billet180/peritectic", keys, ("position", *COLUMNS), MIDDLE)
+    return [
+        {"mush": mush, "varied": kind, **row, "position": round(1e3 * row["position"])}
+        for row in found
+    ]
 
 
 def main(output: Output, quick: bool) -> None:
     """All cells, windows and kinds, and billets of the thesis."""
     rows: list[dict[str, Any]] = []
-    for mush, sizes in MUSHES.items():
-        kinds = {f"cells {size} mm": cells(size) for size in sizes[: 1 if quick else None]}
-        if not quick:
-            kinds |= {f"windows {w} s": (f"coupling.interval={w} s",) for w in WINDOWS[mush]}
-            kinds |= OTHERS if mush == "skeleton" else {}
-        for kind, changes in kinds.items():
-            # With its fields, as users run it: coupling windows end where they are written.
-            keys = (*QUIET[1:], f"mechanics.mush={mush}", *changes)
-            found = run("billet180/peritectic", keys, COLUMNS)
-            rows.append({"mush": mush, "varied": kind, **found})
+    for mush, kinds in KINDS.items():
+        for kind in [*kinds][: 1 if quick else None]:
+            rows += corner(mush, kind)
             print(f"  {rows[-1]}", flush=True)
     output.csv("corner", rows)
     billets: list[dict[str, Any]] = []
     for mould in MOULDS[: 1 if quick else None]:
-        for mush in MUSHES:
-            found = run(f"billet125/{mould}", (*QUIET, *COARSE, f"mechanics.mush={mush}"), THESIS)
+        for mush in KINDS:
+            keys = (*QUIET, *COARSE, f"mechanics.mush={mush}")
+            (found,) = run(f"billet125/{mould}", keys, THESIS)
             found["heat_removed"] /= 1e3
             billets.append({"mould": NAMES[mould], "mush": mush, **found})
             print(f"  {billets[-1]}", flush=True)
@@ -91,7 +116,7 @@ def main(output: Output, quick: bool) -> None:
 def show(output: Output) -> None:
     """The tables, from the data."""
     for name, first, columns in (
-        ("corner", {"mush": "mush", "varied": "varied"}, COLUMNS),
+        ("corner", {"mush": "mush", "varied": "varied", "position": "at [mm]"}, COLUMNS),
         ("corner_thesis", {"mould": "mould", "mush": "mush"}, THESIS),
     ):
         head = first | {key: heading for key, (heading, _) in columns.items()}

@@ -17,7 +17,7 @@ _SIZE = 0.5  # of half the section, that a table has at the meniscus: no wall ha
 _STEP = 0.2  # 1/m, of half the section: a wall that moves faster has a step there
 _ENDS = 0.02  # of the mould's length, that a table may end above or below it
 _ROUGHEST = 2.0  # friction coefficient
-_CELLS = 4.0  # along the radius of a corner; with fewer its gap and shell are off by a tenth
+_CELLS = 6.0  # along the radius of a corner; with fewer its gap and shell are off by a tenth
 
 
 def mould_warnings(mould: Mould, section: Section, mesh: Mesh) -> Iterator[Problem]:

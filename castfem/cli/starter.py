@@ -27,8 +27,8 @@ corner_radius = "6 mm"
 symmetry = "quarter"                  # or half, whole
 
 [mesh]
-surface_size = "1 mm"                 # at the surface, normal to it
-corner_size = "1 mm"                  # along the surface, at a corner
+surface_size = "0.7 mm"               # at the surface, normal to it
+corner_size = "0.7 mm"                # along the surface, at a corner
 face_size = "8 mm"                    # along the surface, at mid-face
 core_size = "10 mm"
 order = 2                             # cells that follow the round corner
