@@ -34,7 +34,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from castfem.support import import_order
+from castfem.support import dolfinx_import
 
 if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, load, run, sensitivities
@@ -63,7 +63,7 @@ __all__ = [
     "run",
     "sensitivities",
 ]
-import_order.keep()
+dolfinx_import.watch()
 _STUDIES = ("comparison", "error_table", "find_section", "mould_at_work", "optimise")
 
 

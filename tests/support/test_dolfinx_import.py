@@ -1,4 +1,4 @@
-"""h5py and MPI are loaded before DOLFINx and petsc4py, whatever of castfem comes first."""
+"""h5py and MPI are loaded before DOLFINx, whatever comes first; without it, how to get it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+
+import pytest
 
 ROOT = Path(__file__).parents[2]
 LATER = ("dolfinx", "petsc4py")
@@ -72,3 +74,38 @@ def test_a_script_may_load_dolfinx_itself(tmp_path: Path) -> None:
         "dolfinx\nh5py\n"
     )
     assert said("print('h5py')", "import castfem, dolfinx; print('dolfinx')") == "h5py\ndolfinx\n"
+
+
+HIDDEN = """
+import sys
+import castfem
+
+class Without:
+    def __init__(self, finder):
+        self.finder = finder
+
+    def find_spec(self, name, *rest):
+        hidden = ("dolfinx", "mpi4py", "petsc4py", "ufl", "basix")
+        return None if name in hidden else self.finder.find_spec(name, *rest)
+
+sys.meta_path[1:] = [Without(finder) for finder in sys.meta_path[1:]]
+"""
+
+
+@pytest.mark.parametrize(
+    "use",
+    [
+        "castfem.run('billet125/thermal')",
+        "from castfem.cli import main; main(['run', 'billet125/thermal'])",
+        "from castfem.cli import main; main(['mould', 'billet125/hot', '--hot'])",
+    ],
+)
+def test_without_dolfinx_one_line_says_how_to_get_it(use: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", HIDDEN + use], cwd=tmp_path, capture_output=True, text=True
+    )
+    last = done.stderr.splitlines()[-1]
+    for way in ('pip install "castfem[solver]"', "apt install", "conda install"):
+        assert way in last
+    if "cli" in use:
+        assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
