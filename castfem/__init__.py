@@ -34,6 +34,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from castfem.support import dolfinx_import
+
 if TYPE_CHECKING:
     from castfem.api import Result, Snapshot, load, run, sensitivities
     from castfem.errors import CastfemError, InputError, RunFailure
@@ -61,6 +63,7 @@ __all__ = [
     "run",
     "sensitivities",
 ]
+dolfinx_import.watch()
 _STUDIES = ("comparison", "error_table", "find_section", "mould_at_work", "optimise")
 
 

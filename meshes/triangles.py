@@ -193,7 +193,14 @@ def _distance_law(
 @contextmanager
 def _gmsh() -> Iterator[ModuleType]:
     """A model of our own in gmsh, left as it was found: initialised or not, options, model."""
-    import gmsh
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:  # the latter for a library it needs
+        raise ImportError(
+            f"gmsh makes meshes of triangles and cannot be loaded ({error}): `pip install gmsh`; "
+            "what it needs besides comes with `apt install python3-gmsh`",
+            name="gmsh",
+        ) from error
 
     ours = not gmsh.isInitialized()
     if ours:

@@ -87,14 +87,8 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
             prefix = "  "
         for line in error.problems:
             print(f"{prefix}{line}", file=sys.stderr)
-    elif isinstance(error, CastfemError):
+    elif isinstance(error, CastfemError) or _is_missing(error):
         print(f"{prefix}{error}", file=sys.stderr)
-    elif isinstance(error, ImportError) and (error.name or "").split(".")[0] in _ENVIRONMENT:
-        print(
-            f"{prefix}{error.name} is not installed for this Python; `make env` sets all up, "
-            "see README.md",
-            file=sys.stderr,
-        )
     else:
         if verbose:
             traceback.print_exception(error)
@@ -105,6 +99,11 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
         )
     sys.stderr.flush()
     return _status(error)
+
+
+def _is_missing(error: Exception) -> bool:
+    """Whether a part of the environment is missing, or does not load."""
+    return isinstance(error, ImportError) and (error.name or "").split(".")[0] in _ENVIRONMENT
 
 
 def _unexpected(error: Exception) -> str:
@@ -126,7 +125,7 @@ _GOES_ON = {
 }
 """What takes up an interrupted command where it was, by its name."""
 HINT = " (repeat with -v and add the traceback)"
-_ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "gmsh")
+_ENVIRONMENT = ("dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py", "h5py", "gmsh")
 
 
 def _status(error: Exception) -> int:

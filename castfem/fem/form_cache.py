@@ -17,6 +17,7 @@ import errno
 import fcntl
 import os
 import shutil
+import sysconfig
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -61,7 +62,7 @@ def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
         make: Calls DOLFINx with the folder.
 
     Raises:
-        RunFailure: There is no folder that can be written.
+        RunFailure: There is no folder that can be written, or no compiler.
         Exception: Whatever `make` raises, but that its wait was in vain or the folder refused.
     """
     folder = _on_all(comm, partial(_ready, cache))
@@ -78,7 +79,26 @@ def compiled(comm: MPI.Comm, cache: Path, make: Callable[[Path], T]) -> T:
             elif why and folder == cache:
                 folder = _on_all(comm, partial(_instead, cache, why))
             else:
+                _check_compiler(error)
                 raise
+        except Exception as error:
+            _check_compiler(error)
+            raise
+
+
+def _check_compiler(error: Exception) -> None:
+    """Raise a RunFailure if it is for want of a compiler that a form could not be compiled."""
+    command = os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc"
+    compiler, headers = command.split()[0], sysconfig.get_path("include")
+    lacking = [f"C compiler ({compiler})"] if shutil.which(compiler) is None else []
+    if not Path(headers, "Python.h").is_file():
+        lacking.append(f"Python.h in {headers}")
+    if lacking:
+        raise RunFailure(
+            f"there is no {' and no '.join(lacking)}, which DOLFINx compiles its forms with: "
+            "`apt install gcc python3-dev`, `conda install -c conda-forge c-compiler`, or let CC "
+            "name a compiler"
+        ) from error
 
 
 def _on_all(comm: MPI.Comm, work: Callable[[], Path]) -> Path:

@@ -22,6 +22,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -296,7 +297,7 @@ def write_image(path: Path, fill: Callable[[h5py.File], None]) -> None:
 
 def store(group: h5py.Group, name: str, values: Values) -> h5py.Dataset:
     """Stores one array, lightly compressed when it is large."""
-    if values.nbytes < _COMPRESS_FROM:
+    if values.nbytes < _COMPRESS_FROM or not _can_compress():
         return group.create_dataset(name, data=values)
     return group.create_dataset(
         name,
@@ -306,6 +307,17 @@ def store(group: h5py.Group, name: str, values: Values) -> h5py.Dataset:
         compression_opts=1,
         shuffle=True,
     )
+
+
+@cache
+def _can_compress() -> bool:
+    """Whether HDF5 has its filter; says once if not."""
+    from h5py import h5z
+
+    if h5z.filter_avail(h5z.FILTER_DEFLATE):
+        return True
+    log.logger.warning("fields are written uncompressed: the HDF5 of this h5py has no deflate")
+    return False
 
 
 def _chunks(values: Values) -> tuple[int, ...]:

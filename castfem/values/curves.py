@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,7 +72,7 @@ class CurveOrName(CurveOverEither):
         register: Names and what they stand for.
     """
 
-    register: Mapping[str, Any]
+    register: Mapping[str, Any] = field(hash=False)
 
     def read(self, given: object) -> Any:
         """Return the name, the value in SI, or a table; raise ValueError if it is none of them."""

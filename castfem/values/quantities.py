@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
 from castfem.values import units
@@ -55,7 +55,7 @@ class NameOf(Notation):
         register: Names and what they stand for.
     """
 
-    register: Mapping[str, Any]
+    register: Mapping[str, Any] = field(hash=False)
 
     def read(self, given: object) -> str:
         """Return the name, or raise the error of a literal that is none of its values."""

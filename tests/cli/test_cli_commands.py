@@ -202,17 +202,6 @@ def test_unexpected_error_asks_for_a_report(castfem, monkeypatch):
     assert re.fullmatch(r"castfem: unexpected AssertionError \(.*\.py:\d+, broken\)", first)
 
 
-def test_missing_dolfinx_names_the_mend(castfem, monkeypatch, case_file):
-    monkeypatch.setitem(sys.modules, "castfem.time_loop.loop", None)
-    monkeypatch.setitem(sys.modules, "dolfinx", None)
-    from castfem.cli import report
-
-    try:
-        import dolfinx  # noqa: F401
-    except ImportError as error:
-        assert report(error) == 2
-
-
 def test_as_a_process(tmp_path):
     """The same statuses and streams through the real entry."""
     command = [sys.executable, "-m", "castfem.cli"]

@@ -181,6 +181,16 @@ def test_what_else_fails_is_told(tmp_path: Path) -> None:
         form_cache.compiled(MPI.COMM_SELF, tmp_path, make)
 
 
+def test_that_there_is_no_compiler_is_told_in_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", f"{tmp_path}/gcc -O1")
+    with pytest.raises(RunFailure, match=r"there is no C compiler .*gcc\), which .*apt install"):
+        area(MPI.COMM_SELF, tmp_path)
+    monkeypatch.delenv("CC")
+    assert area(MPI.COMM_SELF, tmp_path / "again") == pytest.approx(SIZE)
+
+
 def test_forms_are_spread_over_folders(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Each look-up lists a folder: none grows with all that was ever compiled."""
     listed: list[Path] = []

@@ -5,12 +5,14 @@ from __future__ import annotations
 import resource
 from pathlib import Path
 
+import h5py
 import meshio
 import numpy as np
 import pytest
 from synthetic_run import rectangle
 
 from castfem.errors import RunFailure
+from castfem.output import field_files
 from castfem.output.fields import Fields
 from castfem.output.xdmf import FieldWriter
 
@@ -134,3 +136,21 @@ def test_a_disk_that_is_full_in_the_end_leaves_the_single_files(tmp_path, small_
     with Fields(tmp_path) as fields:
         assert len(fields.times) == 12
     assert {p.name for p in tmp_path.iterdir()} == {"fields.h5", "fields.xdmf"}
+
+
+def test_without_its_filter_fields_are_written_whole_and_said_once(tmp_path, told, monkeypatch):
+    values = np.random.default_rng(1).random((20_000, 3))
+
+    def stored() -> tuple[str | None, int]:
+        with h5py.File(tmp_path / "some.h5", "w") as file:
+            field_files.store(file, "large", values)
+        with h5py.File(tmp_path / "some.h5") as file:
+            assert (file["large"][()] == values).all()
+            return file["large"].compression, len(told.records)
+
+    assert stored() == ("gzip", 0)
+    field_files._can_compress.cache_clear()
+    monkeypatch.setattr(h5py.h5z, "filter_avail", lambda _: False)
+    assert [stored(), stored()] == [(None, 1), (None, 1)]
+    assert "uncompressed" in told.text
+    field_files._can_compress.cache_clear()
