@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from castfem.case import effort, result_names
+from castfem.case import bounds, effort, result_names
 from castfem.case.bending import check_bending
 from castfem.case.build_mould import check_mould
 from castfem.case.bulging import check_bulging
@@ -35,6 +35,7 @@ _SOFTEST = 1e-6  # of the solid: liquid that keeps its shape at large strain
 
 def check(case: Case) -> Iterator[Problem]:
     """Yield everything that does not fit together."""
+    yield from bounds.impossible(case)
     yield from _casting(case)
     yield from _section(case)
     yield from _mesh(case)

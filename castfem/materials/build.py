@@ -21,7 +21,7 @@ from castfem.materials.expansion import (
     MeanExpansion,
 )
 from castfem.materials.formulas import FORMULAS
-from castfem.materials.plausible import implausible
+from castfem.materials.plausible import COLDEST, HOTTEST, implausible
 from castfem.materials.properties import ByFormula, Property
 from castfem.materials.schema import (
     KINDS,
@@ -50,7 +50,6 @@ from castfem.values.units import nearest
 CURVES = ("density", "specific_heat", "enthalpy", "conductivity", "emissivity", "youngs_modulus",
           "poisson_ratio")  # fmt: skip
 NEEDED = ("density", "specific_heat", "conductivity")
-COLDEST, HOTTEST = 293.15, 1973.15  # K: where formulas must give sensible values
 
 
 class Faulty(Exception):
