@@ -62,7 +62,9 @@ def unusual(case: TableModel) -> Iterator[Problem]:
             text = given.bounds.unusual(value, given.kind)
             if text and given.path[-1] == "coefficient" and "friction" in given.path:
                 near = f"; did you mean {0.01 * value:.3g}?" if 5.0 <= value <= 100.0 else ""
-                text = f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
+                text = (
+                    f"({value:g}) is more than {given.bounds.usual[1]:g} times the pressure{near}"
+                )
             if text and given.kind.unit == "K" and not given.kind.difference and value < _COLDEST:
                 written = format(value, "K", "K").removesuffix(" K")
                 text = f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "

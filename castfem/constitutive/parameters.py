@@ -27,7 +27,7 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from castfem.constitutive.base import Parameter
+from castfem.constitutive.base import Law, Parameter
 from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity, Solidity
 from castfem.constitutive.flow_laws import RadialReturn
@@ -270,12 +270,14 @@ def law_from(
     return made
 
 
-def unusual(name: str, law: RadialReturn, base_dir: str | os.PathLike[str] | None = None) -> str:
+def unusual(name: str, law: Law, base_dir: str | os.PathLike[str] | None = None) -> str:
     """Say which parameter of a law is hardly meant, and why; empty where all may be.
 
     Raises:
         InputError: As `load_law`.
     """
+    if not isinstance(law, RadialReturn):
+        return ""
     data, _ = _parse(name, Path(base_dir or "."), "law")
     for key, parameter in law.parameters.items():
         curve, bounds = law.given_curve(key), ranges.of(f"law.{key}")

@@ -19,7 +19,6 @@ from castfem.materials.properties import Property
 from castfem.values.tables import Table
 from castfem.values.types import Array
 
-
 NARROWEST = 1e-6  # K: of a freezing range, and between two rows of a table; `knots` merges less
 
 

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from castfem.values.quantities import Kind
-from castfem.values.units import format
 
 _ANY = math.inf
 
@@ -43,30 +42,13 @@ class Bounds:
         left_out = value == 0.0 and kind.unit != "K"
         if left_out or ends[0] <= value <= ends[1]:
             return ""
-        low, high = (_number(kind, end) for end in ends)
-        unit = "" if kind.unit == "1" else f" {kind.shown or kind.unit}"
-        shown = f"{value:.7g}" if kind.unit == "1" else _shown(kind, value)
-        between = f"{low} to {high}{unit}"
-        if math.isinf(ends[0]) or math.isinf(ends[1]):
-            between = f"at {'most' if math.isinf(ends[0]) else 'least'} "
-            between += f"{high if math.isinf(ends[0]) else low}{unit}"
+        low, high = (end if math.isinf(end) else kind.number(end) for end in ends)
+        unit = kind.suffix
+        between = f"{low:.6g} to {high:.6g}{unit}"
+        if math.isinf(high):
+            between = f"at least {low:.6g}{unit}"
+        shown = f"{kind.number(value):.7g}{unit}"
         return f"({shown}) is {how} what {self.what}, {between}; are number and unit right?"
-
-
-def _number(kind: Kind, value: float) -> str:
-    """A bound as a number of the unit in which the quantity is shown."""
-    if kind.unit == "1" or math.isinf(value):
-        return f"{value:.6g}"
-    return f"{float(_shown(kind, value).split()[0]):.6g}"
-
-
-def _shown(kind: Kind, value: float) -> str:
-    """A value with the unit in which the quantity is shown."""
-    from castfem.values.units import convert
-
-    unit = kind.shown or kind.unit
-    number = convert(value, kind.unit, unit, difference=kind.difference)
-    return f"{number:.7g} {unit}"
 
 
 def of(key: str) -> Bounds | None:
@@ -84,7 +66,9 @@ _SURROUNDINGS = Bounds((_COLD, 1500.0), (0.0, 5e3), "walls and surroundings have
 _STEEL = Bounds((_COLD, _HOT), (50.0, 6e3), "cast metal has")
 _COEFFICIENT = Bounds((1.0, 1e5), (1e-3, 1e9), "cooled surfaces have")
 _FLUX = Bounds((1e3, 2e7), (-1e9, 1e9), "moulds and sprays take")
-_ZONE_WATER = Bounds((_LITRES, 8e3 * _LITRES), (1e-3 * _LITRES, 1e6 * _LITRES), "a zone is sprayed with")
+_ZONE_WATER = Bounds(
+    (_LITRES, 8e3 * _LITRES), (1e-3 * _LITRES, 1e6 * _LITRES), "a zone is sprayed with"
+)
 _SPECIFIC = Bounds((1e-5, 1e-2), (1e-9, 1.0), "strands are sprayed with")
 _FACTOR = Bounds((0.1, 20.0), (1e-3, 1e3), "correlations are divided by")
 _STRESS = Bounds((1e2, 1e9), (10.0, 1e12), "surfaces of hot steel bear")
@@ -150,13 +134,15 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ),
     ("mould.copper.conductivity",): Bounds((10.0, 450.0), (0.1, 1e5), _COPPER),
     ("mould.copper.youngs_modulus",): Bounds((1e10, 4e11), (1e5, 1e13), _COPPER),
-    ("mould.tube.thickness",): Bounds((2 * _MM, 100 * _MM), (0.1 * _MM, 1.0), "walls of tubes have"),
+    ("mould.tube.thickness",): Bounds((2 * _MM, 100 * _MM), (0.1 * _MM, 1.0), "tubes have"),
     ("mould.tube.above", "mould.tube.corner_reach"): Bounds(
         (0.1 * _MM, 1.0), (1e-6, 10.0), "tubes have"
     ),
     ("mould.tube.water_coefficient",): Bounds((500.0, 2e5), (1.0, 1e9), "cooling channels have"),
-    ("mould.tube.water_temperature",): Bounds((273.15, 373.15), (250.0, 647.0), "cooling water has"),
-    ("mould.oscillation.stroke",): Bounds((0.1 * _MM, 50 * _MM), (1e-6, 1.0), "moulds oscillate by"),
+    ("mould.tube.water_temperature",): Bounds(
+        (273.15, 373.15), (250.0, 647.0), "cooling water has"
+    ),
+    ("mould.oscillation.stroke",): Bounds((0.1 * _MM, 50 * _MM), (1e-6, 1.0), "moulds move by"),
     ("mould.oscillation.frequency",): Bounds((0.1, 20.0), (1e-6, 1e3), "moulds oscillate at"),
     ("mould.contact.factor",): Bounds((0.1, 1e5), (1e-3, 1e7), "contact needs"),
     ("mould.friction.coefficient",): Bounds((0.0, 2.0), (0.0, 1e4), "surfaces have"),

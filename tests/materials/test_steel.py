@@ -297,5 +297,7 @@ def test_rows_too_close_for_a_jump_are_refused(key: str) -> None:
     with pytest.raises(InputError, match="row 3 is 1e-10 K above row 2; a jump takes 1e-06 K"):
         close = jump | {"temperature": [20, 1452, 1452.0000000001, 1600]}
         load_steel("carbon_042", overrides={key: close})
-    steel = load_steel("carbon_042", overrides={key: jump | {"temperature": [20, 1452, 1452.001, 1600]}})
+    steel = load_steel(
+        "carbon_042", overrides={key: jump | {"temperature": [20, 1452, 1452.001, 1600]}}
+    )
     assert getattr(steel, key)(1725.15 + 0.1) == pytest.approx(few[1])
