@@ -36,8 +36,8 @@ def refusal(
         right: Of its right half, K, if that is another.
         law: Of the material.
         path: Viscoplastic strain that it has summed up.
-        u: "middle": the middle node along x, m; "xx", "xy", "yx", "yy": displacement gradients; "half":
-            that is yx of the right half alone.
+        u: "middle": the middle node along x, m; "xx", "xy", "yx", "yy": displacement gradients;
+            "half": that is yx of the right half alone.
     """
     given = {"large_strain": large}
     setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), law, judge=True, given=given)
