@@ -11,10 +11,12 @@ from castfem.case.model import Case
 from castfem.case.problems import Problem
 from castfem.case.section import Strip
 from castfem.values.tables import Table
-from castfem.values.units import format
+from castfem.values.units import in_mm
 
 _PATH = ("mechanics", "planes")
-_ITS_OWN = ("neutral_axis", "closing", "force_contains_bending")
+# Keys of a bent strand, and what in them is the same as to leave them out, which a file that
+# extends another one cannot do.
+_ITS_OWN = {"neutral_axis": FREE, "closing": "tangential", "force_contains_bending": False}
 _IMPOSED = ("a1", "a2", "across", "moment_x", "moment_y")
 
 
@@ -44,8 +46,8 @@ def check_bending(case: Case) -> Iterator[Problem]:
     if not case.bends:
         if machine is not None and machine.pairs() is None:
             return
-        for key in _ITS_OWN:
-            if getattr(planes, key) is not None:
+        for key, as_without in _ITS_OWN.items():
+            if getattr(planes, key) not in (None, as_without):
                 yield Problem(
                     (*_PATH, key),
                     "is for a strand that its machine bends; give the rolls of [machine] a radius, "
@@ -86,14 +88,14 @@ def _axis(planes: GeneralizedPlaneStrain, thickness: float | None) -> Iterator[P
     if None in axes:
         return
     for axis in (a for a in axes if a is not None and abs(a) > 0.5 * thickness):
-        most = format(0.5 * thickness, "m", "mm")
+        most = in_mm(0.5 * thickness)
         yield Problem(
             (*_PATH, "neutral_axis"),
-            f"({format(axis, 'm', 'mm')}) lies outside of the strand; from -{most} (extrados) to "
+            f"({in_mm(axis)}) lies outside of the strand; from -{most} (extrados) to "
             f"{most} (intrados)",
         )
     for name in ("force", "closing", "force_contains_bending"):
-        if getattr(planes, name) not in (None, 0.0):
+        if getattr(planes, name) not in (None, 0.0, _ITS_OWN.get(name)):
             yield Problem(
                 (*_PATH, name),
                 "has no effect where the neutral axis is imposed, nothing balances it; leave it "
@@ -107,7 +109,7 @@ def _work(planes: GeneralizedPlaneStrain) -> Iterator[Problem]:
     if planes.neutral_axis not in (None, FREE):
         return
     if planes.closing == "axial":
-        if planes.force_contains_bending is not None:
+        if planes.force_contains_bending:
             yield Problem(
                 (*_PATH, key),
                 'tells what closing = "tangential" does with the force; leave one of the two out',

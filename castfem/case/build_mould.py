@@ -12,7 +12,7 @@ from castfem.case.problems import Problem
 from castfem.case.section import Section, Strip
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import as_function
-from castfem.values.units import format
+from castfem.values.units import in_mm
 
 
 def build_mould(table: Mould, section: Section) -> wall.Mould:
@@ -101,7 +101,7 @@ def check_mould(table: Mould | None, section: Section) -> Iterator[Problem]:
             )
         )
     if table.tube is not None:
-        found += check_tube(table.tube, section)
+        found += check_tube(table.tube, section, table.length)
     yield from found
     # What may be left out is None where it is; what is faulty, too.
     fields = type(section).model_fields.items()
@@ -143,10 +143,10 @@ def _sizes(table: Mould, section: Section, known: tuple[str, ...]) -> Iterator[P
             allowed, short = own / hot, hot * size < own * (1.0 - ROUNDING)
         if short and allowed is not None:
             bound = "at most" if name == "corner_radius" else "at least"
-            limit = "that" if allowed == own else _mm(float(f"{allowed:.9g}"))
+            limit = "that" if allowed == own else in_mm(allowed)
             yield Problem(
                 ("mould", name),
-                f"({_mm(size)}) does not let the strand in, which has {_mm(own)}; allowed: "
+                f"({in_mm(size)}) does not let the strand in, which has {in_mm(own)}; allowed: "
                 f"{bound} {limit}, or leave it out",
             )
 
@@ -194,7 +194,3 @@ def _fits(table: Mould, section: Section) -> Iterator[Problem]:
     except ValueError as error:
         if key:
             yield Problem(("mould", key), str(error))
-
-
-def _mm(length: float) -> str:
-    return format(length, "m", "mm")

@@ -17,7 +17,7 @@ from castfem.support.messages import choices
 from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
-from castfem.values.units import format, nearest
+from castfem.values.units import format, in_mm, nearest
 
 _SHORTEST = 1e-6  # m: of a zone; less is what rounding makes of one and the same place
 _THINNEST = 1e-7  # m: a gap that halves the heat; surfaces are a hundred times as rough
@@ -28,11 +28,6 @@ def check_cooling(case: Case) -> Iterator[Problem]:
     yield from _zones(case)
     yield from _laws(case)
     yield from _mould_and_zones(case)
-
-
-def in_mm(length: float) -> str:
-    """A length in m as messages have it."""
-    return format(length, "m", "mm")
 
 
 def _zones(case: Case) -> Iterator[Problem]:

@@ -14,7 +14,7 @@ from castfem.case.problems import Path, Problem
 from castfem.case.section import Rectangle
 from castfem.case.water import Supply
 from castfem.support.messages import choices
-from castfem.values.units import format, nearest
+from castfem.values.units import format, in_mm, nearest
 
 if TYPE_CHECKING:
     from castfem.case.model import Case
@@ -26,10 +26,6 @@ _SAME = 1e-6  # m: two nozzles at one place
 _MISSING = 0.02  # of the water of a row: what may miss its face without a word
 _DENSITY = 7300.0  # kg/m3, of steel at its solidus
 _POINTS = 401  # across a face, at which its water is looked at
-
-
-def _mm(length: float) -> str:
-    return format(length, "m", "mm")
 
 
 def check_secondary(case: Case) -> Iterator[Problem]:
@@ -187,13 +183,13 @@ def _across(circuit: Circuit, section: Rectangle, path: Path) -> Iterator[Proble
         far = max(places, key=abs)
         yield Problem(
             (*path, "across"),
-            f"the nozzle at {_mm(far)} stands outside of the face, which ends {_mm(half)} from its "
-            "middle",
+            f"the nozzle at {in_mm(far)} stands outside of the face, which ends {in_mm(half)} "
+            "from its middle",
         )
     for here, there in itertools.pairwise(ordered):
         if there - here < _SAME:
             yield Problem(
-                (*path, "across"), f"two nozzles stand at {_mm(there)}; give more flow instead"
+                (*path, "across"), f"two nozzles stand at {in_mm(there)}; give more flow instead"
             )
             return
     mirrored = section.symmetry == "quarter" or (circuit.wide and section.symmetry == "half")
@@ -237,8 +233,8 @@ def _between(
         if circuit.wide and 2.0 * circuit.stand_off <= gap.diameter:
             yield Problem(
                 (*path, "stand_off"),
-                f"({_mm(circuit.stand_off)}) puts the nozzles between the rolls, below their axes "
-                f"({_mm(0.5 * gap.diameter)}), {where}: larger",
+                f"({in_mm(circuit.stand_off)}) puts the nozzles between the rolls, below their "
+                f"axes ({in_mm(0.5 * gap.diameter)}), {where}: larger",
             )
             return
         most = longest_spray(gap.clear, circuit.stand_off, gap.diameter) if circuit.wide else (
@@ -250,7 +246,7 @@ def _between(
         if length > most:
             yield Problem(
                 (*path, "stand_off"),
-                f"({_mm(circuit.stand_off)}) and {format(model.angle_along, 'rad', 'deg')} along "
+                f"({in_mm(circuit.stand_off)}) and {format(model.angle_along, 'rad', 'deg')} along "
                 f"the strand make a spray of {1e3 * length:.4g} mm, longer than the "
                 f"{1e3 * most:.4g} mm that are free {where} (305); a narrower nozzle, or nearer",
             )

@@ -162,6 +162,9 @@ def _syntax(message: str, text: str) -> str:
     line = lines[number - 1].strip() if number <= len(lines) else ""
     if what.startswith("Cannot declare") and (table := _heading(line)):
         first = next((n for n, one in enumerate(lines, 1) if _heading(one) == table), number)
+        listed = any(_heading(one) == table and one.strip()[:2] == "[[" for one in lines[:number])
+        if listed and line[:2] != "[[":
+            return f"{place}: {line} is one of several tables; write [[{table}]]"
         before = f"in line {first}" if first < number else "by a key"
         return f"{place}: {line} is there already, {before}; put its keys under one heading"
     # The parser writes the names of a table as a tuple of Python.

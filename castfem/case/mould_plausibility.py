@@ -16,14 +16,12 @@ _USUAL_TAPER = 0.03  # 1/m, single
 _SIZE = 0.5  # of half the section, that a table has at the meniscus: no wall has moved as far
 _STEP = 0.2  # 1/m, of half the section: a wall that moves faster has a step there
 _ENDS = 0.02  # of the mould's length, that a table may end above or below it
-_ROUGHEST = 2.0  # friction coefficient
 _CELLS = 6.0  # along the radius of a corner; with fewer its gap and shell are off by a tenth
 
 
 def mould_warnings(mould: Mould, section: Section, mesh: Mesh) -> Iterator[Problem]:
     """Yield what a sound mould has that was probably not meant."""
     yield from _taper(mould, section)
-    yield from _friction(mould)
     yield from _corner(section, mesh)
 
 
@@ -118,13 +116,3 @@ def _half(section: Section, face: str) -> float:
     width, height = section.outline()
     assert width is not None and height is not None, "the case has been checked"
     return 0.5 * {"narrow_face": width, "wide_face": height}.get(face, min(width, height))
-
-
-def _friction(mould: Mould) -> Iterator[Problem]:
-    coefficient = getattr(mould.friction, "coefficient", 0.0)
-    if coefficient > _ROUGHEST:
-        near = f"; did you mean {0.01 * coefficient:.3g}?" if 5.0 <= coefficient <= 100.0 else ""
-        yield Problem(
-            ("mould", "friction", "coefficient"),
-            f"({coefficient:g}) is more than {_ROUGHEST:g} times the pressure{near}",
-        )

@@ -13,6 +13,7 @@ from castfem.case.section import BeamBlank, Rectangle, Section
 from castfem.values.quantities import Distance, Kind, Length
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
+from castfem.values.units import in_mm
 
 FluxOfPosition = Annotated[
     float | Table, Curve(Kind("W/m^2", "MW/m^2", least=0.0), over="position")
@@ -23,6 +24,10 @@ CoefficientOfPosition = Annotated[
 TemperatureOfPosition = Annotated[float | Table, Curve(Kind("K", "degC"), over="position")]
 Cells = Annotated[float, Kind("1", least=1.0, most=64.0, label="number of cells", sample="2")]
 Share = Annotated[float, Kind("1", least=0.0, most=2.0, label="share", sample="0.6")]
+
+
+MOST_BRICKS = 300_000
+"""Cells of a tube, at most: each has 27 nodes."""
 
 
 class MouldTube(TableModel):
@@ -71,8 +76,25 @@ class MouldTube(TableModel):
     )
 
 
-def check_tube(table: MouldTube, section: Section) -> Iterator[Problem]:
-    """Yield what a tube cannot be; faulty values are None."""
+def _bricks(table: MouldTube, section: Section, length: float | None) -> Iterator[Problem]:
+    """Yield cells so small that there would be no end to them."""
+    size, across = table.cell_size, table.cells_across
+    width, height = section.outline()
+    if size is None or across is None or table.above is None:
+        return
+    if width is None or height is None or length is None:
+        return
+    count = across * 0.5 * (width + height) / size * (length + table.above) / size
+    if count > MOST_BRICKS:
+        yield Problem(
+            ("mould", "tube", "cell_size"),
+            f"({in_mm(size)}) makes about {count:.2g} cells of the tube, at most "
+            f"{MOST_BRICKS:g}; give a larger one",
+        )
+
+
+def check_tube(table: MouldTube, section: Section, length: float | None) -> Iterator[Problem]:
+    """Yield what a tube of a mould of this length (m) cannot be; faulty values are None."""
     path = ("mould", "tube")
     if isinstance(section, BeamBlank):
         yield Problem(path, "only a rectangle or a round has a tube; leave the table out")
@@ -86,5 +108,6 @@ def check_tube(table: MouldTube, section: Section) -> Iterator[Problem]:
         yield Problem(
             (*path, "hot_face"), "the flux is given, too: one of the two, leave the other out"
         )
+    yield from _bricks(table, section, length)
     if table.cells_across is not None and table.cells_across % 1.0:
         yield Problem((*path, "cells_across"), "must be a whole number")

@@ -6,11 +6,10 @@ computed.
 
 from __future__ import annotations
 
-import typing
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from castfem.case import effort
+from castfem.case import bounds, effort
 from castfem.case.check_cooling import law_groups
 from castfem.case.check_secondary import secondary_warnings
 from castfem.case.cooling import Contact, HeatLaw, Radiation, Spray, Zone
@@ -21,11 +20,9 @@ from castfem.case.mechanics import Way
 from castfem.case.model import Case
 from castfem.case.mould_plausibility import mould_warnings
 from castfem.case.problems import Problem
-from castfem.support.messages import Path
 from castfem.thermal.sprays import CORRELATIONS
-from castfem.values.quantities import Kind
+from castfem.values import ranges
 from castfem.values.same_place import ROUNDING
-from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
 from castfem.values.units import convert, format
 
@@ -33,9 +30,7 @@ if TYPE_CHECKING:
     from castfem.constitutive.base import Law
     from castfem.materials import Steel
 
-_FASTEST = 20.0 / 60.0  # m/s; billets are cast at some 6 m/min, thin slabs at some 8
-_HOTTEST = 300.0  # K above the liquidus; steel is poured at 5 to 60 K, copper at 150
-_COLDEST = 200.0  # K
+_WARMER = 1.0  # K, that a start may be above what was poured
 _SAME_CARBON = 0.03  # wt%
 _WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
 _LONGEST_WINDOW = 0.25  # m of strand: a narrow pitch of rolls, a third of a mould
@@ -47,17 +42,9 @@ _SIGNED = {
 
 def warnings(case: Case) -> Iterator[Problem]:
     """Yield what a sound case has that was probably not meant."""
-    given = case.casting.speed
-    speed = max(given.values) if isinstance(given, Table) else given
-    if speed > _FASTEST:
-        yield Problem(
-            ("casting", "speed"),
-            f"({convert(speed, 'm/s', 'm/min'):.4g} m/min) is far beyond what strands are cast at; "
-            "are number and unit right?",
-        )
+    yield from bounds.unusual(case)
     yield from effort.many(case)
-    yield from _coarse(case, speed)
-    yield from _cold(case)
+    yield from _coarse(case)
     yield from _sprays(case)
     yield from machine_warnings(case)
     yield from extraction_warnings(case)
@@ -100,7 +87,15 @@ def warnings_with(
             f"{100.0 * float(steel.solid_fraction(start)):.3g} % of solid",
         )
     yield from _hot(case, steel)
-    if law is not None:
+    from castfem.materials.plausible import unusual
+
+    for problem in unusual(steel):
+        yield Problem(("steel", "name"), f"{steel.name}: {problem.path[-1]}: {problem.text}")
+    if law is not None and case.mechanics is not None:
+        from castfem.constitutive import parameters
+
+        if text := parameters.unusual(case.mechanics.law, law):
+            yield Problem(("mechanics", "law"), text)
         yield from _hardens_for_good(case, law)
         yield from _limit_of_signed_strain(case, law)
     # A steel computed from its carbon is meant by it; a set of fixed numbers stands for a class.
@@ -117,16 +112,23 @@ def warnings_with(
 
 
 def _hot(case: Case, steel: Steel) -> Iterator[Problem]:
-    """Yield steel that is poured hotter than any is."""
-    start, given = case.casting.temperature, case.casting.superheat
-    key, above = "temperature", 0.0 if start is None else start - steel.liquidus
-    if given is not None:
-        key, above = "superheat", max(given.values) if isinstance(given, Table) else given
-    if above > _HOTTEST:
+    """Yield steel that is poured hotter than any is, and a start hotter than it was poured."""
+    start = case.casting.temperature
+    superheat = ranges.RANGES["casting.superheat"]
+    if start is not None and start - steel.liquidus > superheat.usual[1]:
         yield Problem(
-            ("casting", key),
-            f"{above:.4g} K above the liquidus of {steel.name} are far beyond what is poured; are "
-            "number and unit right?",
+            ("casting", "temperature"),
+            f"{start - steel.liquidus:.4g} K above the liquidus of {steel.name} are far from what "
+            f"metal is poured with, at most {superheat.usual[1]:g} K; are number and unit right?",
+        )
+    profile = None if case.casting.start is None else case.casting.start.profile
+    above = case.casting.poured_superheat
+    poured = start if above is None else steel.liquidus + above
+    if isinstance(profile, Table) and poured is not None and max(profile.values) > poured + _WARMER:
+        yield Problem(
+            ("casting", "start", "profile"),
+            f"({format(max(profile.values), 'K', 'degC')}) is hotter than the steel was poured "
+            f"({convert(poured, 'K', 'degC'):.6g} degC); are number and unit right?",
         )
 
 
@@ -163,7 +165,7 @@ def _limit_of_signed_strain(case: Case, law: Law) -> Iterator[Problem]:
         )
 
 
-def _coarse(case: Case, speed: float) -> Iterator[Problem]:
+def _coarse(case: Case) -> Iterator[Problem]:
     """Yield cells and coupling windows in which what is looked for is lost."""
     if case.mesh.surface_size > _WIDEST_CELL:
         yield Problem(
@@ -173,8 +175,10 @@ def _coarse(case: Case, speed: float) -> Iterator[Problem]:
         )
     if case.mechanics is None:
         return
-    window = case.coupling.interval
-    length = window.length if isinstance(window, Way) else window * min(speed, _FASTEST)
+    window, given = case.coupling.interval, case.casting.speed
+    speed = max(given.values) if isinstance(given, Table) else given
+    fastest = ranges.RANGES["casting.speed"].usual[1]
+    length = window.length if isinstance(window, Way) else window * min(speed, fastest)
     if length > _LONGEST_WINDOW:
         yield Problem(
             ("coupling", "interval"),
@@ -197,37 +201,6 @@ def _nearly_at_rolls(case: Case) -> Iterator[Problem]:
                     f"{number}: strain rates between the two mean nothing; give "
                     f'"{pair.position:.9g} m"',
                 )
-
-
-def _cold(case: Case) -> Iterator[Problem]:
-    """Yield surroundings and starts colder than any winter: a number of degC with the unit K."""
-    given: list[tuple[Path, Any]] = [(("casting", "temperature"), case.casting.temperature)]
-    if case.mould is not None:
-        given.append((("mould", "wall_temperature"), case.mould.wall_temperature))
-    for i, zone in enumerate(case.cooling):
-        for j, law in enumerate(zone.surface):
-            given += [
-                (("cooling", i, "surface", j, key), getattr(law, key))
-                for key, field in type(law).model_fields.items()
-                if any(_temperature(part) for part in (field.annotation, *field.metadata))
-            ]
-    for path, value in given:
-        if isinstance(value, float) and value < _COLDEST:
-            written = format(value, "K", "K").removesuffix(" K")
-            yield Problem(
-                path,
-                f"({written} K) is {convert(value, 'K', 'degC'):.4g} degC; did you mean "
-                f'"{written} degC"?',
-            )
-
-
-def _temperature(annotation: object) -> bool:
-    """Return whether a key of this type takes a temperature."""
-    if isinstance(annotation, Curve):
-        return _temperature(annotation.kind)
-    if isinstance(annotation, Kind):
-        return annotation.unit == "K" and not annotation.difference
-    return any(_temperature(inner) for inner in typing.get_args(annotation))
 
 
 def _sprays(case: Case) -> Iterator[Problem]:

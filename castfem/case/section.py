@@ -18,7 +18,7 @@ from castfem.case.variants import Variants
 from castfem.values.quantities import Distance, Kind, Length
 from castfem.values.table_notation import Curve
 from castfem.values.tables import Table
-from castfem.values.units import format
+from castfem.values.units import in_mm
 
 Size = Callable[[str], float]
 """Size of a cavity at the meniscus by the name that [mould] and [section] give it, m."""
@@ -124,7 +124,7 @@ class Rectangle(Section):
         """See `Section.problems`."""
         radius, sides = self.corner_radius, (self.width, self.height)
         if None not in (radius, *sides) and radius >= 0.5 * min(sides):
-            given, most = (format(x, "m", "mm") for x in (radius, 0.5 * min(sides)))
+            given, most = (in_mm(x) for x in (radius, 0.5 * min(sides)))
             yield Problem(
                 ("section", "corner_radius"),
                 f"({given}) leaves no flat face; allowed: below half the smaller side "

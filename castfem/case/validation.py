@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from castfem.case import effort, result_names
+from castfem.case import bounds, effort, result_names
 from castfem.case.bending import check_bending
 from castfem.case.build_mould import check_mould
 from castfem.case.bulging import check_bulging
 from castfem.case.casting import CONTACT_FIELDS, MECHANICAL_FIELDS, Casting, Start
-from castfem.case.check_cooling import check_cooling, in_mm, is_complete, unknown_groups
+from castfem.case.check_cooling import check_cooling, is_complete, unknown_groups
 from castfem.case.check_output import check_output
 from castfem.case.check_secondary import check_secondary
 from castfem.case.check_water import check_water
@@ -28,6 +28,7 @@ from castfem.case.problems import Problem
 from castfem.case.section import Section, Strip
 from castfem.case.verification import check_verification
 from castfem.values.tables import Table
+from castfem.values.units import in_mm
 
 _FINEST = 1e-5  # of half the section: smallest cell
 _SOFTEST = 1e-6  # of the solid: liquid that keeps its shape at large strain
@@ -35,6 +36,7 @@ _SOFTEST = 1e-6  # of the solid: liquid that keeps its shape at large strain
 
 def check(case: Case) -> Iterator[Problem]:
     """Yield everything that does not fit together."""
+    yield from bounds.impossible(case)
     yield from _casting(case)
     yield from _section(case)
     yield from _mesh(case)
@@ -120,6 +122,11 @@ def _meniscus(case: Case, start: Start) -> Iterator[Problem]:
             path,
             f"({in_mm(height)}) is not within the first zone of the cooling, which ends at "
             f"{in_mm(first.to)}; a meniscus is about 10 mm high",
+        )
+    length = None if case.casting is None else case.casting.length
+    if length is not None and not height < length:
+        yield Problem(
+            path, f"({in_mm(height)}) is not above casting.length ({in_mm(length)}), where it ends"
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import sys
@@ -89,6 +90,11 @@ def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
             print(f"{prefix}{line}", file=sys.stderr)
     elif isinstance(error, CastfemError) or _is_missing(error):
         print(f"{prefix}{error}", file=sys.stderr)
+    elif isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+        print(
+            f"{prefix}{str(error.filename)[:40]}...: no file has such a long name", file=sys.stderr
+        )
+        return InputError.exit_status
     else:
         if verbose:
             traceback.print_exception(error)

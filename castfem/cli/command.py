@@ -10,6 +10,8 @@ from typing import Any
 
 import click
 
+from castfem.values.units import nearest
+
 _STATUS = "Exit status: 0 if all went well, 1 for bad input, 2 for a run that could not go on."
 
 
@@ -46,6 +48,16 @@ class Group(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the commands."""
         return list(self.commands)
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        """Return the command that is called, or name the nearest one to what is none."""
+        try:
+            return super().resolve_command(ctx, args)
+        except click.UsageError as error:
+            near = nearest(args[0], self.commands)
+            if near and "Did you mean" not in error.message:
+                error.message += near.removeprefix(";").replace(" did", " Did", 1)
+            raise
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the section of the commands."""

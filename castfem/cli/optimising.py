@@ -149,8 +149,11 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
         print(f"{', '.join(written)} in {target}, runs beside")
     if optimum.status != "found":
         what = "no run has come to its end"
-        if optimum.status == "impossible":
-            what = "the constraints cannot be met"
+        what = {
+            "impossible": "the constraints cannot be met",
+            "not converged": "the search has not converged; raise optimise.most_runs",
+            "independent": "the results do not depend on what is varied",
+        }.get(optimum.status, what)
         print(f"castfem: {what}", file=sys.stderr)
         return RunFailure.exit_status
     return 0

@@ -15,7 +15,22 @@ from castfem.errors import CaseError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 """What adds an argument or an option to a function that becomes a command."""
-PATH = click.Path(path_type=Path)
+_LONGEST = 255  # bytes of a name, in every file system in use
+
+
+class _Path(click.Path):
+    """A path; one that no file or folder can have is refused before anything is done."""
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> Any:
+        """See `click.Path`."""
+        if not str(value).strip():
+            self.fail("is empty; give the name of a file or folder", param, ctx)
+        if any(len(part.encode(errors="replace")) > _LONGEST for part in Path(value).parts):
+            self.fail(f"a name is longer than {_LONGEST} bytes; give a shorter one", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = _Path(path_type=Path)
 
 case_name: Decorator = click.argument(
     "case",

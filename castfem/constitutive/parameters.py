@@ -27,12 +27,13 @@ from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
-from castfem.constitutive.base import Parameter
+from castfem.constitutive.base import Law, Parameter
 from castfem.constitutive.data_range import DataRange
 from castfem.constitutive.elasticity import Curve, Elasticity, Solidity
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.errors import InputError
 from castfem.support.messages import choices, shown
+from castfem.values import ranges
 from castfem.values.quantities import Kind
 from castfem.values.table_notation import Curve as TableReader
 from castfem.values.tables import Constant, Table
@@ -126,6 +127,11 @@ class _Reader:
         except ValueError as error:
             self.fail(key, str(error))
             return Constant(1.0)
+        if (bounds := ranges.of(f"law.{key}")) is not None:
+            values = found.values if isinstance(found, Table) else (found,)
+            beyond = (bounds.impossible(value, parameter.kind) for value in values)
+            if text := next(filter(None, beyond), ""):
+                self.fail(key, text)
         if isinstance(found, Table):
             return replace(found, logarithmic=parameter.logarithmic)
         return Constant(found)
@@ -262,6 +268,25 @@ def law_from(
     if reader.problems:
         raise InputError(reader.problems)
     return made
+
+
+def unusual(name: str, law: Law, base_dir: str | os.PathLike[str] | None = None) -> str:
+    """Say which parameter of a law is hardly meant, and why; empty where all may be.
+
+    Raises:
+        InputError: As `load_law`.
+    """
+    if not isinstance(law, RadialReturn):
+        return ""
+    data, _ = _parse(name, Path(base_dir or "."), "law")
+    for key, parameter in law.parameters.items():
+        curve, bounds = law.given_curve(key), ranges.of(f"law.{key}")
+        if key not in data or curve is None or bounds is None:
+            continue
+        for value in getattr(curve, "values", ()):
+            if text := bounds.unusual(float(value), parameter.kind):
+                return f"{key}: {text}"
+    return ""
 
 
 def delta_share_of(carbon: float) -> Callable[[Array], Array]:

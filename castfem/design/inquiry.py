@@ -78,6 +78,32 @@ class Inquiry:
         best = search.run(start)
         if outputs.seen[best].failed:
             return verdict(Findings(question, outputs, search, best, None, None, self._told))
+        for _ in range(_TURNS):
+            found = self._about(search, best)
+            best = found.best
+            better = search.better_than(best)
+            if better is None or search.spent:
+                break
+            best = better
+        if (better := search.better_than(best)) is not None:
+            found = Findings(question, outputs, search, better, None, None, self._told, ended=False)
+            return verdict(found)
+        model = found.model
+        assert model is not None
+        spread_by = None
+        if question.inputs:
+            self._follows("spread by the inputs")
+            drawn, carries = Outputs(question, self._known, obtain), own and self._can_carry(best)
+            spread_by = spread(drawn, best, model, carries=carries)
+        front = None
+        if question.table.front is not None:
+            self._follows("front of the two objectives")
+            front = Tracer(search, start, self._done).trace(best)
+        return verdict(found, front, spread_by)
+
+    def _about(self, search: Search, best: Wanted) -> Findings:
+        """Look at what lies about a best run, and by the other levels."""
+        outputs = search.outputs
         self._follows("what a step away from the best run costs")
         best, model, step = self._surroundings(search, best)
         search.measure_at(best)
@@ -94,17 +120,9 @@ class Inquiry:
             model = self._model(outputs, best, step)
         binds = self._binding(search, best, model, error)
         there = self._checked(search, best, model, error, binds)
-        found = Findings(question, outputs, search, best, model, error, self._told, there, binds)
-        spread_by = None
-        if question.inputs:
-            self._follows("spread by the inputs")
-            drawn, carries = Outputs(question, self._known, obtain), own and self._can_carry(best)
-            spread_by = spread(drawn, best, model, carries=carries)
-        front = None
-        if question.table.front is not None:
-            self._follows("front of the two objectives")
-            front = Tracer(search, start, self._done).trace(best)
-        return verdict(found, front, spread_by)
+        return Findings(
+            self._question, outputs, search, best, model, error, self._told, there, binds
+        )
 
     def _start(self, obtain: Obtain | None) -> Array:
         """Where the search begins (n,): tapers by what a strand does in its idealised mould."""

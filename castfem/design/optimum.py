@@ -9,7 +9,7 @@ from typing import Any, Literal
 from castfem.design.front import Front
 from castfem.output.summary import from_si, unit_of_difference
 
-Status = Literal["found", "impossible", "failed"]
+Status = Literal["found", "not converged", "independent", "impossible", "failed"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +191,9 @@ class Optimum:
 
     Attributes:
         title: Of the case.
-        status: "found"; "impossible" where no run meets all constraints, of which this is the one
+        status: "found"; "not converged" where runs were used up while better ones were still met;
+            "independent" where no variable changes any result; "impossible" where no run meets all
+            constraints, of which this is the one
             that misses them least; "failed" where no run has come to its end.
         sense: "minimise" or "maximise".
         values: The variables.
@@ -212,6 +214,7 @@ class Optimum:
         front: Of the objective and what it is weighed against; None where that was not asked for.
         by_check: Results of the run with the values `checked`; None where there are none.
         unknown: What of its error was not checked, a clause each: intervals are open for it.
+        idle: Keys of the variables that change no result.
     """
 
     title: str
@@ -233,6 +236,7 @@ class Optimum:
     spread: Spreading | None = None
     by_check: ByCheck | None = None
     unknown: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
 
     @property
     def binding(self) -> tuple[Kept, ...]:
@@ -283,6 +287,7 @@ class Optimum:
             "seconds": self.seconds,
             "best": self.best,
             "unknown": list(self.unknown),
+            "idle": list(self.idle),
             **self._by_check(),
             **({} if self.spread is None else {"spread": asdict(self.spread)}),
             **({} if self.front is None else {"front": self.front.to_json()}),

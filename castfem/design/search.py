@@ -386,6 +386,33 @@ class Search:
         short = np.where(left >= -allowed, 0.0, -left)
         return float(np.max(short / self._scale[1:]))
 
+    def better_than(self, wanted: Wanted) -> Wanted | None:
+        """The best run seen where it is better than one by more than their noise, else None."""
+        best = self.best()
+        nearer = self.violation(best) < self.violation(wanted)
+        if best == wanted or self.outputs.seen[best].failed:
+            return None
+        cost = 0.0 if self.outputs.seen[wanted].failed else self.outputs.cost(wanted)
+        gain = cost - self.outputs.cost(best)
+        noise = 0.0 if self.noise is None else float(self.noise.sigma[0])
+        return best if nearer or gain > max(noise, ROUNDING * abs(cost)) else None
+
+    def without_effect(self) -> tuple[str, ...]:
+        """Keys of the variables that change no result by more than rounding; see `towards`.
+
+        All of them, where no two runs differ in any result.
+        """
+        own = [w for w in self.outputs.seen if w.fidelity == self.question.table.fidelity]
+        values = [self.outputs.vector(w) for w in own if not self.outputs.seen[w].failed]
+        if self.noise is None or len(values) < 2:
+            return ()
+        largest = np.max(np.abs(values), axis=0)
+        keys = [axis.key for axis in self.question.axes]
+        if np.all(np.ptp(values, axis=0) <= ROUNDING * largest):
+            return tuple(keys)
+        idle = np.all(np.abs(self.noise.slope) <= ROUNDING * largest[:, None], axis=0)
+        return tuple(key for key, one in zip(keys, idle, strict=True) if one)
+
     def best(self) -> Wanted:
         """The best run seen: the one with the least violation, and of those the least cost."""
         level = self.question.table.fidelity

@@ -129,6 +129,10 @@ def _state(optimum: Optimum) -> str:
         by = "; ".join(part for part in (held, *held_by) if part)
         state = f"found; held by {by}" if by else "found; no constraint binds"
         return f"{state}; another place is as good" if optimum.elsewhere else state
+    if optimum.status == "not converged":
+        return "not converged: better runs were still met; raise optimise.most_runs"
+    if optimum.status == "independent":
+        return f"depends on none of {', '.join(optimum.idle)}; any value is as good"
     worst = optimum.worst
     if worst is None:
         return "no run meets all constraints"
@@ -292,6 +296,8 @@ def _remarks(optimum: Optimum) -> Iterator[str]:
         f"{optimum.seconds:.0f} s of runs; best run: {optimum.best or 'told by others'}"
     )
     yield from _by_check(optimum)
+    if optimum.idle and optimum.status == "found":
+        yield f"no result depends on {' and '.join(optimum.idle)}: any value is as good"
     for why in optimum.unknown:
         yield f"the interval is open, for {why}"
     if optimum.elsewhere:

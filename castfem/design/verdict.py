@@ -48,6 +48,7 @@ class Findings:
         told: All runs.
         there: The optimum by the level of the check; None where that failed.
         binds: Which constraints bind; None where no run has come through.
+        ended: Whether no other run of the search is better.
     """
 
     question: Question
@@ -59,6 +60,7 @@ class Findings:
     told: Mapping[Wanted, Evaluation]
     there: Checked | None = None
     binds: Binding | None = None
+    ended: bool = True
 
     @property
     def noise(self) -> Array:
@@ -78,7 +80,12 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
     given = outputs.seen[best]
     level = found.question.table.fidelity
     own = [w for w in outputs.seen if w.fidelity == level and not w.ideal]
-    status: Status = "found" if found.search.violation(best) <= 0.0 else "impossible"
+    idle = found.search.without_effect()
+    status: Status = "found" if found.ended else "not converged"
+    if len(idle) == len(found.question.axes):
+        status = "independent"
+    if found.search.violation(best) > 0.0:
+        status = "impossible"
     good = None if status != "found" or given.failed else _as_good(found)
     places = _intervals(found, good)
     unknown = _unknown(found, spread)
@@ -106,6 +113,7 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
         spread=None if spread is None else _spread(found, spread),
         by_check=_by_check(found),
         unknown=() if unknown is None else unknown.reasons,
+        idle=idle,
     )
 
 

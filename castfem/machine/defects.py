@@ -45,6 +45,8 @@ def with_radii(rolls: Rolls) -> Rolls:
 def _with_radii(rolls: Rolls) -> tuple[Pair, ...]:
     pairs = list(rolls.pairs)
     held = rolls.there
+    if not held:
+        return tuple(pairs)
     moved = {i for i in held if pairs[i].offset}
     if moved:
         points, inward = _places(rolls)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -20,7 +21,7 @@ from castfem.materials.expansion import (
     MeanExpansion,
 )
 from castfem.materials.formulas import FORMULAS
-from castfem.materials.plausible import implausible
+from castfem.materials.plausible import COLDEST, HOTTEST, implausible
 from castfem.materials.properties import ByFormula, Property
 from castfem.materials.schema import (
     KINDS,
@@ -31,6 +32,7 @@ from castfem.materials.schema import (
     Problem,
 )
 from castfem.materials.solid_fraction import (
+    NARROWEST,
     LeverFraction,
     LinearFraction,
     SolidFraction,
@@ -48,7 +50,6 @@ from castfem.values.units import nearest
 CURVES = ("density", "specific_heat", "enthalpy", "conductivity", "emissivity", "youngs_modulus",
           "poisson_ratio")  # fmt: skip
 NEEDED = ("density", "specific_heat", "conductivity")
-COLDEST, HOTTEST = 293.15, 1973.15  # K: where formulas must give sensible values
 
 
 class Faulty(Exception):
@@ -172,6 +173,10 @@ class Workshop:
         except ValueError as error:
             raise self.fail(key, text=str(error)) from None
         assert not isinstance(table, float)
+        for number, (above, below) in enumerate(itertools.pairwise(table.arguments), start=2):
+            if below - above < NARROWEST:
+                text = f"row {number} is {below - above:.2g} K above row {number - 1}; a jump takes"
+                raise self.fail(key, text=f"{text} {NARROWEST:g} K at least, better 0.001 K")
         return replace(table, refuse_outside=entry.outside == "refuse")
 
     def _named(self, key: str, entry: Entry, names: tuple[str, ...]) -> str:

@@ -6,37 +6,24 @@ The ranges are wide: they find a wrong unit or a misread number, not a doubtful 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from castfem.materials.enthalpy_table import EnthalpyTable
+from castfem.materials.expansion import DifferentialExpansion
+from castfem.materials.properties import ByFormula
 from castfem.materials.schema import KINDS, ExpansionEntry, MaterialFile, Problem
 from castfem.materials.steel import Steel
+from castfem.values import ranges
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.csv_files import read_csv
 from castfem.values.tables import Constant, Table
-from castfem.values.units import convert
-from castfem.values.units import format as write
 
-# Property -> least and largest value of metals that are cast, solid or liquid, SI. Where the kind
-# of the property allows 0, that leaves something out of a case and is plausible.
-PLAUSIBLE: Mapping[str, tuple[float, float]] = {
-    "solidus": (373.15, 3300.0),
-    "liquidus": (373.15, 3300.0),
-    "latent_heat": (1e4, 2e6),
-    "density": (1e3, 25e3),
-    "specific_heat": (80.0, 1e4),  # outside of the freezing range; Curie points have some 5000
-    "conductivity": (1.0, 5e3),
-    "emissivity": (0.01, 1.0),
-    "thermal_expansion": (1e-6, 1e-4),
-    "youngs_modulus": (1e5, 6e11),
-}
-# Of a differential coefficient: a transformation within a kelvin changes lengths by 0.5 %.
-LARGEST_DIFFERENTIAL = 1e-2  # 1/K
 TWICE = 0.2  # of the latent heat: so much more in the specific heat is no rounding
 SMOOTH = 1.3  # the specific heats of solid and liquid differ by less
+COLDEST, HOTTEST = 293.15, 1973.15  # K: where formulas must give sensible values
 MARGIN = 50.0  # K beyond solidus and liquidus: a peak may be wider than they say
 
 
@@ -47,8 +34,8 @@ def implausible(steel: Steel, given: MaterialFile) -> Iterator[Problem]:
         steel: The steel.
         given: What it was made of.
     """
-    for key in PLAUSIBLE:
-        if (entry := given.entry(key)) is not None and entry.formula is None:
+    for key in KINDS:
+        if given.entry(key) is not None and ranges.of(f"steel.{key}") is not None:
             yield from _out_of_range(steel, given, key)
     yield from _slope_out_of_range(steel)
     yield from _counted_twice(steel)
@@ -58,23 +45,47 @@ def _out_of_range(steel: Steel, given: MaterialFile, key: str) -> Iterator[Probl
     """Yield the first value of a property that is beyond its range."""
     entry = given.entry(key)
     assert entry is not None
-    least, most = PLAUSIBLE[key]
-    if isinstance(entry, ExpansionEntry) and entry.coefficient == "differential":
-        least, most = -LARGEST_DIFFERENTIAL, LARGEST_DIFFERENTIAL
+    differential = isinstance(entry, ExpansionEntry) and entry.coefficient == "differential"
+    bounds = ranges.RANGES[f"steel.{key}.differential" if differential else f"steel.{key}"]
     for number, (at, value) in enumerate(_values(steel, key)):
-        freezing = at is not None and _is_near(steel, at) and key == "specific_heat"
-        if value == 0.0 or least <= value <= (np.inf if freezing else most):
+        text = bounds.impossible(value, KINDS[key])
+        if not text or (_freezes(steel, key, at) and value > bounds.possible[1]):
             continue
         where = "" if at is None else f"row {number + 1}, {at - ZERO_CELSIUS:g} degC: "
+        if at is not None and entry.formula is not None:
+            where = f"formula {entry.formula} at {at - ZERO_CELSIUS:.0f} degC: "
         if at is not None and entry.file is not None:
             row = read_csv(Path(entry.file)).rows[number]
             where = f"'{entry.file}' line {row.line}, {at - ZERO_CELSIUS:g} degC: "
-        yield Problem((key,), f"{where}{_beyond(key, value, least, most)}")
+        yield Problem((key,), f"{where}{text}")
         return
 
 
+def unusual(steel: Steel) -> Iterator[Problem]:
+    """Yield what a steel has that was probably not meant, once for each property."""
+    for key in KINDS:
+        differential = isinstance(steel.expansion, DifferentialExpansion)
+        bounds = ranges.of(f"steel.{key}")
+        if bounds is None or (key == "thermal_expansion" and differential):
+            continue
+        for at, value in _values(steel, key):
+            text = bounds.unusual(value, KINDS[key])
+            if text and not (_freezes(steel, key, at) and value > bounds.usual[1]):
+                where = "" if at is None else f"at {at - ZERO_CELSIUS:.4g} degC: "
+                yield Problem((key,), where + text)
+                break
+
+
+def _freezes(steel: Steel, key: str, at: float | None) -> bool:
+    """Whether a property is a heat at a temperature at which some of it may be that of freezing."""
+    return key == "specific_heat" and at is not None and _is_near(steel, at)
+
+
 def _values(steel: Steel, key: str) -> list[tuple[float | None, float]]:
-    """The numbers of a property with their temperatures in K; of a constant without."""
+    """The numbers of a property with their temperatures in K; of a constant without.
+
+    Of a formula they are those over the temperatures of castings.
+    """
     if key in ("solidus", "liquidus", "latent_heat"):
         return [(None, float(getattr(steel, key)))]
     law = steel.properties.get(key)
@@ -83,17 +94,11 @@ def _values(steel: Steel, key: str) -> list[tuple[float | None, float]]:
         law = Constant(law) if isinstance(law, float) else law
     if isinstance(law, Constant):
         return [(None, law.value)]
+    if isinstance(law, ByFormula):
+        t = np.union1d(np.linspace(COLDEST, HOTTEST, 169), law.kinks)
+        t = t[(t >= COLDEST) & (t <= HOTTEST)]
+        return list(zip(map(float, t), map(float, law(t)), strict=True))
     return list(zip(law.arguments, law.values, strict=True)) if isinstance(law, Table) else []
-
-
-def _beyond(key: str, value: float, least: float, most: float) -> str:
-    """Say that a value is beyond its range."""
-    kind = KINDS[key]
-    unit = kind.shown or kind.unit
-    low, high = (f"{convert(x, kind.unit, unit):.6g}" for x in (least, most))
-    ends = f"{low} to {high}{'' if unit == '1' else f' {unit}'}"
-    shown = f"{value:g}" if kind.unit == "1" else write(value, kind.unit, unit)
-    return f"({shown}) is beyond what metals have, {ends}; are number and unit right?"
 
 
 def _is_near(steel: Steel, temperature: float) -> bool:
@@ -106,7 +111,8 @@ def _slope_out_of_range(steel: Steel) -> Iterator[Problem]:
     law = steel.properties.get("enthalpy")
     if not isinstance(law, EnthalpyTable):
         return
-    least, most = PLAUSIBLE["specific_heat"]
+    bounds = ranges.RANGES["steel.specific_heat"]
+    least, most = bounds.possible
     rows = law.table.arguments
     for number, slope in enumerate(map(float, law.slopes), start=1):
         freezing = _is_near(steel, rows[number - 1]) or _is_near(steel, rows[number])
@@ -115,7 +121,7 @@ def _slope_out_of_range(steel: Steel) -> Iterator[Problem]:
             yield Problem(
                 ("enthalpy",),
                 f"row {number + 1}, {rows[number] - ZERO_CELSIUS:g} degC: the specific heat from "
-                f"row {number} to it {_beyond('specific_heat', slope, least, most)}",
+                f"row {number} to it {bounds.impossible(slope, KINDS['specific_heat'])}",
             )
             return
 

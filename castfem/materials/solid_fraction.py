@@ -19,6 +19,8 @@ from castfem.materials.properties import Property
 from castfem.values.tables import Table
 from castfem.values.types import Array
 
+NARROWEST = 1e-6  # K: of a freezing range, and between two rows of a table; `knots` merges less
+
 
 class SolidFraction(Property, Protocol):
     """A property between 1 at the solidus and 0 at the liquidus."""
@@ -36,6 +38,8 @@ class SolidFraction(Property, Protocol):
 class LinearFraction:
     """Solid fraction linear from solidus to liquidus (12); a step where they coincide.
 
+    They do where they are less than `NARROWEST` apart: it freezes at the liquidus then.
+
     Args:
         solidus: K.
         liquidus: K, not below the solidus.
@@ -49,6 +53,8 @@ class LinearFraction:
     def __post_init__(self) -> None:
         if self.solidus > self.liquidus:
             raise ValueError("solidus above liquidus")
+        if self.liquidus - self.solidus < NARROWEST:
+            object.__setattr__(self, "solidus", self.liquidus)
 
     @property
     def kinks(self) -> tuple[float, ...]:

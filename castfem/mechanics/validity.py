@@ -65,7 +65,7 @@ SMALL = Limits(
     "small strain", 0.1, (0.9, 1.1), 0.1, 0.2, f'{LOOK}; mechanics.strain = "large" goes farther'
 )
 TURNED = 0.6  # rad: fed liquid turns, as a corner fills, before it freezes; that counts in, too
-LARGE = Limits("large strain", 1.0, (1.0 / 3.0, 3.0), np.inf, np.inf, LOOK)
+LARGE = Limits("large strain", 1.0, (1.0 / 3.0, 3.0), 0.3, np.inf, LOOK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +192,8 @@ class Validity:
             message = f"the shell turns by {{0:.3g}} rad (at most {limits.rotation:g})"
             fresh = partial(self._fresh, turned, temperature[: len(place)])
             found.append(Judged(turned[solid], place[solid], limits.rotation, message, more=fresh))
-            shell = reductions.any_of(self._comm, bool(solid.any()))
-            found += self._bulges(place, moved[solid] if shell else moved)
+        shell = reductions.any_of(self._comm, bool(solid.any()))
+        found += self._bulges(place, moved[solid] if shell else moved)
         distorted = np.inf if self._large else _distortion(f[solid], thickness[solid])
         borne = self._borne(state, temperature, solid, distorted)
         message = f"the shell is strained by {{0:.3g}} (at most {limits.strain:g})"

@@ -133,13 +133,22 @@ class Kind(Notation):
             return value
         return units.format(value, self.unit, self.shown, difference=self.difference)
 
+    def number(self, value: float) -> float:
+        """Return an SI value in the unit in which it is shown."""
+        if self.unit == "1":
+            return value
+        return units.convert(value, self.unit, self.shown or self.unit, difference=self.difference)
+
+    @property
+    def suffix(self) -> str:
+        """What stands behind that number, a space and its unit; nothing without one."""
+        return "" if self.unit == "1" else f" {self.shown or self.unit}"
+
     def _text(self, bound: float) -> str:
         if self.unit == "1":
             percent = self.shown == "percent" and bound
             return f"{bound:g}" + (f" ({100.0 * bound:g} percent)" if percent else "")
-        shown = self.shown or self.unit
-        number = units.convert(bound, self.unit, shown, difference=self.difference)
-        return f"{round(number, 9) + 0.0:g} {shown}"
+        return f"{round(self.number(bound), 9) + 0.0:g}{self.suffix}"
 
     def __get_pydantic_json_schema__(
         self, schema: CoreSchema, handler: GetJsonSchemaHandler
@@ -185,6 +194,10 @@ class WaterKind(Kind):
             except ValueError:
                 raise volume from None
             return self.bounded(mass)
+
+    def number(self, value: float) -> float:
+        """See `Kind.number`; a litre is a kilogram."""
+        return value
 
     def write(self, value: float) -> str:
         """Return the text that reads back to the same value."""

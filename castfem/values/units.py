@@ -267,7 +267,7 @@ def parse_any(text: object) -> tuple[float, str]:
 
     Returns:
         The value in SI base units and the name of that SI unit ("1" for a plain number). A unit
-        of temperature alone is read as a temperature, not as a difference.
+        of temperature alone is read as a temperature, not as a difference; kelvins may be below 0.
 
     Raises:
         ValueError: As `parse`.
@@ -278,7 +278,8 @@ def parse_any(text: object) -> tuple[float, str]:
     if not written:
         return parse(text, "1"), "1"
     si = _si_of(written)
-    return parse(text, si), si
+    # Kelvins below 0 can only be a difference, such as a superheat that a search may vary.
+    return parse(text, si, difference=written == "K"), si
 
 
 @lru_cache(maxsize=1024)  # a sweep reads the same units again for each of its cases
@@ -334,6 +335,11 @@ def factor_and_zero(si: str, unit: str) -> tuple[float, float]:
     """
     scale, offset = _conversion("" if unit == "1" else unit, si, False)
     return float(1 / scale), float(offset / scale)
+
+
+def in_mm(length: float) -> str:
+    """Return a length, m, as messages have it: in mm, to nine digits."""
+    return f"{1e3 * length:.9g} mm"
 
 
 def format(value: float, unit: str, shown: str = "", *, difference: bool = False) -> str:

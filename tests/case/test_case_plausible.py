@@ -36,7 +36,7 @@ def _warnings(*changes: str) -> tuple[str, ...]:
         ),
         # 62.5 mm / 57.5 mm
         (WALL % 5, "mould.taper: the mould closes by 8.7 %"),
-        ("casting.speed=360 m/min", "casting.speed: (360 m/min) is far beyond"),
+        ("casting.speed=360 m/min", "casting.speed: (360 m/min) is far from what strands are"),
         ("coupling.interval=1 km", "coupling.interval: (1000 m of strand) is longer than"),
         ("coupling.interval=10 s", "coupling.interval: (0.6 m of strand) is longer than"),
         (ROUGH % 30, "(30) is more than 2 times the pressure; did you mean 0.3?"),
@@ -102,20 +102,9 @@ def test_a_composition_in_per_cent_is_one(written: str, percent: float) -> None:
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (
-            "casting.superheat=3000 K",
-            ["--set: casting.superheat: 3000 K above the liquidus of car"],
-        ),
-        (
-            "casting.temperature=15400 degC",
-            ["--set: casting.temperature: 1.39e+04 K above the liq"],
-        ),
+        ("casting.temperature=2500 degC", ["--set: casting.temperature: 997.5 K above the liq"]),
         ("casting.superheat=150 K", []),
         ("casting.temperature=1600 degC", []),
-        (
-            'casting.superheat={ time = ["0 s", "9 s"], value = ["30 K", "400 K"] }',
-            ["--set: casting.superheat: 400 K above the liquidus of carbon_042 are far beyond"],
-        ),
     ],
 )
 def test_steel_hotter_than_any_is_poured(change: str, said: list[str]) -> None:

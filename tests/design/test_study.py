@@ -16,6 +16,7 @@ from castfem.design.numerical import Numerical, error, sides
 from castfem.design.told import told
 from castfem.errors import InputError
 from castfem.output.summary import Quantity
+from castfem.support.atomic_files import plain
 
 SUPERHEAT = {"key": "casting.superheat", "range": ["10 K", "50 K"]}
 
@@ -369,3 +370,45 @@ def test_a_level_that_lies_between_the_finest_and_its_error():
     assert sides({"thermal": 1.0, "coarse": 0.8}, "thermal") == pytest.approx((0.2, 0.0))
     assert sides({"thermal": 1.0, "coarse": np.nan}, "thermal") == (0.0, 0.0)
     assert np.isnan(error({"thermal": 1.0}, "thermal"))
+
+
+@pytest.mark.parametrize("most", [7, 8, 12, 20])
+@pytest.mark.parametrize("table", [{"minimise": HEAT}, {"minimise": [], "maximise": HEAT}])
+def test_the_best_of_all_runs_is_the_answer(table: dict[str, object], most: int) -> None:
+    """Few runs of a result that rises all along: none that was made is better than the answer."""
+    seen: dict[float, float] = {}
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        heat = 1e6 * (1.0 + 0.1 * (wanted.values[0] - 10.0))
+        if wanted.fidelity == "default":
+            seen[wanted.values[0]] = heat
+        return {HEAT: heat, STRESS: 1.0}
+
+    found = solve(study(SUPERHEAT, most_runs=most, **table), given)
+    best = (max if "maximise" in table else min)(seen, key=seen.__getitem__)
+    assert found.values[0].value == best
+    truth = 50.0 if "maximise" in table else 10.0
+    assert (found.status == "found") == (best == truth)
+    assert found.status in ("found", "not converged")
+    assert covered(found, truth)
+    assert ("not converged" in "".join(b for b in told(found) if isinstance(b, str))) == (
+        found.status != "found"
+    )
+    json.dumps(plain(found.to_json()), allow_nan=False)
+
+
+def test_what_nothing_depends_on_is_not_found() -> None:
+    """Differences of 1e-12 K are those of rounding."""
+
+    def given(wanted: Wanted) -> dict[str, float]:
+        return {STRESS: 1500.0 + 1e-12 * np.sin(1e3 * wanted.values[0]), HEAT: 1.0}
+
+    found = solve(study(SUPERHEAT), given)
+    assert found.status == "independent" and found.idle == ("casting.superheat",)
+    (first, *_) = (block for block in told(found) if isinstance(block, str))
+    assert "depends on none of casting.superheat; any value is as good" in first
+    both = solve(study(SPEED, SUPERHEAT), lambda w: bowl(w))
+    assert both.status == "found" and both.idle == ("casting.superheat",)
+    assert any(
+        "no result depends on casting.superheat" in b for b in told(both) if isinstance(b, str)
+    )

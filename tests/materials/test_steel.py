@@ -275,3 +275,29 @@ def test_a_density_that_would_store_less_heat_in_warmer_steel_is_refused():
     with pytest.raises(InputError, match="test: density: it rises so much from 1476"):
         steel.enthalpy_knots(LOWER, UPPER, poured=1800.0)
     steel.enthalpy_knots(LOWER, UPPER)
+
+
+@pytest.mark.parametrize("apart", [0.0, 1e-12, 1e-10, 1e-9, 2e-9, 1e-7, 1e-6, 1e-3])
+def test_a_freezing_range_of_next_to_nothing_has_all_its_heat(apart: float) -> None:
+    """What is too narrow to be resolved is isothermal: to the enthalpy as to all others."""
+    ends = {"solidus": f"{1502.5 - apart!r} degC", "liquidus": "1502.5 degC"}
+    steel = load_steel("carbon_042", overrides=ends)
+    curve = steel.thermal_curve(1700.0, 1800.0)
+    by_hand = 7400.0 * (270e3 + 700.0 * 100.0)
+    assert curve.enthalpy(1800.0) - curve.enthalpy(1700.0) == pytest.approx(by_hand, rel=1e-12)
+    assert (steel.solidus == steel.liquidus) == (apart < 1e-6)
+
+
+@pytest.mark.parametrize("key", ["conductivity", "specific_heat", "density"])
+def test_rows_too_close_for_a_jump_are_refused(key: str) -> None:
+    unit = {"conductivity": "W/(m K)", "specific_heat": "J/(kg K)", "density": "kg/m^3"}[key]
+    table = {"temperature_unit": "degC", "unit": unit}
+    few = {"conductivity": [30, 60], "specific_heat": [600, 800], "density": [7400, 7000]}[key]
+    jump = table | {"value": [few[0], *few, few[1]]}
+    with pytest.raises(InputError, match="row 3 is 1e-10 K above row 2; a jump takes 1e-06 K"):
+        close = jump | {"temperature": [20, 1452, 1452.0000000001, 1600]}
+        load_steel("carbon_042", overrides={key: close})
+    steel = load_steel(
+        "carbon_042", overrides={key: jump | {"temperature": [20, 1452, 1452.001, 1600]}}
+    )
+    assert getattr(steel, key)(1725.15 + 0.1) == pytest.approx(few[1])

@@ -36,15 +36,16 @@ def refusal(
         right: Of its right half, K, if that is another.
         law: Of the material.
         path: Viscoplastic strain that it has summed up.
-        u: "middle": the middle node along x, m; "xx", "xy", "yx": displacement gradients; "half":
-            that is yx of the right half alone.
+        u: "middle": the middle node along x, m; "xx", "xy", "yx", "yy": displacement gradients;
+            "half": that is yx of the right half alone.
     """
     given = {"large_strain": large}
     setup = SliceSetup(mapped(4, 4, box(SIZE, SIZE)), law, judge=True, given=given)
     problem, judge = setup.problem, setup.stepper._validity
     assert judge is not None
     x, y = problem.space.tabulate_dof_coordinates()[:, :2].T
-    moved = np.column_stack([u.get("xx", 0.0) * x + u.get("xy", 0.0) * y, u.get("yx", 0.0) * x])
+    along = u.get("xx", 0.0) * x + u.get("xy", 0.0) * y
+    moved = np.column_stack([along, u.get("yx", 0.0) * x + u.get("yy", 0.0) * y])
     moved[np.hypot(x - 0.5 * SIZE, y - 0.5 * SIZE) < 1e-9, 0] += u.get("middle", 0.0)
     moved[:, 1] += u.get("half", 0.0) * np.maximum(x - 0.5 * SIZE, 0.0)
     problem.fields.u.x.array[:] = moved.ravel()
@@ -99,6 +100,16 @@ def test_small_strain_has_a_range() -> None:
     assert "look at loads" in refusal(HOT, xx=0.15)
     assert "there is no shell yet" in refusal(HOT, generalized_strains=(0.15, 0, 0, 0))
     assert refusal(HOT, xx=0.15, large=True) == ""
+
+
+@pytest.mark.parametrize("temperature", [COLD, HOT])
+@pytest.mark.parametrize("change", [0.35, -0.35, 4.8])
+def test_no_section_bulges_or_shrinks_by_a_third(temperature: float, change: float) -> None:
+    """Soft liquid without a shell that runs apart to 4.8 times its size is no strand."""
+    for along in ("xx", "yy"):
+        told = refusal(temperature, large=True, **{along: change})
+        assert f"bulge or shrinkage is {abs(change):.3g} of the section (at most 0.3)" in told
+    assert "bulge" not in refusal(temperature, large=True, xx=0.25)
 
 
 def test_what_has_turned_as_liquid_is_told_from_a_shell_that_turns() -> None:
