@@ -11,12 +11,13 @@ Two such cells may be divided, subtracted or compared in per cent (`%`: how much
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report import Output
+from benchmarks.report import PAGE, Output
 
 _NUMBER = r"[-+]?\d[\d.]*(?:e[-+]?\d+)?"
 _QUOTED = re.compile(rf"<!-- q: (.+?) ([-+]?\.?\d*[defg]) -->({_NUMBER})")
@@ -42,8 +43,10 @@ class Quotation:
 
 
 def pages(folder: Path) -> list[Path]:
-    """The pages in a folder laid out as docs/, and in the folders below it."""
-    return sorted(folder.rglob("*.md"))
+    """The pages in a folder laid out as docs/, in the folders below it, and README beside docs/."""
+    beside = folder.parent / "README.md"
+    own = [beside] if folder.name == PAGE.parent.name and beside.is_file() else []
+    return own + sorted(folder.rglob("*.md"))
 
 
 def quotations(page: Path) -> list[Quotation]:
@@ -60,7 +63,7 @@ def wrong(folder: Path) -> list[str]:
     found = []
     for page in pages(folder):
         for one in quotations(page):
-            where = f"{page.relative_to(folder)}: line {one.line}"
+            where = f"{os.path.relpath(page, folder)}: line {one.line}"
             try:
                 right = value(folder, one.what, one.form)
             except KeyError as error:

@@ -76,11 +76,6 @@ def stress(u: Expr, thermal_strain: Expr, youngs_modulus: Expr, poisson: Expr) -
     return (first * ufl.tr(eps) - pushed) * one + 2.0 * second * eps
 
 
-def von_mises(sigma: Expr) -> Expr:
-    """Equivalent stress, Pa."""
-    return ufl.sqrt(1.5 * ufl.inner(ufl.dev(sigma), ufl.dev(sigma)))
-
-
 def stiffness(
     u: ufl.Argument, v: ufl.Argument, youngs_modulus: Expr, poisson: Expr, dx: ufl.Measure
 ) -> ufl.Form:

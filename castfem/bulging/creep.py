@@ -27,7 +27,7 @@ from castfem.constitutive.hardening_laws import Hardening
 from castfem.errors import RunFailure
 from castfem.values.types import Array
 
-STEPS = 64
+STEPS = 160
 PASSES = 30
 VIRGIN_PITCHES = 4  # of a law that cannot become periodic
 TOLERANCE = 3e-4  # of the deflection, from pass to pass

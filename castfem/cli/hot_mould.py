@@ -106,7 +106,7 @@ def hot_rows(wall: HotWall) -> list[tuple[str, str]]:
         ("length", f"{1e3 * wall.longer:+.2f} mm"),
         (
             "von Mises",
-            f"{1e-6 * distorted.largest_stress:.0f} MPa (elastic), the largest within the cells, "
+            f"{1e-6 * distorted.largest_stress:.0f} MPa (elastic), the largest, "
             f"at x = {x:.0f}, y = {y:.0f}, {z:.0f} mm below the meniscus",
         ),
     ]

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.compare.runs import Run
-from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
+from castfem.output.summary import SIGNS, Kind, Quantity, from_si, met
 from castfem.report.headline import headline, plain_label
 from castfem.report.numbers import is_gap, shown, small_gap, unit_shown, with_error
 from castfem.report.remarks import mould_exit
+from castfem.results.labels import last_quantities
 from castfem.support.atomic_files import write_text
 from castfem.values.shown_units import Scale, label_shown, scale_of
 
@@ -51,6 +52,8 @@ class Line:
         errors: Of our values, NaN where none is known; empty where none is of any run.
         name: Of the quantity.
         at: Where, m below the meniscus; None at the end of the runs.
+        resolutions: How exactly our values are resolved, None where that is not known; empty where
+            it is of no run.
     """
 
     label: str
@@ -62,6 +65,7 @@ class Line:
     errors: tuple[float, ...] = ()
     name: str = ""
     at: float | None = None
+    resolutions: tuple[float | None, ...] = ()
 
     @property
     def scale(self) -> Scale:
@@ -72,6 +76,11 @@ class Line:
         """The error of a run's value, None where none is known."""
         known = bool(self.errors) and math.isfinite(self.errors[run])
         return self.errors[run] if known else None
+
+    def resolution(self, run: int) -> float | None:
+        """How exactly a run's value is resolved, as it is shown; None where that is not known."""
+        known = self.resolutions[run] if self.resolutions else None
+        return None if known is None else abs(self.scale.factor) * known
 
     def verdict(self, run: int) -> bool | None:
         """Whether a run keeps to the bound that is given for it; None where there is none."""
@@ -141,14 +150,15 @@ def _line(
 ) -> Line:
     """One quantity, at the end of the runs or on their way."""
     quantity = next(r.summary.quantities[name] for r in runs if name in r.summary.quantities)
-    ours, theirs, errors = [], [], []
+    ours, theirs, errors, resolutions = [], [], [], []
     kinds: list[Kind] = []
     for run, history in zip(runs, histories, strict=True):
         mine = run.summary.quantities.get(name)
-        value = math.nan if mine is None else mine.value
         error = None if mine is None or at is not None else mine.shown_error
         errors.append(math.nan if error is None else error)
-        value = value if at is None else _on_the_way(history, name, at)
+        there = mine if at is None else _on_the_way(history, name, at)
+        value = math.nan if there is None else there.value
+        resolutions.append(None if there is None or error is not None else there.shown_resolution)
         expected = math.nan
         kind: Kind = "value"
         for comparison in run.summary.references:
@@ -172,15 +182,20 @@ def _line(
         known,
         name,
         at,
+        tuple(resolutions) if any(resolutions) else (),
     )
 
 
-def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> float:
-    """A column of a history at a position [m], in SI; NaN where the run has not been."""
+def _on_the_way(history: pandas.DataFrame | None, name: str, at: float) -> Quantity | None:
+    """A column of a history at a position [m]; None where the run has not been."""
     if history is None or name not in history:
-        return math.nan
-    value = np.interp(at, history["position"], history[name], left=np.nan, right=np.nan)
-    return to_si(float(value), str(history.attrs["units"][name]))
+        return None
+    wanted = (name, *(column for column in history if str(column).startswith("solidus_cell_")))
+    row = {
+        str(one): float(np.interp(at, history["position"], history[one], np.nan, np.nan))
+        for one in wanted
+    }
+    return last_quantities(row, history.attrs["units"]).get(name)
 
 
 def _may_be_judged(run: Run, base: Run) -> bool:
@@ -281,7 +296,7 @@ def _cell(line: Line, run: int, *, bare: bool) -> str:
     small = small_gap(line.ours[run], scale.unit) if line.gap else None
     if small is None:
         error = None if error is None else scale.factor * error
-        ours = with_error(_text(line.ours[run], scale), error)
+        ours = with_error(_text(line.ours[run], scale, line.resolution(run)), error)
     else:
         ours = f"{with_error(small, None if error is None else 1e3 * error)} {unit_shown('um')}"
     if bare or not math.isfinite(line.theirs[run]):
@@ -302,10 +317,10 @@ def _reference(line: Line, run: int) -> str:
     return SIGNS[line.kinds[run]] + _text(line.theirs[run], line.scale)
 
 
-def _text(value: float, scale: Scale) -> str:
+def _text(value: float, scale: Scale, resolution: float | None = None) -> str:
     if scale.unit == SHARE and math.isfinite(value):
         return f"{value:.1f}"
-    return shown(scale(value), scale.unit)
+    return shown(scale(value), scale.unit, resolution)
 
 
 def write_csv(folder: Path, runs: Sequence[Run], table: Sequence[Line]) -> Path:

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 
 from castfem.fem import dof_values, reductions
 from castfem.fem.dolfinx_compat import (
@@ -29,6 +29,7 @@ from castfem.hot_mould.solvers import (
     elastic_options,
 )
 from castfem.hot_mould.tube import Tube
+from castfem.meshes.tube import brick_nodes
 from castfem.values.types import Array, Indices
 
 Support = Literal["free", "hung", "clamped", "between"]
@@ -53,13 +54,14 @@ class Distorted:
     Attributes:
         displacement: Function, m.
         solved: The linear solve.
-        largest_stress: Von Mises, Pa, at the points where it is most accurate, a fifth of a cell
-            below the faces of the wall, which may have more.
+        von_mises: Stress at the nodes, those of the faces among them, Pa.
+        largest_stress: The largest of these, Pa.
         largest_at: Where (3,), m.
     """
 
     displacement: fem.Function
     solved: Solved
+    von_mises: fem.Function
     largest_stress: float
     largest_at: tuple[float, float, float]
 
@@ -111,12 +113,12 @@ class Distortion:
                     thing.destroy()
         moved = fem.Function(tube.vectors)
         moved.x.array[:] = dof_values.with_ghosts(tube.vectors, found)
-        largest, *place = self._largest_stress(moved, strain, stiffness, ratio)
+        stress = self._von_mises(moved, temperature)
         return Distorted(
             moved,
             Solved(self._method, tube.unknowns, iterations),
-            largest,
-            (place[0], place[1], place[2]),
+            stress,
+            *self._largest(stress),
         )
 
     def stress_at(
@@ -142,24 +144,46 @@ class Distortion:
         places = Tabulation(tube.mesh, ufl.SpatialCoordinate(tube.mesh), points).values()
         return found.reshape(*found.shape[:2], 3, 3), places
 
-    def _largest_stress(
-        self,
-        moved: fem.Function,
-        strain: fem.Function,
-        stiffness: fem.Function,
-        ratio: fem.Function,
-    ) -> tuple[float, ...]:
-        """Return the largest von Mises stress and its place (collective)."""
-        grid = np.array(np.meshgrid(*[[-_BARLOW, _BARLOW]] * 3, indexing="ij")).reshape(3, -1).T
-        points = 0.5 * (1.0 + grid)
-        sigma = mould_tube.stress(moved, strain, stiffness, ratio)
+    def _von_mises(self, moved: fem.Function, temperature: fem.Function) -> fem.Function:
+        """Return the von Mises stress at the nodes, Pa (collective).
+
+        The stress is most accurate at eight points within each cell. From there it goes on
+        linearly to the nodes of the cell, where the mean of all cells of a node counts.
+        """
         tube = self.tube
-        values = Tabulation(tube.mesh, mould_tube.von_mises(sigma), points).values()
-        places = Tabulation(tube.mesh, ufl.SpatialCoordinate(tube.mesh), points).values()
+        barlow = np.array(np.meshgrid(*[[-_BARLOW, _BARLOW]] * 3, indexing="ij")).reshape(3, -1).T
+        nodes = 2.0 * brick_nodes(tube.degree) / tube.degree - 1.0
+        share = 0.5 * (1.0 + nodes[:, None, :] * barlow[None, :, :] / _BARLOW**2)
+        within, _ = self.stress_at(moved, temperature, 0.5 * (1.0 + barlow))
+        stress = np.einsum("np,cpij->cnij", share.prod(axis=2), within)
+        mean = self._mean_of_cells(stress.reshape(*stress.shape[:2], 9)).reshape(-1, 3, 3)
+        deviator = mean - np.trace(mean, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
+        found = tube.function()
+        found.x.array[: tube.owned] = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+        found.x.scatter_forward()
+        return found
+
+    def _mean_of_cells(self, values: Array) -> Array:
+        """Mean at the owned nodes (owned, m) of what the owned cells have there (cells, n, m)."""
+        tube = self.tube
+        dofs = np.asarray(tube.scalars.dofmap.list)[: len(values)]
+        sums = []
+        for part in (*np.moveaxis(values, 2, 0), np.ones(values.shape[:2])):
+            total = tube.function()
+            np.add.at(total.x.array, dofs, part)
+            total.x.scatter_reverse(la.InsertMode.add)
+            sums.append(total.x.array[: tube.owned].copy())
+        return np.stack(sums[:-1], axis=1) / sums[-1][:, None]
+
+    def _largest(self, stress: fem.Function) -> tuple[float, tuple[float, float, float]]:
+        """Return the largest von Mises stress, Pa, and its place, m (collective)."""
+        tube = self.tube
+        values = stress.x.array[: tube.owned]
         top = reductions.largest(tube.comm, values)
-        near = places.reshape(-1, 3)[values.ravel() >= top * (1.0 - _EQUAL)]
+        near = tube.scalars.tabulate_dof_coordinates()[: tube.owned][values >= top * (1.0 - _EQUAL)]
         own = max((tuple(map(float, place)) for place in near), default=(-np.inf,) * 3)
-        return top, *max(tube.comm.allgather(own))
+        x, y, z = max(tube.comm.allgather(own))
+        return top, (x, y, z)
 
     def _held(self, space: fem.FunctionSpace) -> tuple[list[fem.DirichletBC], Indices]:
         """Return the conditions of symmetry and support, and the owned unknowns they hold.

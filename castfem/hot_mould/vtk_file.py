@@ -5,13 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from dolfinx import fem, la
 
 from castfem.fem.root import on_root
 from castfem.hot_mould.model import HotWall
-from castfem.meshes.tube import brick_nodes
 from castfem.support.atomic_files import replacing
-from castfem.values.types import Array, Indices
+from castfem.values.types import Indices
 
 
 def write_tube(target: Path, wall: HotWall) -> None:
@@ -19,7 +17,7 @@ def write_tube(target: Path, wall: HotWall) -> None:
 
     Each brick of second order becomes eight hexahedra between its nodes. The tube stands as it is
     cold, z up from the meniscus, m; at its nodes are `temperature` (K), `displacement` (m) and
-    `von_mises` (Pa), the stress being the mean of what the cells of a node have there.
+    `von_mises` (Pa).
 
     Args:
         target: The file, its ending .vtu.
@@ -33,7 +31,7 @@ def write_tube(target: Path, wall: HotWall) -> None:
     points = tube.gather(tube.scalars.tabulate_dof_coordinates()[:owned])
     kelvin = tube.gather(wall.heated.temperature.x.array[:owned])
     moved = tube.gather(wall.distorted.displacement.x.array[: 3 * owned].reshape(-1, 3))
-    stress = tube.gather(_von_mises(wall))
+    stress = tube.gather(wall.distorted.von_mises.x.array[:owned])
 
     def write() -> None:
         import meshio
@@ -63,21 +61,3 @@ def lattice(shape: tuple[int, int, int]) -> Indices:
     face = np.array([0, 1, across + 1, across])
     layer = across * around
     return np.asarray(first[:, None] + np.concatenate([face + layer, face]))
-
-
-def _von_mises(wall: HotWall) -> Array:
-    """Von Mises stress at the owned nodes (owned,), Pa: the mean of their cells (collective)."""
-    tube = wall.model.tube
-    points = brick_nodes(tube.degree) / tube.degree
-    stress, _ = wall.model.distortion().stress_at(
-        wall.distorted.displacement, wall.heated.temperature, points
-    )
-    deviator = stress - np.trace(stress, axis1=2, axis2=3)[..., None, None] / 3.0 * np.eye(3)
-    values = np.sqrt(1.5 * np.einsum("cnij,cnij->cn", deviator, deviator))
-    total, count = fem.Function(tube.scalars), fem.Function(tube.scalars)
-    dofs = np.asarray(tube.scalars.dofmap.list)[: len(values)]
-    np.add.at(total.x.array, dofs, values)
-    np.add.at(count.x.array, dofs, 1.0)
-    for part in (total, count):
-        part.x.scatter_reverse(la.InsertMode.add)
-    return np.asarray(total.x.array[: tube.owned] / count.x.array[: tube.owned])

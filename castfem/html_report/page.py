@@ -312,7 +312,8 @@ def _notes(runs: Sequence[Run]) -> Iterator[str]:
 def _remarks(run: Run) -> Iterator[dict[str, str]]:
     """What to look at in a run."""
     for one in remarks_of(run.folder, run.summary):
-        yield {"what": one.what, "value": finely(one.value, one.unit, one.name), "where": one.where}
+        value = finely(one.value, one.unit, one.name, one.resolution)
+        yield {"what": one.what, "value": value, "where": one.where}
 
 
 def _slice(section_: Section) -> dict[str, Any]:

@@ -73,12 +73,15 @@ class Quantity:
         label: What it is, for tables.
         error: Of the value, in SI, of temperatures in K; None where `castfem error` has not
             been asked.
+        resolution: How exactly the cells of the run resolve the value, likewise; None where that
+            is not known. It tells how many digits are printed, and is no error.
     """
 
     value: float
     shown_unit: str
     label: str
     error: float | None = None
+    resolution: float | None = None
 
     @property
     def unit(self) -> str:
@@ -93,9 +96,15 @@ class Quantity:
     @property
     def shown_error(self) -> float | None:
         """The error in `unit_of_difference(shown_unit)`."""
-        if self.error is None:
-            return None
-        return from_si(self.error, unit_of_difference(self.shown_unit))
+        return self._difference_shown(self.error)
+
+    @property
+    def shown_resolution(self) -> float | None:
+        """The resolution, likewise."""
+        return self._difference_shown(self.resolution)
+
+    def _difference_shown(self, part: float | None) -> float | None:
+        return None if part is None else from_si(part, unit_of_difference(self.shown_unit))
 
     def __repr__(self) -> str:
         shown = f"{self.shown:.6g} {self.shown_unit}"
@@ -344,13 +353,15 @@ def unit_of_difference(unit: str) -> str:
 
 def _quantity_json(quantity: Quantity) -> dict[str, Any]:
     found = {"value": quantity.shown, "unit": quantity.shown_unit, "label": quantity.label}
-    return found if quantity.error is None else found | {"error": quantity.shown_error}
+    known = {"error": quantity.shown_error, "resolution": quantity.shown_resolution}
+    return found | {name: part for name, part in known.items() if part is not None}
 
 
 def _quantity(content: Mapping[str, Any]) -> Quantity:
-    unit, error = content["unit"], content.get("error")
-    error = None if error is None else to_si(error, unit_of_difference(unit))
-    return Quantity(to_si(content["value"], unit), unit, content["label"], error)
+    unit = content["unit"]
+    known = (content.get("error"), content.get("resolution"))
+    parts = (None if one is None else to_si(one, unit_of_difference(unit)) for one in known)
+    return Quantity(to_si(content["value"], unit), unit, content["label"], *parts)
 
 
 def _comparison_json(comparison: Comparison) -> dict[str, Any]:

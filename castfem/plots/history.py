@@ -19,6 +19,7 @@ from castfem.plots.style import (
 )
 from castfem.plots.tensile import draw_tensile
 from castfem.results.registry import AT_FRACTION, find, probe_label
+from castfem.results.resolution import STAIR
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.shown_units import plain_unit, said
 
@@ -30,7 +31,6 @@ if TYPE_CHECKING:
 _THERMAL, _MECHANICAL = "#0072b2", "#d55e00"
 _NO_PROBES = ("min", "max")  # ends of names of columns over the whole section
 _NAMED = 3  # probes with one curve that are all named
-STAIR = 1.0 / 6.0  # of the cell in which the solidus lies: how far the shell's curve is off
 _MANY = 150  # steps; their Newton iterations would blacken a line plot
 
 

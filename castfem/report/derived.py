@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from castfem.errors import InputError
 from castfem.output.history import HISTORY_NAME, read_history
-from castfem.output.summary import Quantity, Summary, to_si
+from castfem.output.summary import Quantity, Summary
 from castfem.plots.history import curves
 from castfem.report.remarks import OPEN, mould_exit, spells
+from castfem.results.labels import last_quantities
 
 
 def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
@@ -29,11 +31,11 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     position, units = table["position"].to_numpy(), table.attrs["units"]
     found: dict[str, Quantity] = {}
     at, name = mould_exit(position, summary)
-    shells = [c for _, _, c in curves(table, "shell")]
-    depths = [to_si(float(np.interp(at, position, table[c])), units[c]) for c in shells]
+    row = {c: float(np.interp(at, position, table[c])) for c in table if str(c) in units}
+    depths = [q for n, q in last_quantities(row, units).items() if n.startswith("shell_")]
     if depths:
-        label = f"thinnest shell, {name}"
-        found["shell_least"] = Quantity(min(depths), "mm", label)
+        least = min(depths, key=lambda one: one.value)
+        found["shell_least"] = replace(least, label=f"thinnest shell, {name}", shown_unit="mm")
     gaps = [table[c].to_numpy() for _, _, c in curves(table, "gap")]
     lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]
     if gaps:

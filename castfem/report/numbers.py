@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from castfem.output.summary import Quantity
-from castfem.values.shown_units import documented, plain_unit, scale_of
+from castfem.values.shown_units import Scale, documented, plain_unit, scale_of
 
 _FINEST = 1e-4  # an error below is printed with its power of ten
 _SMALL_GAP, _NO_GAP = 0.01, 5e-5  # mm; between them a gap is told in micrometres
@@ -13,16 +13,33 @@ _RATE, _SMALL_RATE, _PARTS = "1/s", 1e-2, "e-5"  # a smaller rate of strain is t
 _DECIMALS = {"degC": 1, "K": 1, "degF": 1, "delta_degF": 1, "mm": 2}
 
 
-def shown(value: float, unit: str) -> str:
-    """A value as tables print it, without its unit; "-" when it does not exist."""
+def shown(value: float, unit: str, resolution: float | None = None) -> str:
+    """A value as tables print it, without its unit; "-" when it does not exist.
+
+    Args:
+        value: In the unit.
+        unit: That unit.
+        resolution: How exactly it is resolved, in the same unit: the last digit that is printed is
+            at the place of the first of this.
+    """
     if not math.isfinite(value):
         return "-"
     if unit in _DECIMALS and abs(value) < 1e5:
-        digits = _DECIMALS[unit]
-        return f"{rounded(value, digits):.{digits}f}"
+        digits = _digits(_DECIMALS[unit], resolution)
+        return f"{rounded(value, digits):.{max(digits, 0)}f}"
     if abs(value) < 1e6 and (value == int(value) or abs(value) >= 9999.5):
         return f"{value:.0f}"
-    return small_rate(value) if unit == _RATE and abs(value) < _SMALL_RATE else f"{value:.4g}"
+    if unit == _RATE and abs(value) < _SMALL_RATE:
+        return small_rate(value)
+    text = f"{value:.4g}"
+    usual = len(text.partition(".")[2])
+    digits = _digits(usual, resolution)
+    return text if digits == usual else f"{rounded(value, digits):.{max(digits, 0)}f}"
+
+
+def _digits(usual: int, resolution: float | None) -> int:
+    """Decimals of a value, fewer than usual where it is not resolved so well."""
+    return min(usual, -math.floor(math.log10(resolution))) if resolution else usual
 
 
 def small_rate(value: float, digits: str = ".4g") -> str:
@@ -73,20 +90,34 @@ def cells(name: str, quantity: Quantity) -> tuple[str, str]:
     error = None if error is None else scale.factor * error
     if is_gap(name) and (small := small_gap(value, unit)) is not None:
         return with_error(small, None if error is None else 1e3 * error), unit_shown("um")
-    return with_error(shown(value, unit), error), unit_shown(unit)
+    return with_error(shown(value, unit, resolution_in(scale, quantity)), error), unit_shown(unit)
 
 
-def finely(value: float, unit: str, name: str = "") -> str:
+def resolution_in(scale: Scale, quantity: Quantity) -> float | None:
+    """How exactly a quantity is resolved, in the unit of a scale; None where that is not known.
+
+    An error that is known says more, and stands beside the value.
+    """
+    if quantity.error is not None or quantity.shown_resolution is None:
+        return None
+    return abs(scale.factor) * quantity.shown_resolution
+
+
+def finely(value: float, unit: str, name: str = "", resolution: float | None = None) -> str:
     """A value with its unit; lengths below 1 mm to the micrometre, below 0.01 mm in it.
 
     Args:
         value: In its documented unit.
         unit: That unit, as figures write it or as files do.
         name: Of the quantity, where it has one.
+        resolution: How exactly it is resolved, in that unit; None where that is not known.
     """
     scale = scale_of(documented(unit), name)
     if scale.unit != documented(unit):
-        return f"{shown(scale(value), scale.unit)} {plain_unit(scale.unit)}"
+        resolution = None if resolution is None else abs(scale.factor) * resolution
+        return f"{shown(scale(value), scale.unit, resolution)} {plain_unit(scale.unit)}"
+    if resolution:
+        return f"{shown(value, unit, resolution)} {unit}"
     if (small := small_gap(value, unit)) is not None:
         return f"{small} {unit_shown('um')}"
     if unit == "mm" and abs(value) < 1.0:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from castfem.errors import InputError
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Quantity, Summary
-from castfem.report.numbers import shown, unit_shown
+from castfem.report.numbers import resolution_in, shown, unit_shown
 from castfem.report.places import Place, places_of, table_names
 from castfem.results.places import quantities_at
 from castfem.values.shown_units import Scale, place_said, scale_of
@@ -87,7 +87,9 @@ def _heading(place: Place) -> str:
 
 
 def _cell(quantity: Quantity | None, scale: Scale) -> str:
-    return "-" if quantity is None else shown(scale(quantity.shown), scale.unit)
+    if quantity is None:
+        return "-"
+    return shown(scale(quantity.shown), scale.unit, resolution_in(scale, quantity))
 
 
 def _width(header: str, cells: Sequence[str]) -> int:

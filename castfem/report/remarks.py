@@ -18,9 +18,10 @@ from castfem.output.field_files import HDF5_NAME
 from castfem.output.fields import Fields
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
-from castfem.plots.history import STAIR, curves, has_values, unit_of
+from castfem.plots.history import curves, has_values, unit_of
 from castfem.plots.section import Steel
 from castfem.report.hot_spots import HotSpot, hottest, thinnest
+from castfem.results.resolution import STAIR
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.same_place import ROUNDING
 from castfem.values.shown_units import documented, place_said, plain_unit, said, scale_of
@@ -51,6 +52,7 @@ class Remark:
         unit: As in history.csv.
         where: Place and position, for a reader.
         name: Of the column, where its unit may be chosen by it.
+        resolution: How exactly the cells resolve it, in `unit`; None where that is not known.
     """
 
     what: str
@@ -58,6 +60,7 @@ class Remark:
     unit: str
     where: str
     name: str = ""
+    resolution: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,7 +304,11 @@ def _at_exit(table: pandas.DataFrame, position: Array, at: float, where: str) ->
         if values:
             label = pick(values, key=lambda label: values[label][0])
             value, column = values[label]
-            found[what] = Remark(what, value, unit_of(table, column), f"{label}, {where}", column)
+            unit, cell = unit_of(table, column), column.replace("shell_", "solidus_cell_", 1)
+            off = None
+            if cell != column and has_values(table, cell):
+                off = float(STAIR * np.interp(at, position, table[cell].to_numpy()))
+            found[what] = Remark(what, value, unit, f"{label}, {where}", column, off)
     return found
 
 
@@ -334,7 +341,7 @@ def _instead(probe: Remark, value: float, hot_spot: HotSpot, where: str) -> Rema
     x, y = (across(1e3 * place) for place in (hot_spot.x, hot_spot.y))
     place = f"x = {x:{far}}, y = {y:{far}} {plain_unit(across.unit)}, {where}"
     said_ = f"{place}; {label}: {beside:{digits}}"
-    return Remark(probe.what, value, probe.unit, said_, probe.name)
+    return Remark(probe.what, value, probe.unit, said_, probe.name, probe.resolution)
 
 
 def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:

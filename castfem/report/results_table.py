@@ -11,6 +11,7 @@ from castfem.report.headline import ENDS
 from castfem.report.numbers import (
     cells,
     is_small_rate,
+    resolution_in,
     rounded,
     shown,
     small_rate,
@@ -104,7 +105,8 @@ def _comparison_row(
     difference = "met" if comparison.met else _difference(comparison, theirs, scale)
     source = reference.source + (f": {reference.note}" if reference.note else "")
     mark = sources.setdefault(source, f"[{len(sources) + 1}]")
-    ours = shown(scale(from_si(comparison.ours, usual)), unit)
+    digits = None if quantity is None or reference.at else resolution_in(scale, quantity)
+    ours = shown(scale(from_si(comparison.ours, usual)), unit, digits)
     if quantity is not None and quantity.error is not None and reference.at is None:
         error = from_si(quantity.error, unit_of_difference(usual))
         ours = with_error(ours, scale.factor * error)

@@ -123,7 +123,10 @@ def _print_remarks(out: Console, path: Path, summary: Summary | None) -> None:
     if not found:
         return
     print_line(out, "What to look at", "bold")
-    lines = [(remark, finely(remark.value, remark.unit, remark.name)) for remark in found]
+    lines = [
+        (remark, finely(remark.value, remark.unit, remark.name, remark.resolution))
+        for remark in found
+    ]
     what, value = (
         max(len(text) for text in texts)
         for texts in zip(*((remark.what, text) for remark, text in lines), strict=True)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from castfem.output.summary import Quantity, to_si
 from castfem.results.registry import find
+from castfem.results.resolution import resolved
 
 
 def last_quantities(row: Mapping[str, float], units: Mapping[str, str]) -> dict[str, Quantity]:
@@ -21,4 +22,9 @@ def last_quantities(row: Mapping[str, float], units: Mapping[str, str]) -> dict[
         if found is not None and found[0].row:
             definition, probe = found
             results[name] = definition.result(to_si(row[name], units[name]), probe)
-    return results
+
+    def cell(probe: str) -> float | None:
+        name = f"solidus_cell_{probe}"
+        return to_si(row[name], units[name]) if name in row else None
+
+    return resolved(results, cell)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from castfem.output.summary import CUT, Comparison, Quantity, Reference, Summary, Zone, compare
 from castfem.results.registry import results_of
+from castfem.results.resolution import resolved
 from castfem.simulation import closed_form
 from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.values.same_place import same_instant
@@ -124,6 +125,7 @@ def quantities(sample: Sample) -> dict[str, Quantity]:
         if value is not None:
             place = "" if definition.place is None else definition.place(sample)
             found[definition.named(probe)] = definition.result(value, probe, place)
+    found = resolved(found, sample.cell.get)
     if simulation.exact is not None:
         found |= closed_form.errors(simulation.exact, simulation, sample.state)
     return found

@@ -217,7 +217,7 @@ def _folded(columns: Sequence[tuple[str, list[str]]]) -> list[tuple[str, list[st
 
 def _main_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
     """Header and cells of the headline results, the most wanted first."""
-    from castfem.report.numbers import shown
+    from castfem.report.numbers import resolution_in, shown
 
     all_of = [row.quantities for row in table if row.quantities]
     found = []
@@ -229,7 +229,10 @@ def _main_columns(table: Sequence[Row]) -> list[tuple[str, list[str]]]:
         some = next(q[name] for q in all_of if name in q)
         quantities = [row.quantities.get(name) for row in table]
         scale = scale_of(some.shown_unit, name.partition(" at ")[0])
-        cells = [shown(scale(q.shown), scale.unit) if q else "-" for q in quantities]
+        cells = [
+            shown(scale(q.shown), scale.unit, resolution_in(scale, q)) if q else "-"
+            for q in quantities
+        ]
         unit = scale.unit if scale.unit == some.shown_unit else plain_unit(scale.unit)
         found.append((_header(plain_label(some), f"[{unit}]"), cells))
     return found

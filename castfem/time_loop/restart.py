@@ -107,7 +107,9 @@ def restore(run: RunState, meta: dict[str, Any], by_node: dict[str, Array]) -> N
 
 def _plain(found: Named) -> dict[str, list[Any]]:
     """Quantities as a checkpoint holds them."""
-    return {name: [q.value, q.shown_unit, q.label] for name, q in found.items()}
+    return {
+        name: [q.value, q.shown_unit, q.label, q.error, q.resolution] for name, q in found.items()
+    }
 
 
 def _named(found: dict[str, list[Any]]) -> Named:

@@ -95,3 +95,16 @@ def test_no_line_begins_with_a_comment() -> None:
     for page in pages(DOCS):
         for line in page.read_text(encoding="utf-8").splitlines():
             assert not line.lstrip().startswith("<!-- q:"), (page.name, line)
+
+
+def test_numbers_of_the_readme_are_tied_too(tmp_path: Path) -> None:
+    folder = tmp_path / "docs"
+    (folder / "data").mkdir(parents=True)
+    (folder / "data" / "runs.csv").write_text("run,heat\nslow,9.12\n")
+    page = tmp_path / "README.md"
+    page.write_text("It loses <!-- q: runs.csv[run=slow].heat .2f -->9.21 kJ.\n")
+    (told,) = wrong(folder)
+    assert told.startswith("../README.md: line 1: 9.21 is quoted")
+    rewrite(folder)
+    assert not wrong(folder) and "-->9.12 kJ" in page.read_text()
+    assert any(page.name == "README.md" for page in pages(DOCS))

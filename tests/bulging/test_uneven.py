@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from castfem.bulging import CreepingStrip, Rolls, Shell, Span, over_rolls
+from castfem.bulging.creep import STEPS
 from castfem.bulging.uneven import ABOVE, BELOW, UnevenRolls
 from castfem.constitutive import ThermoElastic, load_elasticity, load_law
 from castfem.values.types import Array
@@ -16,7 +17,7 @@ SHELL = Shell(0.05, lambda depth: 1223.15 + 540.0 * depth / 0.05)
 ELASTIC = CreepingStrip(ThermoElastic(load_elasticity()))
 PLACES = PITCH * np.arange(12)
 NONE = np.zeros(12)
-COUNT = 33
+COUNT = STEPS // 2 + 1
 
 
 def uneven(strip: CreepingStrip, places: Array, offsets: Array, *marks: int) -> UnevenRolls:

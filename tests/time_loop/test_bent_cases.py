@@ -20,6 +20,7 @@ from castfem.case import Case, load_case
 from castfem.errors import InputError
 from castfem.mechanics.bent_planes import BentPlanes
 from castfem.output.history import read_history
+from castfem.output.summary import Summary
 from castfem.simulation.simulation import build
 from castfem.time_loop import loop
 
@@ -145,6 +146,8 @@ def test_history_and_summary_name_the_faces(tmp_path: Path) -> None:
     for name in ("bending_moment", "bending_work", "axial_strain"):
         column = next(c for c in whole.columns if c.startswith(name))
         assert last[0][column] == pytest.approx(last[1][column], rel=1e-3)
+    summary = Summary.load(tmp_path / "whole")
+    assert summary is not None and summary.balances["heat"]["whole"].value < 1e-11
 
 
 REFUSED = {
