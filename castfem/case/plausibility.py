@@ -21,6 +21,7 @@ from castfem.case.mechanics import Way
 from castfem.case.model import Case
 from castfem.case.mould_plausibility import mould_warnings
 from castfem.case.problems import Problem
+from castfem.case.shared_heat import beyond_tables
 from castfem.support.messages import Path
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values.quantities import Kind
@@ -59,6 +60,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from _coarse(case, speed)
     yield from _cold(case)
     yield from _sprays(case)
+    yield from beyond_tables(case)
     yield from machine_warnings(case)
     yield from extraction_warnings(case)
     yield from _nearly_at_rolls(case)
