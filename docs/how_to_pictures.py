@@ -44,8 +44,13 @@ def files_and_commands(page: str) -> tuple[dict[str, str], list[list[str]]]:
 
 
 def fingerprint(page: str) -> str:
-    """Hash of what the picture of a how-to is made from: its files and commands."""
-    said = (files_and_commands("my_billet")[0], *files_and_commands(page))
+    """Hash of what the picture of a how-to is made from: its files and commands.
+
+    With the files of `my_billet` where the page goes on from them.
+    """
+    own = files_and_commands(page)
+    shared = files_and_commands("my_billet")[0] if "my_billet.toml" in json.dumps(own) else {}
+    said = (shared, *own)
     return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]
 
 
@@ -281,6 +286,8 @@ def run(page: str) -> Iterator[Path]:
         for name, text in (files_and_commands("my_billet")[0] | files).items():
             Path(name).write_text(text, encoding="utf-8")
         for words in commands:
+            if "--collect" in words:  # behind sbatch, which is not here: its runs
+                execute([word for word in words[1:] if word != "--collect"])
             if execute(words[1:]):
                 raise SystemExit(f"{page}: {shlex.join(words)} failed")
         yield Path(folder)

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from castfem.machine.rolls import Rolls, Segment, columns_of, expand
+from castfem.machine.rolls import Rolls, Segment, expand
+from castfem.machine.stations import Stations
 from castfem.meshes.build import build
 from castfem.output.surface_line import SurfaceLine
 from castfem.output.surface_maps import Heading, MapWriter, SurfaceMap
@@ -54,7 +55,7 @@ def write_maps(
     I1 of `kink` (Pa). All indexes are multiplied by `scale`. `band`: K.
     """
     line = surface()
-    heading = Heading(line, MAPS, band, columns_of(rolls()), THICK, 0.3)
+    heading = Heading(line, MAPS, band, Stations(rolls()).columns(), THICK, 0.3)
     position = np.linspace(0.0, LENGTH, ROWS)
     values = np.zeros((ROWS, len(MAPS), len(line.nodes)))
     values[:, 0] = (1573.15 - 200.0 * position)[:, None]

@@ -8,8 +8,9 @@ from typing import Any
 
 from castfem.case.cooling import PrescribedTemperature, Zone
 from castfem.case.heat_law import HeatLaw
+from castfem.case.measured_heat import ScaledLaw
 from castfem.case.model import Case
-from castfem.case.mould_laws import MOULD, Contact, Flux, ScaledLaw
+from castfem.case.mould_laws import MOULD, Contact, Flux
 from castfem.case.problems import Problem
 from castfem.case.section import Section
 from castfem.case.spray import Spray
@@ -85,7 +86,8 @@ def _laws(case: Case) -> Iterator[Problem]:
             if isinstance(law, ScaledLaw):
                 key = "flux" if isinstance(law, Contact) else "value"
                 yield from _scaled(law, key, path)
-                yield from _range_of_formula(case, zone, getattr(law, key), (*path, key))
+                yield from _measured_at(law, key, path)
+                yield from _range_of_formula(case, zone, law, (*path, key))
             if zone is not None and law.asks_extent:
                 yield from _without_end(zone, law, path)
             if known:
@@ -195,22 +197,49 @@ def _scaled(law: ScaledLaw, key: str, path: tuple[str | int, ...]) -> Iterator[P
         )
 
 
+def _measured_at(law: ScaledLaw, key: str, path: tuple[str | int, ...]) -> Iterator[Problem]:
+    """Yield a speed of measurement that changes nothing, or beside totals that follow the speed."""
+    if "measured_at" not in law.model_fields_set:
+        return
+    totals = [one for one in ("power", "water", "water_rise") if one in law.model_fields_set]
+    if law.over_speed:
+        yield Problem(
+            (*path, "measured_at"),
+            f"excludes {totals[0]} as a table over the casting speed; leave one of the two out",
+        )
+    given = getattr(law, key)
+    if not totals and not (isinstance(given, Table) and given.over == "position"):
+        yield Problem(
+            (*path, "measured_at"),
+            f"needs a measured total (power, or water with water_rise) or {key} over position; "
+            "leave it out here",
+        )
+
+
 def _range_of_formula(
-    case: Case, zone: Zone | None, given: Any, path: tuple[str | int, ...]
+    case: Case, zone: Zone | None, law: ScaledLaw, path: tuple[str | int, ...]
 ) -> Iterator[Problem]:
-    """Yield a published flux that is used beyond its range."""
+    """Yield a published flux that is used beyond its range, at the speed of the case or of it."""
+    given = law.curve
     if not isinstance(given, str) or zone is None or case.casting is None:
         return
     casting, until = case.casting, MOULD_FLUXES[given].until
     if None in (casting.speed, casting.length):
         return
-    end = casting.travel.time_at(casting.length if zone.to is None else zone.to)
-    if end > until * (1 + ROUNDING):
-        yield Problem(
-            path,
-            f'("{given}") goes to {until:g} s, the zone to {end:.4g} s after the meniscus; end the '
-            "zone with the mould, or give a table",
-        )
+    end = casting.length if zone.to is None else zone.to
+    ends = {"": casting.travel.time_at(end)}
+    if isinstance(law.measured_at, float):
+        ends[", at the speed of measured_at,"] = end / law.measured_at
+    for at, time in ends.items():
+        if time > until * (1 + ROUNDING):
+            long = [n for n, flux in MOULD_FLUXES.items() if time <= flux.until * (1 + ROUNDING)]
+            longer = f" take {' or '.join(long)}, which is valid so long," if long else ""
+            yield Problem(
+                path,
+                f'("{given}") goes to {until:g} s, the zone{at} to {time:.4g} s after the '
+                f"meniscus;{longer} end the zone with the mould, or give a table",
+            )
+            return
 
 
 def _degrees(wall: Any) -> str:

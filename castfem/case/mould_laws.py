@@ -6,12 +6,12 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import ConfigDict, Field
 
-from castfem.case.heat_law import GAP, HeatLaw, Surroundings, kinks_in_time, times
-from castfem.errors import InputError
+from castfem.case.heat_law import GAP, Surroundings
+from castfem.case.measured_heat import ScaledLaw
 from castfem.thermal import flux_laws, mould_flux
 from castfem.thermal.mould_flux import MOULD_FLUXES
 from castfem.values.curves import CurveOrName, CurveOverEither
-from castfem.values.quantities import Conductivity, Distance, Kind, PositiveDifference
+from castfem.values.quantities import Conductivity, Distance, Kind
 from castfem.values.table_notation import CurveOr
 from castfem.values.tables import Table
 
@@ -29,55 +29,9 @@ ContactFlux = Annotated[
         Kind("W/m^2", "MW/m^2", least=0.0), "position", ("time", "temperature"), MOULD_FLUXES
     ),
 ]
-HeatFlow = Annotated[float, Kind("W", "kW", above=0.0, label="heat flow", sample="1450 kW")]
-VolumeFlow = Annotated[float, Kind("m^3/s", "L/min", above=0.0, label="water", sample="1800 L/min")]
 
 MOULD = "mould"
 WallTemperature = Annotated[str | float | Table, CurveOr(Kind("K", "degC"), "time", MOULD)]
-
-
-class ScaledLaw(HeatLaw):
-    """A law whose heat may be scaled to a measured total."""
-
-    power: HeatFlow | None = Field(
-        None,
-        description="heat that the mould takes from the faces of this law in all, on the whole "
-        "strand and over the whole zone; the flux is scaled to it",
-    )
-    water: VolumeFlow | None = Field(
-        None, description="cooling water that takes this heat, instead of power"
-    )
-    water_rise: PositiveDifference | None = Field(
-        None, description="rise of its temperature, with water", examples=["7 K"]
-    )
-
-    @property
-    def asks_extent(self) -> bool:
-        """See `HeatLaw.asks_extent`."""
-        return self.total is not None
-
-    @property
-    def total(self) -> float | None:
-        """The heat it is scaled to, W; None if it is not scaled."""
-        if self.water is not None and self.water_rise is not None:
-            return mould_flux.WATER * self.water * self.water_rise
-        return self.power
-
-    def scaled(self, given: str | float | Table, around: Surroundings) -> mould_flux.Value:
-        """Return a flux over time, scaled to the measured total if there is one."""
-        value, total, extent = around.over_time(given), self.total, around.extent
-        if total is None or extent is None:
-            return value
-        machine = around.machine
-        between = machine.time_at(extent.start), machine.time_at(extent.end)
-        kinks = (*kinks_in_time(given, around), *machine.kinks)
-        heat = extent.perimeter * mould_flux.heat_to_mould(value, machine.speed, between, kinks)
-        if not heat > 0.0:
-            raise InputError(
-                f"{self.tag}: the flux takes {1e-3 * heat:.4g} kW in all and cannot be scaled to a "
-                "measured total; a curve that is above 0 is needed"
-            )
-        return times(total / heat, value)
 
 
 class Contact(ScaledLaw):
@@ -131,6 +85,11 @@ class Contact(ScaledLaw):
             follows=self.gap is None,
         )
 
+    @property
+    def curve(self) -> str | float | Table | None:
+        """See `ScaledLaw.curve`."""
+        return self.flux
+
     def _good(self, around: Surroundings) -> float | mould_flux.Curve:
         """Return the coefficient without a gap."""
         if self.flux is not None:
@@ -154,6 +113,11 @@ class Flux(ScaledLaw):
 
     law: Literal["flux"]
     value: GivenFlux = Field(description="heat flux; over the time since the meniscus")
+
+    @property
+    def curve(self) -> str | float | Table | None:
+        """See `ScaledLaw.curve`."""
+        return self.value
 
     def build(self, around: Surroundings) -> flux_laws.PrescribedFlux:
         """See `HeatLaw.build`."""

@@ -20,6 +20,7 @@ from castfem.case.mechanics import Way
 from castfem.case.model import Case
 from castfem.case.mould_plausibility import mould_warnings
 from castfem.case.problems import Problem
+from castfem.case.shared_heat import beyond_tables
 from castfem.thermal.sprays import CORRELATIONS
 from castfem.values import ranges
 from castfem.values.same_place import ROUNDING
@@ -46,6 +47,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from effort.many(case)
     yield from _coarse(case)
     yield from _sprays(case)
+    yield from beyond_tables(case)
     yield from machine_warnings(case)
     yield from extraction_warnings(case)
     yield from _nearly_at_rolls(case)

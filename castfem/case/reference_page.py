@@ -43,7 +43,7 @@ from castfem.case.verification import Verification
 from castfem.case.wall_shape import WallShape
 from castfem.case.water import Water
 from castfem.values.curves import CurveOrName
-from castfem.values.quantities import Kind, NameOf
+from castfem.values.quantities import Kind, KindOr, NameOf
 from castfem.values.shown_units import UnitsNotation
 from castfem.values.table_notation import Curve, CurveOr
 
@@ -253,6 +253,9 @@ def _type(annotation: Any, example: object = None) -> str:
         marks = [mark for mark in inner[1:] if isinstance(mark, Kind | Curve)]
         names = [_names_of(mark) for mark in inner[1:] if isinstance(mark, NameOf)]
         told = [mark.takes for mark in inner[1:] if isinstance(mark, WallShape | UnitsNotation)]
+        for mark in inner[1:]:
+            if isinstance(mark, KindOr):
+                told.append(f'{_mark(mark.kind, example)}, or `"{mark.word}"`')
         if names or told:
             return [*names, *told][0]
         return _mark(marks[0], example) if marks else _type(inner[0])

@@ -141,7 +141,7 @@ def _near(rolls: Rolls, position: float) -> str:
 
 def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
     """Return label and value of what characterises a machine."""
-    from castfem.machine.phases import phases
+    from castfem.machine.phases import off_stretches, phases
 
     line, pairs = rolls.line(thickness), rolls.pairs
     drives = [pair for pair in pairs if pair.driven]
@@ -153,9 +153,13 @@ def machine_rows(rolls: Rolls, thickness: float) -> list[tuple[str, str]]:
         first, last = pairs[phase.first], pairs[phase.last]
         text = f"{first.position:.4g} to {last.position:.4g} m, rolls {phase.first + 1} to "
         text += str(phase.last + 1)
-        if math.isfinite(last.radius):
-            text += f", R = {last.radius:.4g} m of the {rolls.face} at its end"
+        radius = last.radius if last.designed is None else last.designed
+        if math.isfinite(radius):
+            text += f", R = {radius:.4g} m of the {rolls.face} at its end"
         rows.append((phase.kind, text))
+    for off in off_stretches(rolls):
+        text = f"{pairs[off.first].position:.4g} to {pairs[off.last].position:.4g} m, rolls "
+        rows.append((off.name, text + f"{off.first + 1} to {off.last + 1} bend the strand as well"))
     end = pairs[-1].position
     rows.append(("inclination", f"{math.degrees(line.inclination(end)):.5g} degrees at the end"))
     rows.append(("liquid's height", _head(line, end)))

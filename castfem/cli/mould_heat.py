@@ -6,8 +6,11 @@ from typing import TYPE_CHECKING
 
 from castfem.case.build_machine import build_machine
 from castfem.case.check_cooling import law_groups
-from castfem.case.heat_law import Extent, Surroundings, kinks_in_time
-from castfem.case.mould_laws import Contact, Flux, ScaledLaw
+from castfem.case.even_flux import TOLD, is_even, mend
+from castfem.case.heat_law import Extent, Surroundings
+from castfem.case.measured_heat import ScaledLaw
+from castfem.case.mould_laws import Contact
+from castfem.case.shared_heat import fixed_heat
 from castfem.thermal.mould_flux import MOULD_FLUXES, heat_to_mould
 from castfem.values.tables import Table
 
@@ -33,6 +36,7 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
         InputError: A flux is scaled to a measured total and takes no heat.
     """
     machine, start, lines = build_machine(case), 0.0, list[str]()
+    fixed = {one.where for one in fixed_heat(case)}
     for zone in case.cooling:
         end = case.casting.length if zone.to is None else zone.to
         if start >= case.casting.length:
@@ -44,28 +48,26 @@ def heat_lines(case: Case, steel: Steel, mesh: SectionMesh) -> list[str]:
             extent = Extent(start, end, mesh.perimeter(law_groups(case.section, law)))
             around = Surroundings(steel, machine, extent=extent, clock=case.casting.clock)
             lines += _lines(zone, law, given, around)
-            if _even(case, law):
+            if zone.name + _on(law) in fixed:
                 lines.append(
-                    "  the same flux everywhere round the section: no gap opens at the corner "
-                    'without [mould]; give the corner less by a law of its own, on = ["corner"]'
+                    "  at every casting speed; give measured_at, the speed at which it was "
+                    "measured, or a table over speed, before speeds are compared"
                 )
+            if is_even(case, law):
+                lines.append(f"  {TOLD}; {mend(case)}")
         start = end
     return lines
 
 
 def _given(law: ScaledLaw) -> str | float | Table | None:
     """The flux that a law is given over the way; None where it has none, or one by temperature."""
-    found = law.flux if isinstance(law, Contact) else law.value if isinstance(law, Flux) else None
+    found = law.curve
     return None if isinstance(found, Table) and found.over == "temperature" else found
 
 
-def _even(case: Case, law: ScaledLaw) -> bool:
-    """Whether a flux holds at corners and beside them, and no gap can lower it there."""
-    if case.mould is not None or (isinstance(law, Contact) and law.gap is not None):
-        return False
-    groups = law_groups(case.section, law)
-    corners = {name for name in groups if name.startswith("corner")}
-    return bool(corners) and corners != groups
+def _on(law: ScaledLaw) -> str:
+    """The groups of a law in words, with a blank in front; "" for the whole surface."""
+    return "" if law.on is None else f" on {', '.join(law.on)}"
 
 
 def _lines(
@@ -76,14 +78,12 @@ def _lines(
     assert extent is not None
     between = machine.time_at(extent.start), machine.time_at(extent.end)
     value = law.scaled(given, around)
-    kinks = (*kinks_in_time(given, around), *machine.kinks)
+    kinks = (*law.kinks(given, around), *machine.kinks)
     mean = heat_to_mould(value, machine.speed, between, kinks) / (extent.end - extent.start)
     heat = mean * extent.perimeter * (extent.end - extent.start)
-    on = "" if law.on is None else f" on {', '.join(law.on)}"
     least = ", if no gap opens" if isinstance(law, Contact) else ""
-    line = (
-        f"{zone.name}{on}: {1e-3 * heat:.4g} kW in all{least}, {1e-6 * mean:.3g} MW/m^2 in the mean"
-    )
+    line = f"{zone.name}{_on(law)}: {1e-3 * heat:.4g} kW in all{least}"
+    line += f", {1e-6 * mean:.3g} MW/m^2 in the mean"
     usual = _published(machine, between) if extent.start == 0.0 else {}
     if not usual:
         return [line]

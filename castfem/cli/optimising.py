@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import load_case, shipped_cases
+from castfem.case.shared_heat import fixed_while_varied
 from castfem.case.shown_units import units_of
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
@@ -120,6 +121,11 @@ def _prepared(options: Options, ranks: bool) -> tuple[Study, Path]:
     alone = shipped_cases.default_folder(options.name, path)
     target = options.folder or alone.with_name(f"{alone.name}_optimise")
     check_own(target, _WRITTEN)
+    asked = case.optimise
+    if asked is not None:
+        varied = [*(one.key for one in asked.variable), *(one.key for one in asked.input)]
+        for line in fixed_while_varied(case, varied):
+            print(f"castfem: {line}", file=sys.stderr)
     evaluator = many_runs.evaluator(case, target, options.processes, options.ranks)
     return Study(case, evaluator=evaluator, origin=str(path)), target
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import load_case, shipped_cases
+from castfem.case.shared_heat import fixed_while_varied
 from castfem.case.shown_units import units_of
 from castfem.cli import parallel
 from castfem.cli.options import chosen, read_from
@@ -21,6 +22,7 @@ from castfem.values.shown_units import label_shown, place_said, said, scale_of, 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from castfem.case import Case
     from castfem.sensitivity.result import Row, Sensitivity
 
 
@@ -82,10 +84,10 @@ def sensitivity_of_case(options: Options) -> None:
     if not root:
         return
     with chosen(options.units), shown_in(units_of(case)):
-        _tell(found, target, options)
+        _tell(found, case, target, options)
 
 
-def _tell(found: Sensitivity, target: Path, options: Options) -> None:
+def _tell(found: Sensitivity, case: Case, target: Path, options: Options) -> None:
     """Draw and print."""
     from castfem.plots.tornado import FIGURE_NAME, draw_tornado
     from castfem.sensitivity.result import CSV_NAME, JSON_NAME
@@ -98,7 +100,8 @@ def _tell(found: Sensitivity, target: Path, options: Options) -> None:
         out = parallel.console()
         print(f"{head_of(found)}\n")
         out.print(table_of(found), "", highlight=False)
-        for line in remarks(found):
+        fixed = fixed_while_varied(case, {parameter.key for parameter in found.parameters})
+        for line in [*remarks(found), *fixed]:
             print(line)
         print(f"{', '.join(written)} in {target}")
 

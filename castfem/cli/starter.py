@@ -46,6 +46,7 @@ coefficient = "1600 W/(m^2 K)"
 # flux = "savage_pritchard"
 # water = "1500 L/min"
 # water_rise = "7 K"
+# measured_at = "1.2 m/min"           # the speed at which it is so much
 wall = "160 degC"
 gap_conductivity = "0.15 W/(m K)"     # of what fills the gap that opens in [mould]
 

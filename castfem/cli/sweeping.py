@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from castfem.case import Case, load_case, shipped_cases
+from castfem.case.shared_heat import shared_heat
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.errors import InputError, RunFailure
@@ -113,6 +114,8 @@ def _planned(options: Options) -> tuple[tuple[Variant, ...], Path]:
     variants = plan(_base(path, options.accuracy), options.assignments, options.table)
     target = options.folder or _default_folder(options.name, path)
     many_runs.check_folder(target)
+    for line in shared_heat(one.case for one in variants):
+        print(f"castfem: {line}", file=sys.stderr)
     longest = max((one.case.casting.length for one in variants), default=0.0)
     beyond = [f"{1e3 * at:g} mm" for at in options.at if at > longest * (1.0 + ROUNDING)]
     if beyond:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from castfem.compare.runs import Run
+from castfem.compare.runs import Run, heat_shared
 from castfem.compare.table import SHARE, Line
 from castfem.report import doubts
+from castfem.report.cautions import cautions_of_all
 from castfem.report.crack_places import crack_places, defects_of
 from castfem.report.headline import plain_label
 from castfem.report.numbers import shown, unit_shown
@@ -23,7 +24,8 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
 
     The base, sources and notes of the references, which bounds are met, different ends.
     """
-    found = [f"base: {base.label}"]
+    found = [f"base: {base.label}", *heat_shared(runs)]
+    found += cautions_of_all({run.label: (run.folder, run.summary) for run in runs})
     who = dict.fromkeys(c.reference.source for run in runs for c in run.summary.references)
     if who:
         found.append(f"references: {'; '.join(who)}")

@@ -130,6 +130,15 @@ def _distinct(runs: Sequence[Run]) -> list[Run]:
     ]
 
 
+def heat_shared(runs: Sequence[Run]) -> list[str]:
+    """Return what is wrong in comparing runs of different speed, a line for each law of a mould."""
+    from castfem.case.shared_heat import shared_heat
+    from castfem.report.run_case import case_with
+
+    cases = [case_with(run.folder, "power", "water_rise", "position") for run in runs]
+    return shared_heat(case for case in cases if case is not None)
+
+
 def base_of(runs: Sequence[Run], named: str | None) -> Run:
     """Return the run the others are measured by: the one named, or the idealised, or the first.
 

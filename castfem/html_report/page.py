@@ -11,7 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from castfem.compare.runs import Run, alone, read_runs
+from castfem.compare.runs import Run, alone, heat_shared, read_runs
 from castfem.compare.table import SHARE, Line, cells, lines
 from castfem.errors import InputError
 from castfem.html_report import charts as drawn
@@ -20,6 +20,7 @@ from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import CASE_NAME, FIGURES_NAME
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
+from castfem.report.cautions import cautions, cautions_of_all
 from castfem.report.crack_places import crack_places
 from castfem.report.numbers import cells as number_cells
 from castfem.report.numbers import finely, unit_shown
@@ -298,7 +299,9 @@ def _rows(table: Sequence[Line], count: int) -> list[Row]:
 
 
 def _notes(runs: Sequence[Run]) -> Iterator[str]:
-    """Sources of the references, and what is from memory."""
+    """What is wrong in comparing the runs, sources of the references, what is from memory."""
+    yield from heat_shared(runs)
+    yield from told_of(runs)
     sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
     if sources:
         yield f"References: {'; '.join(sorted(sources))}. In red: a bound that is not kept."
@@ -307,6 +310,13 @@ def _notes(runs: Sequence[Run]) -> Iterator[str]:
         yield f"Errors of these numbers: castfem error {folder / CASE_NAME}."
     for line in dict.fromkeys(text for run in runs for text in run.summary.unchecked):
         yield f"From memory, not compared with its source: {line}"
+
+
+def told_of(runs: Sequence[Run]) -> list[str]:
+    """What the cases of the runs leave out, with the labels of several."""
+    if len(runs) == 1:
+        return cautions(runs[0].folder, runs[0].summary)
+    return cautions_of_all({run.label: (run.folder, run.summary) for run in runs})
 
 
 def _remarks(run: Run) -> Iterator[dict[str, str]]:

@@ -104,7 +104,8 @@ def out_of_line(normal: Rolls, rolls: Rolls) -> Array:
 
 def _curved(pair: Pair, curvature: float) -> Pair:
     """The pair where the strand has a curvature, 1/m; negative: bent to the extrados."""
-    return replace(pair, radius=1.0 / curvature if curvature else math.inf)
+    designed = pair.radius if pair.designed is None else pair.designed
+    return replace(pair, radius=1.0 / curvature if curvature else math.inf, designed=designed)
 
 
 def _places(rolls: Rolls) -> tuple[Array, Array]:

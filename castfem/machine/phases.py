@@ -1,4 +1,8 @@
-"""What rolls do to the strand between them: nothing, bend it, hold its curvature, straighten it."""
+"""What rolls do to the strand between them: nothing, bend it, hold its curvature, straighten it.
+
+That is by the design of the machine. A roll that is off bends and straightens the strand as well,
+on a stretch of its own.
+"""
 
 from __future__ import annotations
 
@@ -27,9 +31,48 @@ class Phase:
     last: int
 
 
+@dataclass(frozen=True, slots=True)
+class OffStretch:
+    """Rolls between which the strand follows rolls that are off.
+
+    Attributes:
+        off: Numbers of the rolls that are off, from 1 on.
+        first: Index of the pair at its beginning. last: At its end.
+    """
+
+    off: tuple[int, ...]
+    first: int
+    last: int
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return f"roll{'s' if len(self.off) > 1 else ''} {', '.join(map(str, self.off))} off"
+
+
+def off_stretches(rolls: Rolls) -> list[OffStretch]:
+    """Return the stretches whose curvature a roll that is off changes, from top to bottom.
+
+    It is changed at the roll and at the pairs beside it, so that the strand bends from the second
+    pair above to the second below. Stretches that overlap are one.
+    """
+    held, found = rolls.there, list[OffStretch]()
+    for k, index in enumerate(held):
+        if not rolls.pairs[index].offset:
+            continue
+        first, last = held[max(k - 2, 0)], held[min(k + 2, len(held) - 1)]
+        if found and first < found[-1].last:
+            before = found.pop()
+            found.append(OffStretch((*before.off, index + 1), before.first, last))
+        else:
+            found.append(OffStretch((index + 1,), first, last))
+    return found
+
+
 def phases(rolls: Rolls) -> list[Phase]:
-    """Return the phases from the first roll to the last."""
-    chi = [1.0 / pair.radius for pair in rolls.pairs]
+    """Return the phases from the first roll to the last, as the machine is designed."""
+    radii = [pair.radius if pair.designed is None else pair.designed for pair in rolls.pairs]
+    chi = [1.0 / radius for radius in radii]
     hair = _SAME * max((abs(k) for k in chi), default=0.0)
     found: list[Phase] = []
     for i in range(1, len(chi)):

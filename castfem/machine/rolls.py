@@ -42,6 +42,8 @@ class Pair:
         offset: How far it is off towards the centre of curvature, m.
         locked: Whether it does not turn.
         lost: Whether it is not there; the radius is that of the strand all the same.
+        designed: Radius of the strand there without rolls that are off or lost, m; None where that
+            is `radius`.
     """
 
     position: float
@@ -53,6 +55,7 @@ class Pair:
     offset: float = 0.0
     locked: bool = False
     lost: bool = False
+    designed: float | None = None
 
     @property
     def defect(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 MOULD, BELOW = "mould", "below the mould"
 BENDS = ("bending", "straightening")
+_OFF, _DESIGNED = "offset", "radius_designed"  # columns of rolls that are off, m
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +38,33 @@ class Stations:
         thickness: float | None = None,
         mould_exit: float | None = None,
     ) -> Stations:
-        """Those of rolls as `castfem.machine.rolls.columns_of` gives them."""
+        """Those of rolls as `columns` gives them."""
         if rolls is None:
             return cls(None, thickness or 0.0, mould_exit)
         from castfem.machine.rolls import read_rolls
 
-        return cls(read_rolls(rolls), thickness or 0.0, mould_exit)
+        found = read_rolls({name: rolls[name] for name in rolls if name not in (_OFF, _DESIGNED)})
+        offsets, designed = (rolls.get(name) for name in (_OFF, _DESIGNED))
+        if offsets is not None and designed is not None:
+            pairs = tuple(
+                replace(pair, offset=offset, designed=None if radius is None else float(radius))
+                for pair, offset, radius in zip(found.pairs, offsets, designed, strict=True)
+            )
+            found = replace(found, pairs=pairs)
+        return cls(found, thickness or 0.0, mould_exit)
+
+    def columns(self) -> dict[str, Any] | None:
+        """Return the rolls as columns, those that are off as well; None without rolls."""
+        if self.rolls is None:
+            return None
+        from castfem.machine.rolls import columns_of
+
+        found, pairs = columns_of(self.rolls), self.rolls.pairs
+        if any(pair.offset for pair in pairs):
+            found[_OFF] = [pair.offset for pair in pairs]
+            radii = [pair.designed for pair in pairs]
+            found[_DESIGNED] = [None if radius is None else str(radius) for radius in radii]
+        return found
 
     def nearest(self, position: float) -> int | None:
         """Index of the pair nearest to a position (m); None without rolls."""
@@ -72,16 +94,20 @@ class Stations:
         return float(np.interp(position, [pair.position for pair in pairs], apertures))
 
     def phase(self, position: float) -> str:
-        """What is done to the strand at a position: mould, bending, arc, straightening ..."""
+        """What is done to the strand at a position: mould, bending, arc, "roll 30 off" ..."""
         if self.mould_exit is not None and position <= self.mould_exit:
             return MOULD
         if self.rolls is None:
             return BELOW
-        from castfem.machine.phases import phases
+        from castfem.machine.phases import off_stretches, phases
 
         found, pairs = phases(self.rolls), self.rolls.pairs
         if not found or position < pairs[0].position:
             return BELOW
+        for off in off_stretches(self.rolls):
+            start, end = pairs[off.first].position, pairs[off.last].position
+            if not same_or_before(position, start) and same_or_before(position, end):
+                return off.name
         # A roll belongs to what ends there.
         for phase in found:
             if same_or_before(position, pairs[phase.last].position):

@@ -202,16 +202,21 @@ def _name_faces(panel: Axes, line: SurfaceLine) -> None:
 
 
 def _mark_phases(axes: list[Axes], stations: Stations, abscissa: Abscissa) -> None:
-    """Lines where bending and straightening begin and end, named in the first panel."""
+    """Lines where bending and straightening begin and end, and around rolls that are off.
+
+    They are named in the first panel, rolls that are off below the rest: their stretches may lie
+    within that of the bender.
+    """
     if stations.rolls is None:
         return
-    from castfem.machine.phases import phases
+    from castfem.machine.phases import off_stretches, phases
+    from castfem.machine.stations import BENDS
 
     pairs, high = stations.rolls.pairs, float(abscissa.values[-1])
-    for phase in phases(stations.rolls):
-        if phase.kind not in ("bending", "straightening"):
-            continue
-        ends = [pairs[i].position * abscissa.scale for i in (phase.first, phase.last)]
+    bends = [(p.kind, p.first, p.last, 0.97) for p in phases(stations.rolls) if p.kind in BENDS]
+    off = [(one.name, one.first, one.last, 0.8) for one in off_stretches(stations.rolls)]
+    for name, first, last, height in (*bends, *off):
+        ends = [pairs[i].position * abscissa.scale for i in (first, last)]
         if ends[0] >= high:
             continue
         for panel in axes:
@@ -219,7 +224,7 @@ def _mark_phases(axes: list[Axes], stations: Stations, abscissa: Abscissa) -> No
                 panel.axvline(end, color="#555555", linewidth=0.8, linestyle=":")
         middle = 0.5 * (ends[0] + min(ends[1], high))
         axes[0].text(
-            middle, 0.97, phase.kind, transform=axes[0].get_xaxis_transform(), ha="center",
+            middle, height, name, transform=axes[0].get_xaxis_transform(), ha="center",
             va="top", fontsize=7.5,
             bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 1},
         )  # fmt: skip

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from castfem.errors import CastfemError
-from castfem.output.folder import CASE_NAME, MAPS_NAME, ROWS_NAME
+from castfem.output.folder import MAPS_NAME, ROWS_NAME
 from castfem.output.summary import Summary
+from castfem.report.run_case import case_with
 from castfem.values.constants import ZERO_CELSIUS
 
 if TYPE_CHECKING:
@@ -81,14 +81,6 @@ def defects_of(folder: Path) -> str:
     Args:
         folder: Of the run, with its case.
     """
-    path = folder / CASE_NAME
-    try:
-        if "defect" not in path.read_text(encoding="utf-8"):
-            return ""
-        from castfem.case import load_case
-
-        machine = load_case(path).machine
-    except (OSError, CastfemError):
-        return ""
-    found = None if machine is None else machine.defect
+    case = case_with(folder, "defect")
+    found = None if case is None or case.machine is None else case.machine.defect
     return "; ".join(str(one).rstrip(",") for one in found or ())

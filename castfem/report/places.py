@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from castfem.errors import CastfemError
-from castfem.output.folder import CASE_NAME
 from castfem.output.summary import Quantity, Summary
 from castfem.report.headline import AT_PROBES, HEADLINE
+from castfem.report.run_case import case_with
 from castfem.results.registry import AT_FRACTION
 
 _MOST = 8  # places in the table of a run that was asked for none
@@ -60,26 +59,20 @@ def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
 
 
 def _bends(folder: Path) -> list[Place]:
-    """Ends of bending and straightening, of a case with rolls."""
-    path = folder / CASE_NAME
-    try:
-        if "[machine" not in path.read_text(encoding="utf-8"):
-            return []
-        from castfem.case import load_case
-        from castfem.machine.phases import phases
-        from castfem.machine.stations import BENDS
-
-        machine = load_case(path).machine
-        rolls = None if machine is None else machine.pairs()
-    except (OSError, CastfemError):
-        return []
+    """Ends of bending and straightening, and rolls that are off, of a case with rolls."""
+    case = case_with(folder, "[machine")
+    rolls = None if case is None or case.machine is None else case.machine.pairs()
     if rolls is None:
         return []
+    from castfem.machine.phases import phases
+    from castfem.machine.stations import BENDS
+
+    off = [i for i, pair in enumerate(rolls.pairs) if pair.offset]
     return [
         Place(f"{phase.kind} ends", rolls.pairs[phase.last].position)
         for phase in phases(rolls)
         if phase.kind in BENDS
-    ]
+    ] + [Place(f"roll {i + 1} off", rolls.pairs[i].position) for i in off]
 
 
 def table_names(runs: Sequence[Mapping[str, Quantity]], *, everything: bool = False) -> list[str]:

@@ -13,6 +13,7 @@ from castfem.output.folder import LOG_NAME, OutputFolder
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.run_record import RunRecord
 from castfem.output.summary import Summary
+from castfem.report.cautions import cautions
 from castfem.report.crack_places import crack_places
 from castfem.report.numbers import (
     duration,
@@ -22,7 +23,6 @@ from castfem.report.place_tables import print_along, print_places
 from castfem.report.printing import empty_table, print_line, print_list, wrapped
 from castfem.report.remarks import remarks_of
 from castfem.report.results_table import print_results, result_rows
-from castfem.report.wide_gap import wide_gap
 from castfem.results.labels import last_quantities
 from castfem.support.messages import said_in_a_line
 from castfem.values.same_place import ROUNDING
@@ -82,8 +82,8 @@ def _show(path: Path, out: Console, *, figures: bool, at: Sequence[float]) -> No
     if summary is not None:
         print_results(out, summary)
         _print_liquid_left(out, summary)
-        if told := wide_gap(path, summary):
-            print_line(out, told, style="yellow")
+        for line in cautions(path, summary):
+            print_line(out, line, style="yellow")
     if summary is not None and not (path / HISTORY_NAME).is_file():
         text = f"{path / HISTORY_NAME} is missing: no figures over time, and nothing to look at"
         print_line(out, text, style="yellow")

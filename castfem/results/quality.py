@@ -269,15 +269,12 @@ class QualitySampler:
         maps = [SurfaceMap("temperature", "K", "degC", "temperature")]
         for index in self._mapped():
             maps.append(SurfaceMap(index.name, si_unit(index.unit), index.unit, index.label))
-        caster, columns = self.state.caster, None
-        if caster.rolls is not None:
-            from castfem.machine.rolls import columns_of
-
-            columns = columns_of(caster.rolls)
+        caster = self.state.caster
         thickness = thickness_of(self.simulation.case.section)
         return Heading(
-            self.state.line, tuple(maps), self.settings.band, columns, thickness, caster.mould_exit
-        )
+            self.state.line, tuple(maps), self.settings.band, caster.columns(), thickness,
+            caster.mould_exit,
+        )  # fmt: skip
 
     def _mapped(self) -> list[CrackIndex]:
         """The indexes that have a map."""

@@ -180,6 +180,37 @@ class Kind(Notation):
 
 
 @dataclass(frozen=True, slots=True)
+class KindOr(Notation):
+    """Annotation of a field that takes a quantity or a certain word.
+
+    Attributes:
+        kind: The quantity.
+        word: The word.
+    """
+
+    kind: Kind
+    word: str
+
+    def read(self, given: object) -> float | str:
+        """Return the word or the value in SI; raise ValueError if it is neither."""
+        if given == self.word:
+            return self.word
+        try:
+            return self.kind.read(given)
+        except ValueError as error:
+            raise ValueError(f'{error}; or "{self.word}"') from None
+
+    def write(self, value: float | str) -> str | float:
+        """Return what reads back to the same value."""
+        return value if isinstance(value, str) else self.kind.write(value)
+
+    def __get_pydantic_json_schema__(
+        self, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        return {"anyOf": [{"const": self.word}, self.kind.json_schema()]}
+
+
+@dataclass(frozen=True, slots=True)
 class WaterKind(Kind):
     """Water on a surface, kg/(m2 s); also given as a volume, at 1 kg per litre."""
 

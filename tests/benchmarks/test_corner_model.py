@@ -34,7 +34,9 @@ def test_without_a_skeleton_the_corner_comes_back_the_more_often_the_finer_its_c
 def test_the_published_counts_are_those_of_the_program() -> None:
     """Of a row with and one without a solution."""
     rows = Output().rows("corner_model")
-    for row in (one for one in rows if (one["contraction"], one["gap"]) in ((0.1, 0.1), (0.3, 0.2))):
+    some = [one for one in rows if (one["contraction"], one["gap"]) in ((0.1, 0.1), (0.3, 0.2))]
+    assert len(some) == 2
+    for row in some:
         for name, coherent in COHERENT.items():
             for size in CELLS[:2]:
                 found = returns(size, row["gap"], row["contraction"] / 100.0, coherent)
