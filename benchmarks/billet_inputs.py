@@ -100,6 +100,13 @@ def variants(folder: Path) -> list[Variant]:
     ]
 
 
+PEAKED = ("idealised", "taper_1", "taper_3")
+"""Moulds of which the thesis has the peak stress."""
+LIQUID_OF_THESIS = (
+    "mechanics.liquid=elastic", "mechanics.mush=linear", "mechanics.ferrostatic=proportional",
+    "mechanics.strain=small",
+)  # fmt: skip
+AS_THESIS = "liquid elastic and modulus of the mushy zone linear in the solid"
 IDEAL = ("idealised",)  # whose liquid is elastic; in the others it is fed
 
 
@@ -170,9 +177,22 @@ def _for_the_corner() -> list[Variant]:
 
 
 def _for_the_peaks(folder: Path) -> list[Variant]:
-    """Two changes at once: where each alone leaves the thesis' peaks of stress apart."""
+    """Several changes at once: where each alone leaves the thesis' peaks of stress apart."""
     friction = 'mould.friction={law="coulomb", coefficient=0.3}'
-    found = []
+    stronger = "mechanics.law=" + scaled("norton_hoff_kozlowski", "strength", 1.2, folder)
+    found = [
+        Variant(AS_THESIS, LIQUID_OF_THESIS, PEAKED, liquid=True),
+        Variant(f"{AS_THESIS}, flow stress 20 % higher", (*LIQUID_OF_THESIS, stronger), PEAKED),
+        *(
+            Variant(
+                f"{AS_THESIS}, liquid {stiffness} as stiff as the solid",
+                (*LIQUID_OF_THESIS, f"mechanics.liquid_stiffness={stiffness}"),
+                ("taper_1",),
+                liquid=True,
+            )
+            for stiffness in ("1e-2", "1e-1")
+        ),
+    ]
     for percent in (20, 30):
         strength = scaled("norton_hoff_kozlowski", "strength", 1.0 + percent / 100.0, folder)
         label = f"flow stress {percent} % higher and friction 0.3"

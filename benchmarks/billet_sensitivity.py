@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.billet_inputs import variants
+from benchmarks.billet_inputs import AS_THESIS, PEAKED, variants
 from benchmarks.billet_run import COARSE, NAMES, SHOWN, run
 from benchmarks.billet_study import FACES, columns, picked, thesis
 from benchmarks.report import Output, table
@@ -36,9 +36,12 @@ def sensitivity(output: Output, quick: bool, moulds: Sequence[str] = STUDIED) ->
             output.csv(f"billet_inputs_{mould}", rows)
 
 
-PEAKED = ("idealised", "taper_1", "taper_3")  # moulds of which the thesis has the peak stress
 PEAKS = (
     "as shipped, coarse",
+    "liquid elastic, as in the ideal mould",
+    "modulus of the mushy zone linear in the solid",
+    AS_THESIS,
+    f"{AS_THESIS}, flow stress 20 % higher",
     "flow stress 20 % higher",
     "flow stress 30 % higher",
     "friction 0.3 (Coulomb)",
@@ -55,9 +58,9 @@ def peaks(output: Output) -> None:
     for label in PEAKS:
         line: dict[str, Any] = {"input": label}
         for mould in PEAKED:
-            # The ideal mould has no friction.
+            # The ideal mould has no friction, and its liquid is elastic as it is shipped.
             alone = label.removesuffix(" and friction 0.3")
-            bare = PEAKS[0] if label.startswith("friction") else alone
+            bare = PEAKS[0] if label.startswith(("friction", "liquid elastic, ")) else alone
             row = by_input[mould].get(bare if mould == "idealised" else label)
             for key in ("von_mises_max", "von_mises_mid_face"):
                 line[f"{mould} {key}"] = None if row is None else row[key]

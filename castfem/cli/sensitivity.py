@@ -138,10 +138,19 @@ def _cells(row: Row) -> tuple[str, str, str]:
     at = f"{one.at:.6g} {unit_shown(one.at_unit)}".rstrip()
     slope = "-"
     if math.isfinite(one.value):
-        number = with_error(f"{one.value:.4g}", one.error)
-        slope = f"{number} {unit_shown(one.unit)}"
+        slope = f"{_number(one.value, one.error)} {unit_shown(one.unit)}"
     relative = f"{row.elasticity:+.3f}" if math.isfinite(row.elasticity) else ""
     return f"  by {row.parameter.name}, {at}", slope, relative
+
+
+def _number(value: float, error: float) -> str:
+    """A derivative with its error, and without the digits that this leaves no sense in."""
+    if not math.isfinite(error):
+        return f"{value:.4g} (error unknown)"
+    if error == 0.0 or value == 0.0:
+        return with_error(f"{value:.4g}", error)
+    digits = 2 + math.floor(math.log10(abs(value))) - math.floor(math.log10(error))
+    return with_error(f"{value:.{min(max(digits, 1), 4)}g}", error)
 
 
 def _told(found: Sensitivity, name: str) -> str:
@@ -164,8 +173,8 @@ def _in_steps(found: Sensitivity) -> str:
         return ""
     return (
         f"by {', '.join(names)}: the shell grows cell by cell, and stress, strain and gap go with "
-        "it in small steps; these are slopes between two of them, and runs some per cent apart may "
-        "give others, even of the other sign (docs/sensitivity.md): make two before you go by one"
+        "it in small steps; differences of runs some per cent apart may be other ones by the "
+        "error, also of the other sign (docs/sensitivity.md); where it is large make two runs"
     )
 
 

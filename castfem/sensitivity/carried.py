@@ -40,7 +40,7 @@ class Carried:
         refuse(simulation.case)
         asked = asked_quantities(simulation, of)
         self._path, self._derivatives = path, follow(simulation, to)
-        self._readings = Readings(simulation, self._derivatives, asked)
+        self._readings = Readings(simulation, self._derivatives, asked, errors=False)
         self._recorder = Recorder(simulation, self._derivatives, self._readings, None)
 
     def step(self, run: RunState, sample: Sample) -> None:

@@ -20,7 +20,7 @@ class ShownRow:
     Attributes:
         at: Value of the parameter. at_unit: Its unit.
         spread: By how much it may differ. spread_unit: Its unit.
-        value: Derivative. error: Its standard error. sides: As those of a row. unit: Of these.
+        value: Derivative. error: Of it. sides: As those of a row. unit: Of these.
     """
 
     at: float

@@ -7,7 +7,7 @@ derivative times the step of the difference quotient added, by the steel, machin
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,16 +18,19 @@ from castfem.errors import InputError
 from castfem.output.summary import Quantity
 from castfem.results.of_case import fault_of
 from castfem.results.registry import QuantityDefinition, columns_of, results_of
+from castfem.results.resolution import STAIR
 from castfem.results.sample import Sample
 from castfem.results.thermal import Sampler
 from castfem.sensitivity.fronts import LEVELS, Fronts
 from castfem.sensitivity.result import Derivative
+from castfem.sensitivity.scatter import Scatter
 from castfem.sensitivity.thermal import ThermalDerivatives
 from castfem.sensitivity.varied import Varied
 from castfem.simulation.simulation import Simulation
 from castfem.thermal.stepper import ThermalState
 from castfem.values import units
 from castfem.values.same_place import EXACT
+from castfem.values.types import Array
 
 _OF_STEPS = (
     "step", "newton", "newton_mechanics", "energy_error", "force_error", "solidus_cell",
@@ -98,10 +101,16 @@ class Readings:
         simulation: The run.
         derivatives: Of its temperatures.
         asked: The results.
+        errors: Whether the errors of the derivatives are wanted, which takes more readings.
     """
 
     def __init__(
-        self, simulation: Simulation, derivatives: ThermalDerivatives, asked: Asked
+        self,
+        simulation: Simulation,
+        derivatives: ThermalDerivatives,
+        asked: Asked,
+        *,
+        errors: bool = True,
     ) -> None:
         self._simulation, self._derivatives, self.asked = simulation, derivatives, asked
         way = [one.name for one, _ in asked.values() if one.of_way]
@@ -109,6 +118,7 @@ class Readings:
         self._follows_all = any(name not in _OF_TEMPERATURE for name in way)
         depths = [(one.name, probe) for one, probe in asked.values() if one.name in LEVELS]
         self.fronts = Fronts(derivatives, depths)
+        self.scatter = Scatter() if errors else None
         self._samplers = [
             (Sampler(v.above.simulation), Sampler(v.below.simulation))
             for v in derivatives.variations
@@ -117,13 +127,19 @@ class Readings:
     @property
     def reads_all(self) -> bool:
         """Whether samples of all steps are wanted, not of the last alone."""
-        return self._follows_heat or bool(self.fronts.fronts)
+        return self._follows_heat or bool(self.fronts.fronts) or self.scatter is not None
 
     def follow(self, sample: Sample) -> None:
         """Note a committed state, for results that hang on the way (collective)."""
         state = sample.state.thermal
-        self.fronts.follow(self._zone(state.time), sample)
-        if self._follows_all:
+        zone = self._zone(state.time)
+        self.fronts.follow(zone, sample)
+        probe = next(iter(sample.shell))
+        depth, cell = sample.shell[probe], sample.cell[probe]
+        if self.scatter is not None and self.scatter.due(zone, depth, cell):
+            found = [0.5 * (below + above) for _, below, above in self._slopes(sample)]
+            self.scatter.add(depth, cell, found)
+        elif self._follows_all:
             for number in range(len(self._samplers)):
                 self._sides(number, sample)
         elif self._follows_heat:
@@ -195,20 +211,38 @@ class Readings:
             name: definition.result(_number(definition.value(sample, probe)), probe)
             for name, (definition, probe) in self.asked.items()
         }
-        found = []
-        for number, variation in enumerate(self._derivatives.variations):
-            above, below = self._sides(number, sample)
-            for name, (definition, probe) in self.asked.items():
-                sides = [_number(definition.value(s, probe)) for s in (below, above)]
-                step = variation.parameter.step
-                here = values[name].value
-                slopes = (here - sides[0]) / step, (sides[1] - here) / step
-                evened = self._evened(definition.name, probe, number)
-                found.append(Derivative(name, variation.parameter.name, *slopes, evened))
+        slopes = list(self._slopes(sample))
+        errors = self._errors(len(slopes))
+        found: list[Derivative] = []
+        for (name, below, above), scattered in zip(slopes, errors, strict=True):
+            definition, probe = self.asked[name]
+            number = len(found) // len(self.asked)
+            parameter = self._derivatives.variations[number].parameter
+            evened = self._evened(definition.name, probe, number)
+            error = float("nan") if definition.of_way else float(scattered)
+            if evened is not None:
+                stairs = STAIR * sample.cell[probe] / parameter.spread
+                error = float(np.fmin(error, np.hypot(2.0 * evened[1], stairs)))
+            found.append(Derivative(name, parameter.name, below, above, evened, error))
         return values, found
 
+    def _slopes(self, sample: Sample) -> Iterator[tuple[str, float, float]]:
+        """Each result, and its derivatives to both sides of each parameter (collective)."""
+        here = {name: _number(d.value(sample, probe)) for name, (d, probe) in self.asked.items()}
+        for number, variation in enumerate(self._derivatives.variations):
+            above, below = self._sides(number, sample)
+            step = variation.parameter.step
+            for name, (definition, probe) in self.asked.items():
+                ends = [_number(definition.value(s, probe)) for s in (below, above)]
+                yield name, (here[name] - ends[0]) / step, (ends[1] - here[name]) / step
+
+    def _errors(self, count: int) -> Array:
+        if self.scatter is None:
+            return np.full(count, np.nan)
+        return self.scatter.errors(count)
+
     def _evened(self, name: str, probe: str, number: int) -> tuple[float, float] | None:
-        """Derivative of a depth, evened out, and its standard error; None of anything else."""
+        """Derivative of a depth, evened out, and its standard error; None of all others."""
         front = self.fronts.fronts.get((name, probe))
         if front is None:
             return None
@@ -220,11 +254,17 @@ class Readings:
     def memory(self) -> dict[str, Any]:
         """What a checkpoint must hold of what has been noted."""
         noted = [[sampler.memory() for sampler in pair] for pair in self._samplers]
-        return {"results": list(self.asked), "noted": noted, "fronts": self.fronts.memory()}
+        found = {"results": list(self.asked), "noted": noted, "fronts": self.fronts.memory()}
+        if self.scatter is not None:
+            found["scatter"] = [self.scatter.zone, self.scatter.rows]
+        return found
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take up what `memory` gave."""
         self.fronts.recall(memory["fronts"])
+        if self.scatter is not None and "scatter" in memory:
+            zone, rows = memory["scatter"]
+            self.scatter = Scatter(int(zone), [list(row) for row in rows])
         for pair, its in zip(self._samplers, memory["noted"], strict=True):
             for sampler, known in zip(pair, its, strict=True):
                 sampler.recall(dict(known))

@@ -31,6 +31,8 @@ class Derivative:
         evened: Of a depth that a front has reached, evened out over the cells behind it, and its
             standard error (`castfem.sensitivity.fronts`); NaN where it has passed too few; None of
             anything else.
+        error: How far differences of runs may be from what is told
+            (`castfem.sensitivity.scatter`); NaN where that is not known.
     """
 
     quantity: str
@@ -38,6 +40,7 @@ class Derivative:
     below: float
     above: float
     evened: tuple[float, float] | None = None
+    error: float = math.nan
 
     @property
     def of_mesh(self) -> float:
@@ -78,7 +81,7 @@ class Row:
             a zero that is a convention, or is 0.
         change: Of the result by the spread of the parameter, in the unit in which it differs.
         sides: Derivatives to both sides, in `unit`, where they differ; None where it is smooth.
-        error: Standard error of a derivative that was evened out, in `unit`; NaN of others.
+        error: How far differences of runs may be from it, in `unit`; NaN where that is not known.
     """
 
     quantity: Quantity
@@ -149,11 +152,10 @@ class Sensitivity:
         noise = _NOISE * abs(quantity.value) / parameter.step
         kinked = apart > _KINK * max(abs(one.below), abs(one.above)) + noise
         kinked = kinked and one.evened is None
-        error = math.nan if one.evened is None else from_si(one.evened[1], unit)
         return Row(
             quantity, one.quantity, parameter, slope, per(unit, parameter.unit), relative,
             slope * parameter.spread, (sides[0], sides[1]) if kinked else None,
-            error,
+            from_si(one.error, unit),
         )  # fmt: skip
 
     def write(self, folder: Path) -> None:

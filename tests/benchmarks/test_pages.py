@@ -9,8 +9,12 @@ from pathlib import Path
 import pytest
 
 from benchmarks.__main__ import tables
+from benchmarks.billet_inputs import AS_THESIS, LIQUID_OF_THESIS
+from benchmarks.billet_sensitivity import PEAKS
 from benchmarks.quoted import pages, quotations, rewrite, wrong
-from benchmarks.report import PAGE
+from benchmarks.report import PAGE, Output
+from castfem.case import load_case
+from castfem.case.shipped_cases import find
 
 DOCS = PAGE.parent
 BEGIN = re.compile(r"<!-- begin (.+?) -->\n(.*?)<!-- end \1 -->", re.DOTALL)
@@ -108,3 +112,13 @@ def test_numbers_of_the_readme_are_tied_too(tmp_path: Path) -> None:
     rewrite(folder)
     assert not wrong(folder) and "-->9.12 kJ" in page.read_text()
     assert any(page.name == "README.md" for page in pages(DOCS))
+
+
+def test_liquid_and_mushy_zone_of_the_thesis_are_those_of_the_shipped_case() -> None:
+    """And their effects on the peak stress do not add up."""
+    ours = load_case(find("billet125/taper_1_as_thesis"))
+    assert ours.mechanics == load_case(find("billet125/taper_1"), LIQUID_OF_THESIS).mechanics
+    rows = {row["input"]: row for row in Output(DOCS).rows("billet_inputs_taper_1")}
+    first, fluid, modulus, both = (rows[label]["von_mises_max"] for label in PEAKS[:4])
+    assert PEAKS[3] == AS_THESIS
+    assert both - first > 1.5 * ((fluid - first) + (modulus - first)) > 0.0
