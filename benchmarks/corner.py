@@ -37,7 +37,6 @@ KINDS: dict[str, dict[str, tuple[str, ...]]] = {
         AS_SHIPPED: (),
         **{f"windows {w} s": (*SHORT, f"coupling.interval={w} s") for w in WINDOWS},
         "triangles": (*SHORT, "mesh.cell=triangle"),
-        "first-order cells": (*SHORT, "mesh.order=1"),
         "Nitsche": (*SHORT, "mould.contact=nitsche"),
     },
     "none": {f"cells {size} mm": () for size in (*CELLS,)[:3]},

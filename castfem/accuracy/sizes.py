@@ -53,6 +53,15 @@ def factors_of(word: str) -> dict[str, float]:
     return {MESH: level.cells, STEP: level.window, COUPLING: level.window}
 
 
+def assignments(case: Case, word: str) -> list[str]:
+    """Return how a word for the accuracy of a run changes a case: KEY=VALUE, as --set takes it.
+
+    Raises:
+        InputError: There is no such word.
+    """
+    return [f"{key}={value}" for key, value in changes(case, factors_of(word)).items()]
+
+
 def axes_of(case: Case) -> tuple[str, ...]:
     """Return what there is to scale: without mechanics there is no coupling."""
     return AXES if case.mechanics is not None else (MESH, STEP)

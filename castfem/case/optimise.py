@@ -224,8 +224,9 @@ class Optimise(TableModel):
         60,
         ge=1,
         strict=True,
-        description="runs of the search, at most; beside them those for the noise, about the "
-        "optimum, and of the checks",
+        description="the search ends when so many runs have been made, at the earliest after those "
+        "that measure the noise; further ones, often as many again, look about the best run and "
+        "check it",
     )
     variable: tuple[Variable, ...] = Field(
         min_length=1, description="the keys whose values are looked for"

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from castfem.cli import parallel
 from castfem.errors import CastfemError, InputError
+from castfem.support import signals
 
 _INTERRUPTED = 130
 ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "section")
@@ -21,6 +22,9 @@ ALL_RANKS = ("run", "sweep", "error", "optimise", "calibrate", "sensitivity", "s
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and leave the process with its exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    signals.keep_hangup()
+    if parallel.rank_and_size()[1] == 1:  # a rank that is ended takes the others with it
+        signals.stop_by_all()
     status = execute(words)
     if status != 0 and _on_all_ranks(words):
         parallel.settle()
@@ -41,8 +45,9 @@ def execute(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; by default those of the process.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    rank, _ = parallel.launched()
-    if rank != 0 and not _on_all_ranks(words):
+    rank, _ = parallel.rank_and_size()
+    first = rank == 0 and parallel.started()[0] == 0
+    if not first and not _on_all_ranks(words):
         return 0
     # PETSc would turn a closed pipe or Ctrl-C into a page of advice on debuggers.
     options = os.environ.get("PETSC_OPTIONS", "")
@@ -53,23 +58,33 @@ def execute(arguments: Sequence[str] | None = None) -> int:
     from castfem.cli.app import app
 
     try:
+        if _on_all_ranks(words):
+            parallel.check_launcher()
         status = app(args=words or ["--help"], prog_name="castfem", standalone_mode=False)
         return status if isinstance(status, int) else 0
     except SystemExit as stop:  # after the answer to a shell's completion, and at a closed pipe
         return stop.code if isinstance(stop.code, int) else 0
-    except click.exceptions.Abort:
-        return _interrupted(rank, words)
+    except click.exceptions.Abort as abort:
+        cause = abort.__cause__
+        if isinstance(cause, KeyboardInterrupt):
+            return _interrupted(first, words)
+        return _failed(cause if isinstance(cause, Exception) else abort, first, words)
     except click.ClickException as error:
-        if rank == 0:
+        if first:
             error.show()
         return InputError.exit_status
     except KeyboardInterrupt:
-        return _interrupted(rank, words)
+        return _interrupted(first, words)
     except Exception as error:
-        if rank == 0:
-            hint = HINT if words[:1] == ["run"] else ""  # no other command takes -v
-            return report(error, verbose=_verbose(words), hint=hint)
+        return _failed(error, first, words)
+
+
+def _failed(error: Exception, first: bool, words: Sequence[str]) -> int:
+    """Print an error, on the first rank, and return the exit status it stands for."""
+    if not first:
         return _status(error)
+    hint = HINT if words[:1] == ["run"] else ""  # no other command takes -v
+    return report(error, verbose=_verbose(words), hint=hint)
 
 
 def report(error: Exception, *, verbose: bool = False, hint: str = "") -> int:
@@ -143,8 +158,8 @@ def _verbose(words: Sequence[str]) -> bool:
     return any(word == "--verbose" or re.fullmatch("-q?v+", word) for word in words)
 
 
-def _interrupted(rank: int, words: Sequence[str]) -> int:
-    if rank == 0:
+def _interrupted(first: bool, words: Sequence[str]) -> int:
+    if first:
         mend = _GOES_ON.get(words[0] if words else "")
         print(f"castfem: interrupted{f'; {mend} goes on' if mend else ''}", file=sys.stderr)
     return _INTERRUPTED

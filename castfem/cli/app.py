@@ -15,7 +15,16 @@ import click
 from castfem import __version__
 from castfem.cli import options, pictures, studies
 from castfem.cli.command import Argument, Group, command
-from castfem.cli.options import PATH, case_name, folder, folders, output, overrides, quiet
+from castfem.cli.options import (
+    PATH,
+    case_name,
+    file_for,
+    folder,
+    folders,
+    output,
+    overrides,
+    quiet,
+)
 from castfem.errors import InputError
 
 
@@ -180,7 +189,7 @@ def report(
     beside = folders[0] if len(folders) == 1 else folders[0].resolve().parent
     with chosen(units):
         places = read_positions(at)
-        print(f"report in {write(folders, output or beside / REPORT_NAME, places)}")
+        print(f"report in {write(folders, file_for(output or beside, REPORT_NAME), places)}")
 
 
 @command('strand results/slab1200/reference --every "50 mm"')
@@ -190,8 +199,9 @@ def report(
 def strand(folder: Path, output: Path | None, every: str) -> None:
     """Write the slices of a run, stacked along its caster, for ParaView."""
     from castfem.cli.strand import write
+    from castfem.output.folder import STRAND_NAME
 
-    write(folder, output, every)
+    write(folder, file_for(output or folder, STRAND_NAME), every)
 
 
 @command("identify curves.csv")

@@ -68,12 +68,13 @@ class Group(click.Group):
         """Run a command and return what it returns.
 
         Raises:
-            click.Abort: It was interrupted; click would print an empty line first.
+            click.Abort: Because of an interrupt or an end of a file, its cause. Click would print
+                an empty line first.
         """
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            raise click.Abort from None
+        except (KeyboardInterrupt, EOFError) as error:
+            raise click.Abort from error
 
 
 def command(example: str) -> Callable[[Callable[..., Any]], Command]:

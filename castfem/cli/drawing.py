@@ -59,27 +59,26 @@ def mesh_rows(mesh: SectionMesh) -> list[tuple[str, str]]:
     ]
 
 
-def draw_material(name: str, composition: Iterable[str], picture: Path | None) -> None:
+def draw_material(name: str, composition: Iterable[str], picture: Path) -> None:
     """Describe a steel and plot its properties.
 
     Args:
         name: A shipped set, or a steel file.
         composition: Assignments "C=0.42", weight percent.
-        picture: File of the plot, None for <name>.png.
+        picture: File of the plot.
 
     Raises:
         InputError: No such steel, or a composition that cannot be read.
     """
     amounts = _composition(composition)
-    target = picture or Path(f"{Path(name).stem}.png")
-    check_picture(target)
+    check_picture(picture)
     from castfem.materials import describe_steel, load_steel
     from castfem.materials.plot import plot_steel
 
     steel = load_steel(name, Path.cwd(), composition=amounts, origin="steel")
     print_rows(describe_steel(steel))
-    with drawing(target):
-        plot_steel(steel, target)
+    with drawing(picture):
+        plot_steel(steel, picture)
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -109,7 +108,9 @@ def check_picture(picture: Path) -> None:
     """
     formats = (".png", ".pdf", ".svg")
     if picture.suffix.lower() not in formats:
-        raise InputError(f"{picture}: a picture ends in {', '.join(formats)}")
+        raise InputError(
+            f"{picture}: a picture ends in {', '.join(formats)}; a folder for it has to exist"
+        )
 
 
 @contextmanager

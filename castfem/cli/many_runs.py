@@ -201,7 +201,7 @@ def check_processes(processes: int | None, ranks: bool, of_each: int = 1) -> Non
     if of_each != 1:
         from castfem.sweep.groups import check
 
-        check(of_each, parallel.launched()[1])
+        check(of_each, parallel.rank_and_size()[1])
 
 
 def cores() -> int:

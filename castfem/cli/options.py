@@ -90,6 +90,13 @@ def output(about: str) -> Decorator:
     return click.option("--output", "-o", type=PATH, help=about)
 
 
+def file_for(output: Path | None, name: str) -> Path:
+    """Return where a file goes: as -o says, by its usual name into a folder that is there."""
+    if output is None:
+        return Path(name)
+    return output / name if output.is_dir() else output
+
+
 @contextmanager
 def chosen(units: Sequence[str]) -> Iterator[None]:
     """Show numbers in the units that were asked for with --units, if any were.

@@ -8,6 +8,8 @@ import time
 from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING
 
+from castfem.errors import InputError
+
 if TYPE_CHECKING:
     from mpi4py import MPI
 
@@ -16,17 +18,83 @@ if TYPE_CHECKING:
 _LAUNCHERS = (
     ("OMPI_COMM_WORLD_RANK", "OMPI_COMM_WORLD_SIZE"),
     ("PMI_RANK", "PMI_SIZE"),
-    ("SLURM_PROCID", "SLURM_NTASKS"),
+    ("SLURM_PROCID", "SLURM_STEP_NUM_TASKS"),  # a batch script has the first, a step has both
 )
+"""Variables of a process's number and of how many there are, by launcher."""
+_SLURM = _LAUNCHERS[-1]
 _DRAINED = 0.3  # s for the launcher to pass on what was printed
+_REACHED = 60.0  # s for all ranks to come to the first meeting
 
 
-def launched() -> tuple[int, int]:
-    """Return rank and size as the launcher set them in the environment; MPI is not touched."""
+def started() -> tuple[int, int]:
+    """Return number of this process and of all, as the launcher says: 0 of 1 without one."""
     for rank, size in _LAUNCHERS:
         if rank in os.environ and size in os.environ:
             return int(os.environ[rank]), int(os.environ[size])
     return 0, 1
+
+
+def rank_and_size() -> tuple[int, int]:
+    """Return MPI's rank and size; MPI is not touched where nothing says that there is a launcher.
+
+    Variables of a launcher are no more than a sign: a batch script has those of its job, and a
+    launcher that belongs to another MPI, or to none, starts processes of which each is alone.
+    """
+    if not any(rank in os.environ for rank, _ in _LAUNCHERS):
+        return 0, 1
+    try:
+        from mpi4py import MPI
+    except ImportError:  # no solver here: cases are checked and results shown without
+        return 0, 1
+    return MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
+
+
+def check_launcher() -> None:
+    """Refuse processes that a launcher has started as ranks, and that MPI does not connect.
+
+    Raises:
+        InputError: Each would do the whole work, and all in the same folder.
+    """
+    _, size = rank_and_size()
+    _, tasks = started()
+    if tasks > size:
+        from mpi4py import MPI
+
+        name, version = MPI.get_vendor()
+        said = f"MPI ({name} {'.'.join(map(str, version))}) has {size} in each"
+        if _by_slurm():
+            raise InputError(
+                f"srun has started {tasks} tasks, and {said}: srun has not set up MPI; start "
+                f"castfem by mpirun -n {tasks} in a batch script or under salloc, without srun"
+            )
+        raise InputError(
+            f"the launcher has started {tasks} processes, and {said}: it belongs to another MPI; "
+            f"start castfem by the mpirun of {name}"
+        )
+    if size > 1:
+        _meet()
+
+
+def _by_slurm() -> bool:
+    """Return whether this is a task of srun itself, not of Open MPI's mpirun within a job."""
+    return _LAUNCHERS[0][0] not in os.environ and all(name in os.environ for name in _SLURM)
+
+
+def _meet() -> None:
+    """See that a message gets from each rank to the others (collective); abort if none does."""
+    from castfem.fem.root import all_arrive
+
+    comm = communicator()
+    if comm is None or all_arrive(comm, _REACHED):
+        return
+    mend = "; start castfem by mpirun, without srun" if _by_slurm() else ""
+    print(
+        f"castfem: rank {comm.rank} waits for the others in vain: MPI is set up, and no message "
+        f"gets through{mend}",
+        file=sys.stderr,
+        flush=True,
+    )
+    comm.Abort(InputError.exit_status)
 
 
 def console(*, quiet: bool = False) -> Console:
@@ -43,11 +111,11 @@ def console(*, quiet: bool = False) -> Console:
 
 def communicator() -> MPI.Intracomm | None:
     """Return the communicator of all ranks, None when there is only one."""
-    if launched()[1] == 1:
+    if rank_and_size()[1] == 1:
         return None
     from mpi4py import MPI
 
-    return MPI.COMM_WORLD if MPI.COMM_WORLD.size > 1 else None
+    return MPI.COMM_WORLD
 
 
 def agree(comm: MPI.Intracomm | None, problems: tuple[str, ...]) -> tuple[str, ...]:
@@ -70,7 +138,7 @@ def pass_on() -> None:
     """
     sys.stdout.flush()
     sys.stderr.flush()
-    if launched()[1] > 1:
+    if rank_and_size()[1] > 1:
         time.sleep(_DRAINED)
 
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import click
 
 from castfem.cli.command import Argument, command
-from castfem.cli.options import PATH, case_name, output, overrides
+from castfem.cli.options import PATH, case_name, file_for, output, overrides
 
 
 @command("mesh billet125/idealised")
 @case_name
-@output("Picture; by default <name>_mesh.png.")
+@output("Picture, or a folder for it; by default <name>_mesh.png.")
 @overrides
 def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
     """Draw the mesh of a case and print its counts and quality."""
@@ -23,12 +23,12 @@ def mesh(case: str, output: Path | None, overrides: tuple[str, ...]) -> None:
 
     path = find(case)
     with read_from(path):
-        draw_mesh(load_case(path, overrides), output or Path(f"{path.stem}_mesh.png"))
+        draw_mesh(load_case(path, overrides), file_for(output, f"{path.stem}_mesh.png"))
 
 
 @command("mould billet125/hot --hot")
 @case_name
-@output("Picture; by default <name>_mould.png.")
+@output("Picture, or a folder for it; by default <name>_mould.png.")
 @click.option("--hot", is_flag=True, help="How heat distorts it: cold and at work, [mould.tube].")
 @click.option(
     "--coupled",
@@ -48,15 +48,15 @@ def mould(
     if hot or coupled:
         from castfem.cli.hot_mould import draw_hot_mould
 
-        target = output or Path(f"{path.stem}_hot.png")
+        target = file_for(output, f"{path.stem}_hot.png")
         draw_hot_mould(load_case(path, overrides), target, case, coupled=coupled)
         return
-    draw_mould(load_case(path, overrides), output or Path(f"{path.stem}_mould.png"), case)
+    draw_mould(load_case(path, overrides), file_for(output, f"{path.stem}_mould.png"), case)
 
 
 @command("section billet125/idealised")
 @case_name
-@output("Picture; by default <name>_section.png.")
+@output("Picture, or a folder for it; by default <name>_section.png.")
 @click.option("--at", help="Where; by default the end of the mould.")
 @overrides
 def section(case: str, output: Path | None, at: str | None, overrides: tuple[str, ...]) -> None:
@@ -66,13 +66,13 @@ def section(case: str, output: Path | None, at: str | None, overrides: tuple[str
     from castfem.cli.section import find as find_outline
 
     path = find(case)
-    target = output or Path(f"{path.stem}_section.png")
+    target = file_for(output, f"{path.stem}_section.png")
     find_outline(load_case(path, overrides), target, case, at)
 
 
 @command("machine slab1200/reference")
 @case_name
-@output("Picture; by default <name>_machine.png.")
+@output("Picture, or a folder for it; by default <name>_machine.png.")
 @click.option("--run", type=PATH, help="Folder of a run: where it is solid, how drives pulled.")
 @overrides
 def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[str, ...]) -> None:
@@ -82,7 +82,7 @@ def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[s
     from castfem.cli.machine import draw_machine
 
     path = find(case)
-    target = output or Path(f"{path.stem}_machine.png")
+    target = file_for(output, f"{path.stem}_machine.png")
     draw_machine(load_case(path, overrides), target, case, run)
 
 
@@ -90,7 +90,7 @@ def machine(case: str, output: Path | None, run: Path | None, overrides: tuple[s
 @click.argument(
     "name", metavar="NAME", help="A shipped set, or a steel file (.toml).", cls=Argument
 )
-@output("Picture; by default <name>.png.")
+@output("Picture, or a folder for it; by default <name>.png.")
 @click.option(
     "--composition", "-c", metavar="C=0.42", multiple=True, help="Weight percent of an element."
 )
@@ -98,4 +98,4 @@ def material(name: str, output: Path | None, composition: tuple[str, ...]) -> No
     """Describe a steel and plot its properties."""
     from castfem.cli.drawing import draw_material
 
-    draw_material(name, composition, output)
+    draw_material(name, composition, file_for(output, f"{Path(name).stem}.png"))

@@ -106,13 +106,11 @@ def _scaled(path: Path, options: Options) -> list[str]:
     """
     if options.accuracy == _DEFAULT:
         return []
-    from castfem.accuracy.sizes import changes, factors_of
+    from castfem.accuracy.sizes import assignments
 
-    factors = factors_of(options.accuracy)
     if options.resume and (path.parent / RUN_NAME).is_file():
         raise InputError("--resume goes on with the sizes of the run: leave out --accuracy")
-    found = changes(load_case(path, options.overrides), factors)
-    return [f"{key}={value}" for key, value in found.items()]
+    return assignments(load_case(path, options.overrides), options.accuracy)
 
 
 def _place(options: Options) -> tuple[Path, Path]:

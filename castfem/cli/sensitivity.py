@@ -39,6 +39,7 @@ class Options:
         figures: Draw the figure.
         quiet: Print nothing but errors.
         units: Those of --units.
+        accuracy: Word for its cells, steps and windows; "default" for those of the case.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Options:
     figures: bool
     quiet: bool
     units: tuple[str, ...] = ()
+    accuracy: str = "default"
 
 
 def sensitivity_of_case(options: Options) -> None:
@@ -66,6 +68,11 @@ def sensitivity_of_case(options: Options) -> None:
     log.setup(-1 if options.quiet else 0, parallel.rank_of(comm))
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
+    if options.accuracy != "default":
+        from castfem.accuracy.sizes import assignments
+
+        sizes = assignments(case, options.accuracy)
+        case = load_case(path, (*options.overrides, *sizes))
     alone = shipped_cases.default_folder(options.name, path)
     target = options.folder or alone.with_name(f"{alone.name}_sensitivity")
     if target.exists() and (not target.is_dir() or (target / RUN_NAME).is_file()):

@@ -8,15 +8,15 @@ from castfem.case import load_case
 from castfem.case.machine import thickness_of
 from castfem.cli.options import above_zero
 from castfem.errors import InputError
-from castfem.output.folder import CASE_NAME, STRAND_NAME
+from castfem.output.folder import CASE_NAME
 
 
-def write(folder: Path, target: Path | None, every: str) -> None:
+def write(folder: Path, target: Path, every: str) -> None:
     """Write the strand of a run as one file, and say where.
 
     Args:
         folder: Of the run.
-        target: The file; by default `STRAND_NAME` in the folder.
+        target: The file.
         every: Distance of its rows of cells along the strand, with unit.
 
     Raises:
@@ -37,10 +37,9 @@ def write(folder: Path, target: Path | None, every: str) -> None:
             f"{folder / CASE_NAME}: machine: the table is missing, the strand goes straight down: "
             "open fields.xdmf; or run the case with [machine] (docs/machine.md)"
         )
-    path = target or folder / STRAND_NAME
-    if path.suffix != ".vtu":
-        raise InputError(f"{path}: the strand is an unstructured grid of VTK; end it in .vtu")
+    if target.suffix != ".vtu":
+        raise InputError(f"{target}: the strand is an unstructured grid of VTK; end it in .vtu")
     points, cells = write_strand(
-        folder, path, Side(rolls, thickness, case.casting.length), distance
+        folder, target, Side(rolls, thickness, case.casting.length), distance
     )
-    print(f"{path}: {points} points, {cells} cells")
+    print(f"{target}: {points} points, {cells} cells")

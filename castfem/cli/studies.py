@@ -183,6 +183,7 @@ def calibrate(
 )
 @output("Folder; by default results/<family>/<name>_sensitivity.")
 @overrides
+@options.accuracy
 @click.option("--resume/--no-resume", help="Go on from the last checkpoint.")
 @click.option("--figures/--no-figures", default=True, help="Draw the figure.")
 @options.units

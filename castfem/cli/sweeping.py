@@ -96,7 +96,7 @@ def sweep_case(options: Options) -> int:
         RunFailure: The record of the sweep cannot be written.
     """
     if options.script is not None or options.collect:
-        return _alone(options) if parallel.launched()[0] == 0 else 0
+        return _alone(options) if parallel.rank_and_size()[0] == 0 else 0
     return many_runs.on_root(
         lambda ranks: _prepared(options, ranks),
         lambda sweep, comm: _done(sweep, options, comm),
@@ -135,10 +135,9 @@ def _base(path: Path, accuracy: str) -> Case:
     case = load_case(path)
     if accuracy == "default":
         return case
-    from castfem.accuracy.sizes import changes, factors_of
+    from castfem.accuracy.sizes import assignments
 
-    found = changes(case, factors_of(accuracy))
-    return load_case(path, [f"{key}={value}" for key, value in found.items()])
+    return load_case(path, assignments(case, accuracy))
 
 
 def _prepared(options: Options, ranks: bool) -> _Sweep:

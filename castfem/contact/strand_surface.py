@@ -72,7 +72,7 @@ class StrandSurface:
 
     def changes(self, u: Array, generalized_strains: Array) -> Array:
         """The same of k motions (dofs, k) and (4, k): (n, 2, k)."""
-        found = (self._moves @ u).reshape(len(self._facets.position), 2, -1)
+        found = (self._moves @ u).reshape(len(self._facets.position), 2, u.shape[1])
         found[:, 1] += np.outer(self._facets.position[:, 1], generalized_strains[3])
         return np.asarray(found)
 

@@ -205,7 +205,8 @@ class Optimum:
         fidelity: Of the search.
         checked: The level by which it was checked, "" where that failed.
         step: Of the last steps, as a share of the ranges.
-        runs: Counts: of the search, about the optimum, failed, in all.
+        runs: Counts: when the search ended, which most_runs limits; of its level, those about the
+            optimum too; failed, of these; in all.
         spent: Whether the search ended because the allowed runs were used up.
         seconds: Duration of all runs, s.
         best: Name of the best run's folder, "" of a run that was made elsewhere.

@@ -69,6 +69,7 @@ class Search:
         noise: Of the results; None before it is measured.
         radius: Of the last step, as a share of the ranges.
         spent: Whether it ended for it had no more runs.
+        looked_at: Number of runs that there were when `run` ended.
     """
 
     def __init__(self, outputs: Outputs, most: int, done: Done | None = None) -> None:
@@ -76,7 +77,7 @@ class Search:
         self._done: Done = {} if done is None else done
         self._order: list[Wanted] = []
         self.noise: Noise | None = None
-        self.radius, self.spent = LAST, False
+        self.radius, self.spent, self.looked_at = LAST, False, 0
         self._scale, self._scaled = np.ones(1 + outputs.count), True
         self._given: dict[Wanted, Array] = {}
         self._worst = np.zeros(1 + outputs.count)
@@ -96,6 +97,7 @@ class Search:
                 self._cobyqa(self.question.shares(best), FIRST, self._worst_violation)
         except Spent:
             self.spent = True
+        self.looked_at = len(self.outputs.seen)
         return self.best()
 
     def again(self, begin: Wanted) -> Wanted:

@@ -128,6 +128,8 @@ def _state(optimum: Optimum) -> str:
         held_by += [f"{v.key} where runs fail" for v in optimum.values if v.at_end == "runs fail"]
         by = "; ".join(part for part in (held, *held_by) if part)
         state = f"found; held by {by}" if by else "found; no constraint binds"
+        if failed := optimum.runs["failed"]:
+            state += f"; {failed} of the {optimum.runs['search']} runs by {optimum.fidelity} failed"
         return f"{state}; another place is as good" if optimum.elsewhere else state
     if optimum.status == "not converged":
         return "not converged: better runs were still met; raise optimise.most_runs"
@@ -286,14 +288,17 @@ def _by_check(optimum: Optimum) -> Iterator[str]:
 
 def _remarks(optimum: Optimum) -> Iterator[str]:
     runs = optimum.runs
-    failed = f", {runs['failed']} of them failed" if runs["failed"] else ""
+    looked_at = runs["looked_at"]
     checked = f"checked by {optimum.checked}" if optimum.checked else "the check of it failed"
     finest = checks_of(optimum.fidelity)[0]
     if optimum.checked not in ("", finest):
         checked += f" (the best run fails by {finest})"
     yield (
-        f"{runs['search']} runs ({optimum.fidelity}{failed}), {runs['all']} in all; {checked}; "
-        f"{optimum.seconds:.0f} s of runs; best run: {optimum.best or 'told by others'}"
+        f"{runs['all']} runs: {looked_at} when the search ended (optimise.most_runs), "
+        f"{runs['all'] - looked_at} about the optimum, by other levels and for what else was asked"
+    )
+    yield (
+        f"{checked}; {optimum.seconds:.0f} s of runs; best run: {optimum.best or 'told by others'}"
     )
     yield from _by_check(optimum)
     if optimum.idle and optimum.status == "found":

@@ -102,6 +102,7 @@ def verdict(found: Findings, front: Front | None = None, spread: Spread | None =
         checked=found.checked,
         step=found.search.radius,
         runs={
+            "looked_at": found.search.looked_at,
             "search": len(own),
             "failed": sum(outputs.seen[w].failed for w in own),
             "all": len(found.told),

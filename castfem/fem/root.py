@@ -79,10 +79,10 @@ def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
         raise shared
 
 
-def all_arrive(comm: MPI.Comm) -> bool:
-    """Whether all ranks come here within `PATIENCE`."""
+def all_arrive(comm: MPI.Comm, patience: float | None = None) -> bool:
+    """Whether all ranks come here within so many seconds, by default `PATIENCE`."""
     request = comm.Ibarrier()
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + (PATIENCE if patience is None else patience)
     while not request.Test():
         if time.monotonic() > end:
             return False

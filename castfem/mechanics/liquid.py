@@ -139,21 +139,17 @@ class FedLiquid:
         Args:
             solid: Points that are solid enough to carry stress at its end (points,).
         """
-        deviator_points, cells = self._points.deviator_points, self.section.cells
-        shell, whole = self._surface.copy(), np.ones(cells, dtype=bool)
-        for part in (solid[:deviator_points], solid[deviator_points:]):
-            if part.size:
-                shell |= part.reshape(cells, -1).any(axis=1)
-                whole &= part.reshape(cells, -1).all(axis=1)
-        area = self._points.volume[:deviator_points].reshape(cells, -1)
-        found = [area[whole].sum(), area[solid[:deviator_points].reshape(cells, -1)].sum()]
+        points, cells = self._points, self.section.cells
+        per_cell = len(points.deviator.points), len(points.mean.points)
+        deviator, mean = np.split(solid, [points.deviator_points])
+        deviator, mean = deviator.reshape(cells, per_cell[0]), mean.reshape(cells, per_cell[1])
+        shell = self._surface | deviator.any(axis=1) | mean.any(axis=1)
+        whole = deviator.all(axis=1) & mean.all(axis=1)
+        area = points.volume[: points.deviator_points].reshape(deviator.shape)
+        found = [area[whole].sum(), area[deviator].sum()]
         of_whole, of_all = reductions.totals(self.section.comm, found)
         self.bears = bool(of_whole > BEARING * of_all)
-        each = [
-            np.repeat(shell, n // max(1, len(shell)))
-            for n in (deviator_points, len(solid) - deviator_points)
-        ]
-        self.carries = np.concatenate(each) if len(shell) else np.zeros(0, dtype=bool)
+        self.carries = np.concatenate([np.repeat(shell, number) for number in per_cell])
         self.layer = int(self._innermost(shell))
         self._outermost = reductions.smallest(self.section.comm, self._layers[~shell].astype(float))
         size = self._space.dofmap.bs

@@ -101,6 +101,7 @@ def _ends(contact: WallContact) -> sparse.csr_matrix:
     moments = np.einsum("fpa,fpb->fab", weighted, values)
     line = np.linalg.solve(moments, np.swapaxes(weighted, 1, 2))
     entries = weighted.sum(axis=1)[:, :, None] * line
-    points = np.broadcast_to(np.arange(facets.count).reshape(shape[0], 1, -1), entries.shape)
+    of_facet = np.arange(facets.count).reshape(shape[0], 1, shape[1])
+    points = np.broadcast_to(of_facet, entries.shape)
     places = np.swapaxes(vertices, 1, 2).ravel(), points.ravel()
     return sparse.csr_matrix((entries.ravel(), places), shape=(hats.shape[1], facets.count))

@@ -38,7 +38,7 @@ from castfem.output.checkpoint import CHECKPOINT_NAME
 from castfem.output.field_files import HDF5_NAME, remove_singles, singles
 from castfem.output.history import HISTORY_NAME
 from castfem.output.provenance import command, versions
-from castfem.output.run_record import RUN_NAME, STOPPED, RunRecord
+from castfem.output.run_record import RUN_NAME, RunRecord
 from castfem.output.summary import SUMMARY_NAME, Summary
 from castfem.output.xdmf import XDMF_NAME
 from castfem.support.atomic_files import (
@@ -50,6 +50,7 @@ from castfem.support.atomic_files import (
 )
 from castfem.support.closing import Closing
 from castfem.support.file_lock import taken
+from castfem.support.signals import reason_of
 
 if TYPE_CHECKING:
     from filelock import FileLock
@@ -180,9 +181,9 @@ class OutputFolder(Closing):
         """Notes in run.json that the run has ended well."""
         self.update(status="finished", reason="", ended=_now(), **changes)
 
-    def interrupt(self, **changes: Any) -> None:
-        """Notes in run.json that the run was stopped, as by Ctrl-C; it may be resumed."""
-        self.update(status="interrupted", reason=STOPPED, ended=_now(), **changes)
+    def interrupt(self, reason: str, **changes: Any) -> None:
+        """Notes in run.json that the run was stopped, and by what; it may be resumed."""
+        self.update(status="interrupted", reason=reason, ended=_now(), **changes)
 
     def fail(self, reason: str, **changes: Any) -> None:
         """Notes in run.json why the run has failed: the first line, without where the folder is."""
@@ -232,7 +233,7 @@ class OutputFolder(Closing):
         elif self._lock is not None and self.record.status == "running":
             with suppress(CastfemError):  # a full disk must not hide what went wrong
                 if isinstance(error, KeyboardInterrupt):
-                    self.interrupt()
+                    self.interrupt(reason_of(error))
                 else:
                     self.fail(str(error) or type(error).__name__)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
@@ -13,10 +14,11 @@ from castfem.errors import InputError
 from castfem.output.summary import renamed
 from castfem.support.atomic_files import write_json
 from castfem.support.messages import dotted
+from castfem.support.signals import STOPS
 
 RUN_NAME = "run.json"
-STOPPED = "stopped by the user"  # or by a batch system whose time is up
 _FORMAT = "castfem run"
+_STOPPED = STOPS[signal.SIGINT]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +86,7 @@ class RunRecord:
                 f"{path}: {where}: {first['msg'].lower()}, it has been changed; put it right, or "
                 "take another folder"
             ) from error
-        if found.status == "failed" and found.reason == STOPPED:  # so written by castfem 0.1
+        if found.status == "failed" and found.reason == _STOPPED:  # so written by castfem 0.1
             return replace(found, status="interrupted")
         return found
 

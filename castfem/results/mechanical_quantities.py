@@ -163,7 +163,7 @@ def tilt_y(sample: Sample) -> float:
     needs=("mechanics",),
 )
 def axial_force(sample: Sample) -> float:
-    """Axial force of the stress, modelled part."""
+    """Axial force of the stress, modelled part; `effort` and moment are of the whole strand."""
     balance = sample.strained.balance
     return 0.0 if balance is None else float(balance.axial[0])
 
@@ -296,7 +296,7 @@ def neutral_axis(sample: Sample) -> float | None:
 @quantity(
     "bending_moment",
     unit="kN m",
-    label="bending moment, positive where it pulls the intrados",
+    label="bending moment of the whole strand, positive where it pulls the intrados",
     axis="bending moment",
     needs=("bending",),
 )
@@ -308,7 +308,8 @@ def bending_moment(sample: Sample) -> float:
 @quantity(
     "bending_work",
     unit="kJ/m",
-    label="work of bending and straightening",
+    label="work of bending and straightening, whole strand",
+    axis="work of bending and straightening",
     needs=("bending",),
 )
 def bending_work(sample: Sample) -> float:
@@ -319,7 +320,7 @@ def bending_work(sample: Sample) -> float:
 @quantity(
     "roll_resistance",
     unit="kN",
-    label="resistance of the rolls down to here",
+    label="resistance of the rolls down to here, whole strand",
     axis="resistance",
     needs=("extraction",),
 )
@@ -331,7 +332,7 @@ def roll_resistance(sample: Sample) -> float:
 @quantity(
     "drive_force",
     unit="kN",
-    label="pull of the drives down to here",
+    label="pull of the drives down to here, whole strand",
     axis="pull of the drives",
     needs=("extraction",),
 )
@@ -343,7 +344,7 @@ def drive_force(sample: Sample) -> float:
 @quantity(
     "effort",
     unit="kN",
-    label="axial effort between rolls and drives",
+    label="axial effort between rolls and drives, whole strand",
     axis="axial effort",
     needs=("extraction",),
 )

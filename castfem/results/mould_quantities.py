@@ -153,7 +153,7 @@ def friction_force(sample: Sample) -> float:
     needs=("mould",),
 )
 def friction_pull(sample: Sample) -> float:
-    """What friction has handed down the strand so far: its share of `axial_force`."""
+    """What friction has handed down the modelled part so far: its share of `axial_force`."""
     return sample.strained.withdrawal_resistance
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from castfem.fem import reductions
 from castfem.mechanics.checkpoint import MechanicalCheckpoint
 from castfem.mechanics.state import MechanicalState
 from castfem.results.run_state import RunState
@@ -49,7 +50,7 @@ class CoupledCheckpoint:
             its = self._checkpoint.arrays(with_numbers(state, slopes))
             found |= {f"{n}_by_{number}": v for n, v in its.items() if n not in _BESIDE}
         for name, by_parameter in zip(_OF_WINDOW, self._coupling.handed_on(), strict=True):
-            if by_parameter.shape[1]:
+            if reductions.any_of(self._section.comm, by_parameter.shape[1] > 0):
                 owned = {f"{name}_by_{i}": np.asarray(its) for i, its in enumerate(by_parameter)}
                 found |= {key: self._section.gather(its) for key, its in owned.items()}
         return found

@@ -20,6 +20,7 @@ from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
+from castfem.support import signals
 from castfem.support.closing import Closing
 from castfem.sweep.work import Job, Outcome, Stop, work
 
@@ -188,7 +189,9 @@ def _serve(connection: Connection, noise: Path) -> None:
     """Do the jobs that come, until the other end is closed (in the process)."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all; the parent decides
     stop = Stop()
-    signal.signal(signal.SIGTERM, lambda *_: setattr(stop, "wanted", True))
+    signals.keep_hangup()
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: setattr(stop, "wanted", True))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with open(noise, "ab", buffering=0) as file:
         for stream in (1, 2):

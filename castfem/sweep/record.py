@@ -188,7 +188,9 @@ class Record:
             if not overwrite and self.is_finished(job):
                 continue
             try:
-                existing_run.check(job.folder, job.case, resume=False, overwrite=overwrite)
+                existing_run.check(
+                    job.folder, job.case, resume=False, overwrite=overwrite, goes_on=job.resume
+                )
                 if job.folder.is_dir() and OutputFolder(job.folder).is_running():
                     raise InputError(f"{job.folder}: a run is at work there; wait for it")
             except InputError as error:

@@ -36,7 +36,7 @@ def write_script(
         raise InputError(f"{path}: exists already; choose another name for the script")
     parts = min(rows, MOST) if parts is None else parts
     command = " ".join(["castfem", "sweep", *map(shlex.quote, words)])
-    launch = f"srun --ntasks={ranks} " if ranks > 1 else ""
+    launch = f"mpirun -n {ranks} " if ranks > 1 else ""  # srun may know nothing of this MPI
     each = f" --ranks {ranks}" if ranks > 1 else " -j 1"
     lines = [
         "#!/bin/bash",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 
 from castfem.case import Case
 from castfem.errors import CannotWrite, CastfemError, FolderInUse
+from castfem.output.run_record import RUN_NAME
 from castfem.support.progress import Progress
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ class Stop(Progress):
         """
         super().update(position, time_s, newton, step, note)
         if self.wanted:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt("stopped with the command that had started it")
 
 
 def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Outcome:
@@ -123,7 +124,8 @@ def work(job: Job, stop: Stop | None = None, comm: MPI.Comm | None = None) -> Ou
             from castfem.sensitivity.carried import carrying
 
             beside = carrying(job.derivatives.of, job.derivatives.to, job.folder)
-        goes_on = job.resume and beside is None
+        begun_before = (job.folder / RUN_NAME).is_file()
+        goes_on = job.resume and begun_before and beside is None
         loop.run(job.case, job.folder, comm=ranks, resume=goes_on, progress=reported, beside=beside)
         if job.figures and ranks.rank == 0:
             from castfem.plots.figures import draw_figures

@@ -35,7 +35,13 @@ _SCRIPT = (
 
 
 def check(
-    folder: Path, case: AnyCase, *, resume: bool, overwrite: bool, script: bool = False
+    folder: Path,
+    case: AnyCase,
+    *,
+    resume: bool,
+    overwrite: bool,
+    script: bool = False,
+    goes_on: bool = False,
 ) -> None:
     """Refuse a folder whose run is of other physics than the case, or has come further down.
 
@@ -45,6 +51,7 @@ def check(
         resume: Whether it goes on with the run there.
         overwrite: Whether any run there may be replaced.
         script: Whether messages speak to a script; otherwise to the command line.
+        goes_on: Whether a run that was cut short there is taken up all the same: one of several.
 
     Raises:
         InputError: It is, or has, or it cannot be told; or the folder is a file.
@@ -63,7 +70,7 @@ def check(
         changes = _changes(existing.case, case)
         raise InputError(f"{folder}: holds a run of another case ({changes}); {mend}")
     if isinstance(case, Case) and (folder / RUN_NAME).is_file():
-        _check_length(folder, case, resume, mend)
+        _check_length(folder, case, resume, mend, goes_on)
 
 
 def _changes(there: AnyCase, here: AnyCase) -> str:
@@ -82,7 +89,7 @@ def _changes(there: AnyCase, here: AnyCase) -> str:
     return differences(one, other, _NOT_PHYSICS) or "a file that it names has changed"
 
 
-def _check_length(folder: Path, case: Case, resume: bool, mend: str) -> None:
+def _check_length(folder: Path, case: Case, resume: bool, mend: str, goes_on: bool) -> None:
     """Refuse to replace a run by a shorter one, or to resume one to above where it has come."""
     record, end = RunRecord.load(folder), case.casting.length
     reached = record.reached.get("position", 0.0)
@@ -93,7 +100,7 @@ def _check_length(folder: Path, case: Case, resume: bool, mend: str) -> None:
             f"{folder}: casting.length: {end:g} m is asked for, and the run there has come to "
             f"{reached:g} m; {mend}"
         )
-    if not resume and record.status != "finished" and reached > 0.0:
+    if not (resume or goes_on) and record.status != "finished" and reached > 0.0:
         log.logger.warning(
             "%s: the run there had come to %g m (%s) and is replaced; --resume goes on with one",
             folder, reached, record.status,

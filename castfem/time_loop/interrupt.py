@@ -1,6 +1,6 @@
 """A wish to stop a run: heeded between two steps, for within PETSc an exception would be lost.
 
-Ctrl-C is one (SIGINT); the other is SIGTERM, which mpirun and batch systems send before they kill.
+The signals are Ctrl-C, SIGTERM, which mpirun and batch systems send before they kill, and SIGHUP.
 """
 
 from __future__ import annotations
@@ -13,16 +13,14 @@ from typing import Any, Self
 
 from mpi4py import MPI
 
-from castfem.fem import reductions
-from castfem.support import log
+from castfem.support import log, signals
 from castfem.support.closing import Closing
 
 ONE = 1.0  # s: `timeout`, for one, sends its signal to the program and then to its group
-_DEFAULTS = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
 
 
 class Stopped(KeyboardInterrupt):
-    """A run was stopped after a step, the same one on all ranks."""
+    """A run was stopped after a step that is kept, the same one on all ranks; it may be resumed."""
 
 
 class Interrupt(Closing):
@@ -35,11 +33,11 @@ class Interrupt(Closing):
         comm: Ranks that run together: a signal to any of them stops all.
 
     Attributes:
-        wanted: Whether this rank was asked to stop.
+        wanted: Number of the signal by which this rank was asked to stop, 0 for none.
     """
 
     def __init__(self, comm: MPI.Comm) -> None:
-        self.wanted = False
+        self.wanted = 0
         self._comm, self._since = comm, 0.0
         self._previous: dict[signal.Signals, Any] = {}
 
@@ -49,13 +47,17 @@ class Interrupt(Closing):
         Raises:
             Stopped: It is.
         """
-        if reductions.any_of(self._comm, self.wanted):
-            raise Stopped("by a signal, after a step that is kept; resume=True goes on")
+        comm = self._comm
+        number = self.wanted if comm.size == 1 else comm.allreduce(self.wanted, op=MPI.MAX)
+        if number:
+            stop = Stopped(signals.STOPS[signal.Signals(number)])
+            stop.add_note("The last step is kept; resume=True goes on from it.")
+            raise stop
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            for number, default in _DEFAULTS.items():
-                if signal.getsignal(number) is default:
+            for number in signals.STOPS:
+                if signals.is_ours(number):
                     self._previous[number] = signal.signal(number, self._note)
         return self
 
@@ -70,5 +72,5 @@ class Interrupt(Closing):
                 self.close()
                 signal.raise_signal(number)
             return
-        self.wanted, self._since = True, time.monotonic()
+        self.wanted, self._since = number, time.monotonic()
         log.logger.warning("stopping after this step; a second signal stops at once")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -24,6 +24,7 @@ from castfem.results.summary import quantities, summarise
 from castfem.simulation.simulation import Simulation, build
 from castfem.support import log
 from castfem.support.one_at_a_time import one_at_a_time
+from castfem.support.signals import reason_of
 from castfem.support.stopwatch import peak_memory, profile_table
 from castfem.time_loop import restart
 from castfem.time_loop.interrupt import Interrupt, Stopped
@@ -247,7 +248,7 @@ def run(
     resume = bool(comm.bcast(on_root(comm, begin)))
     # From the last to the first: ranks that fail meet before anything is freed that is theirs all.
     together = Together(comm, (RunFailure, Stopped), lambda error: output.fail(_reason(error)))
-    with _no_end_of_file(), output, ExitStack() as freed, together:
+    with output, ExitStack() as freed, together:
         simulation = build(case, comm)
         freed.callback(simulation.destroy)
         _tell_of_idle_ranks(simulation)
@@ -257,15 +258,6 @@ def run(
         recorder = Recorder(simulation, output, resume)
         freed.callback(recorder.close)
         return _run(simulation, output, recorder, companion, together, profile, progress)
-
-
-@contextmanager
-def _no_end_of_file() -> Iterator[None]:
-    """Make a failure of an EOFError, which command lines take for a stop that was asked for."""
-    try:
-        yield
-    except EOFError as error:
-        raise RunFailure(_reason(error)) from error
 
 
 def _tell_of_idle_ranks(simulation: Simulation) -> None:
@@ -334,6 +326,8 @@ def _reason(error: BaseException) -> str:
     """Why a run ended, one line for run.json."""
     if isinstance(error, CastfemError):
         return str(error)
+    if isinstance(error, KeyboardInterrupt):
+        return reason_of(error)
     return f"unexpected {type(error).__name__}: {error}"
 
 
@@ -354,7 +348,7 @@ def _finish(run: RunState, output: OutputFolder, status: str, reason: str = "") 
         if status == "finished":
             output.finish(**facts)
         elif status == "interrupted":
-            output.interrupt(**facts)
+            output.interrupt(reason, **facts)
         else:
             output.fail(reason, **facts)
 

@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import click
 import pytest
 
 import castfem as package
@@ -262,7 +263,25 @@ def test_picture_that_cannot_be_written(castfem, case_file, picture):
 def test_a_picture_of_no_format_is_refused_before_anything_is_told(castfem, words):
     outcome = castfem(*words, "-o", "picture")
     assert (outcome.status, outcome.out) == (1, "")
-    assert outcome.err == "castfem: picture: a picture ends in .png, .pdf, .svg\n"
+    assert (
+        "picture: a picture ends in .png, .pdf, .svg; a folder for it has to exist" in outcome.err
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (("mesh", "billet125/thermal"), "thermal_mesh.png"),
+        (("mould", "billet125/taper_1"), "taper_1_mould.png"),
+        (("material", "plain_carbon"), "plain_carbon.png"),
+    ],
+)
+def test_a_picture_goes_into_a_folder_by_its_usual_name(castfem, words, name):
+    """As `-o` of the commands that run something, it may name a folder."""
+    Path("pictures").mkdir()
+    outcome = castfem(*words, "-o", "pictures")
+    assert outcome.status == 0, outcome.err
+    assert (Path("pictures") / name).stat().st_size > 10_000
 
 
 def test_material_describes_and_plots(castfem):
@@ -315,3 +334,14 @@ def test_an_interrupted_command_prints_one_line(castfem, monkeypatch):
     monkeypatch.setattr("castfem.case.shipped_cases.shipped", interrupted)
     outcome = castfem("cases")
     assert (outcome.status, outcome.out, outcome.err) == (130, "", "castfem: interrupted\n")
+
+
+@pytest.mark.parametrize("error", [EOFError("Ran out of input"), click.Abort()])
+def test_what_nobody_interrupted_is_not_called_interrupted(castfem, monkeypatch, error):
+    def fails():
+        raise error
+
+    monkeypatch.setattr("castfem.case.shipped_cases.shipped", fails)
+    outcome = castfem("cases")
+    assert outcome.status == 2 and "interrupted" not in outcome.err
+    assert outcome.err.startswith(f"castfem: unexpected {type(error).__name__}")

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -107,7 +111,8 @@ def test_commands_that_take_all_ranks_have_them(tmp_path, words, told):
 
 
 def test_a_hot_mould_has_all_ranks_by_either_word(monkeypatch):
-    monkeypatch.setattr(parallel, "launched", lambda: (1, 2))
+    monkeypatch.setattr(parallel, "rank_and_size", lambda: (1, 2))
+    monkeypatch.setattr(parallel, "check_launcher", lambda: None)
     for words, status in ((["--hot"], 1), (["--coupled"], 1), ([], 0)):
         assert execute(["mould", "no_such_case", *words]) == status
 
@@ -116,3 +121,63 @@ def test_check_runs_on_one_rank(tmp_path):
     done = _mpirun(tmp_path, "return ''", "check", "billet125/thermal")
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("billet125/thermal: sound") == 1
+
+
+ENTERED = "from castfem.cli import main; main()"
+STEP = {"SLURM_PROCID": "0", "SLURM_NTASKS": "2", "SLURM_STEP_NUM_TASKS": "2"}
+BATCH = {"SLURM_PROCID": "0", "SLURM_NTASKS": "2"}
+OTHER = {"PMI_RANK": "0", "PMI_SIZE": "2"}
+
+
+def _started(words, folder, variables):
+    """Castfem as a launcher that sets up no MPI starts it."""
+    strange = ("OMPI_", "PMI", "PRTE_", "SLURM_")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(strange)}
+    return subprocess.run(
+        [sys.executable, "-c", ENTERED, *words], cwd=folder, env=environment | variables,
+        capture_output=True, text=True, timeout=120.0, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("variables", "cause", "fix"),
+    [
+        (STEP, "srun has started 2 tasks", "mpirun -n 2 in a batch script"),
+        (OTHER, "the launcher has started 2 processes", "start castfem by the mpirun of"),
+    ],
+)
+def test_tasks_that_no_mpi_connects_are_refused(tmp_path, variables, cause, fix):
+    """Each would do the whole run, in the same folder. The first says so, and the others end."""
+    for number in ("0", "1"):
+        of_task = {k: number if k.endswith(("PROCID", "RANK")) else v for k, v in variables.items()}
+        done = _started(RUN, tmp_path, of_task)
+        assert done.returncode == 1
+        lines = done.stderr.splitlines()
+        assert len(lines) == (number == "0")
+        assert all(cause in line and fix in line for line in lines)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_batch_script_is_no_rank(tmp_path):
+    """It has the variables of a job of two tasks, and is one process."""
+    words = ("sweep", "billet125/thermal", "--set", "casting.length=1 mm,2 mm", "-o", "out")
+    done = _started((*words, "--ranks", "2"), tmp_path, BATCH)
+    assert done.returncode == 1
+    assert "--ranks 2: 1 rank cannot be parted so; start it with mpirun -n 2" in done.stderr
+    short = ("--set", "casting.length=1 mm", "--set", "output.figures=false", "-q")
+    done = _started((*RUN, *short), tmp_path, BATCH)
+    assert done.returncode == 0, done.stderr
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["status"] == "finished"
+
+
+def test_ranks_that_no_message_reaches_end_with_a_word(tmp_path):
+    """MPI may be set up and hang at the first message; here one rank never comes to it."""
+    script = tmp_path / "castfem_script.py"
+    script.write_text(
+        "import sys, time\nfrom mpi4py import MPI\nfrom castfem.cli import main, parallel\n"
+        "parallel._REACHED = 0.5\n"
+        "time.sleep(60 * MPI.COMM_WORLD.rank)\nmain(sys.argv[1:])"
+    )
+    done = python_on(2, str(script), *RUN, folder=tmp_path, timeout=50.0)
+    assert done.returncode == 1
+    assert "castfem: rank 0 waits for the others in vain" in done.stderr

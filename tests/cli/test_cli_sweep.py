@@ -188,7 +188,8 @@ def _wait_for(path: Path, lines: int = 30) -> None:
     raise AssertionError(f"{path} has not grown")
 
 
-def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path, number):
     write_small(tmp_path)
     command = [
         sys.executable,
@@ -211,16 +212,19 @@ def test_ctrl_c_stops_all_and_resume_goes_on(tmp_path):
         _wait_for(run / "history.csv")
     children = psutil.Process(process.pid).children(recursive=True)
     assert len(children) >= 2
-    os.killpg(process.pid, signal.SIGINT)
+    os.killpg(process.pid, number)
     _, err = process.communicate(timeout=30)
     assert process.returncode == 130
     assert err.strip().endswith("castfem: interrupted; the same command again goes on")
     _, alive = psutil.wait_procs(children, timeout=5)
     assert not alive
     for run in runs:
-        assert json.loads((run / "run.json").read_text())["reason"] == "stopped by the user"
+        record = json.loads((run / "run.json").read_text())
+        assert record["reason"] == "stopped with the command that had started it"
+        assert "no checkpoint" not in (run / "run.log").read_text()
     done = subprocess.run([*command, "--resume"], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+    assert "replaced" not in done.stderr
     for run in runs:
         record = json.loads((run / "run.json").read_text())
         assert (record["status"], record["resumed"]) == ("finished", 1)

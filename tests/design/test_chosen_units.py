@@ -46,7 +46,7 @@ ANSWER = Optimum(
         Kept("shell >= 0.5 inch", SHELL, 0.0127, -2.54e-3, -2.54e-3, 1e-4, False, False),
     ),
     (Away("casting.speed", 2.5, -1e6, (18.0, 5.08e-3)),),
-    (), "coarse", "default", 0.1, {"search": 5, "all": 9, "failed": 0}, False, 60.0,
+    (), "coarse", "default", 0.1, {"looked_at": 5, "search": 7, "all": 9, "failed": 0}, False, 60.0,
     "best", FRONT, SPREAD,
 )  # fmt: skip
 

@@ -83,6 +83,15 @@ def test_tapers_of_ten_percent(start: str):
     assert found.runs["search"] <= 30
 
 
+def test_failed_runs_are_said_beside_what_was_found():
+    """And which of the runs optimise.most_runs counts."""
+    found = any_taper("9.2 MJ/m", "-9.9 %/m")
+    runs, said = found.runs, [block for block in told(found) if isinstance(block, str)]
+    assert 0 < runs["failed"] < runs["search"] and runs["looked_at"] <= runs["search"]
+    assert f"{runs['failed']} of the {runs['search']} runs by default failed" in said[0]
+    assert any(f"{runs['looked_at']} when the search ended (optimise.most_runs)" in x for x in said)
+
+
 def test_what_cannot_be_met_from_a_start_among_failures():
     """Runs that miss a bound are nearer than runs that fail."""
     found = any_taper("9.9 MJ/m", "-8 %/m")

@@ -97,4 +97,7 @@ def test_a_picture_of_no_format_is_refused_before_a_run(command, work, castfem, 
 
     monkeypatch.setattr(work, run)
     status, _, err = castfem(*command, "-o", "m.doc")
-    assert (status, err.strip()) == (1, "castfem: m.doc: a picture ends in .png, .pdf, .svg")
+    assert (status, err.strip()) == (
+        1,
+        "castfem: m.doc: a picture ends in .png, .pdf, .svg; a folder for it has to exist",
+    )

@@ -179,3 +179,18 @@ def test_units_of_the_case_and_of_the_command(tmp_path: Path) -> None:
     words = ["sensitivity", str(tmp_path / "case.toml"), "--to", "casting.superheat"]
     done = CliRunner().invoke(app, [*words, "--units", "shell=degC"])
     assert done.exit_code == 1 and "--units shell" in str(done.exception)
+
+
+def test_accuracy_is_that_of_the_run(tmp_path: Path) -> None:
+    """As the other commands take it; that it is coarser shows in the cells of the run."""
+    path = write_small(tmp_path)
+    words = ["sensitivity", str(path), "--of", "heat_removed", "--to", "casting.speed"]
+    words += ["--set", "length=3 mm", "--no-figures"]
+    heat = {}
+    for word in ("default", "coarse"):
+        target = tmp_path / word
+        done = CliRunner().invoke(app, [*words, "-o", str(target), "--accuracy", word])
+        assert done.exit_code == 0, done.output
+        content = json.loads((target / "sensitivity.json").read_text())
+        heat[word] = content["quantities"]["heat_removed"]["value"]
+    assert heat["coarse"] != heat["default"] == pytest.approx(heat["coarse"], rel=0.2)

@@ -1,0 +1,57 @@
+"""Signals that ask a process to stop: of the user, of a batch system, of a terminal that closes.
+
+Each ends a command as Ctrl-C does: in order, with a line, and with what is done on disk.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from types import FrameType
+
+STOPS: dict[signal.Signals, str] = {
+    signal.SIGINT: "stopped by the user",
+    signal.SIGTERM: "stopped by SIGTERM, as a batch system sends it before it kills",
+    signal.SIGHUP: "stopped by SIGHUP, as a terminal or a connection sends it when it closes",
+}
+"""The signals, and what is noted of a run that one of them has stopped."""
+
+
+def interrupt(number: int, frame: FrameType | None) -> None:
+    """Handle one of the signals as Python handles Ctrl-C.
+
+    Raises:
+        KeyboardInterrupt: Always; it says why.
+    """
+    raise KeyboardInterrupt(STOPS[signal.Signals(number)])
+
+
+def stop_by_all() -> None:
+    """Let each of the signals interrupt this process, but those that somebody else handles.
+
+    `nohup`, for one, has SIGHUP ignored.
+    """
+    if threading.current_thread() is threading.main_thread():
+        for number in STOPS:
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, interrupt)
+
+
+def keep_hangup() -> None:
+    """Keep UCX, a transport of MPI, from taking SIGHUP for a wish to debug: it ends nothing then.
+
+    It looks at the environment when MPI is initialised.
+    """
+    os.environ.setdefault("UCX_DEBUG_SIGNO", "0")
+
+
+def is_ours(number: signal.Signals) -> bool:
+    """Whether a signal does what it did when Python started, or what `stop_by_all` made it do."""
+    usual = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+    return signal.getsignal(number) in (usual, interrupt)
+
+
+def reason_of(stop: KeyboardInterrupt) -> str:
+    """Why a run was stopped, one line."""
+    return str(stop) or STOPS[signal.SIGINT]
