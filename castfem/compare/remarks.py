@@ -10,8 +10,9 @@ from castfem.compare.table import SHARE, Line
 from castfem.report.cautions import cautions_of_all
 from castfem.report.crack_places import crack_places, defects_of
 from castfem.report.headline import plain_label
-from castfem.report.numbers import shown, unit_shown
+from castfem.report.numbers import finely, shown, unit_shown
 from castfem.report.results_table import UNCHANGED
+from castfem.report.reversals import remelting
 from castfem.values.shown_units import difference_of, place_said
 
 _SEPARATOR = "; "  # between the parts of a note
@@ -51,6 +52,12 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
         if "position" in run.summary.quantities
     }
     for run in runs:
+        history = run.history()
+        melted = [] if history is None else remelting(history, history["position"].to_numpy())
+        found += [
+            f"{one.what}, {run.label}: {finely(one.value, one.unit, one.name)}, {one.where}"
+            for one in melted
+        ]
         defects, places = defects_of(run.folder), crack_places(run.folder, run.summary)
         found += [f"defects of {run.label}: {defects}"] if defects else []
         worst = [] if places is None else [*places.worst] or [places.nowhere]

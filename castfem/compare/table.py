@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.compare.runs import Run
-from castfem.output.summary import SIGNS, Kind, from_si, met, to_si
+from castfem.output.summary import SIGNS, Kind, from_si, met, to_si, unit_of_difference
 from castfem.report.headline import headline, plain_label
 from castfem.report.numbers import is_gap, shown, small_gap, unit_shown, with_error
 from castfem.report.remarks import mould_exit
@@ -146,7 +146,11 @@ def _line(
     for run, history in zip(runs, histories, strict=True):
         mine = run.summary.quantities.get(name)
         value = math.nan if mine is None else mine.value
-        error = None if mine is None or at is not None else mine.shown_error
+        error = None if mine is None else mine.shown_error
+        if at is not None:
+            there = run.summary.errors_near(at).get(name)
+            unit = unit_of_difference(quantity.shown_unit)
+            error = None if there is None else from_si(there, unit)
         errors.append(math.nan if error is None else error)
         value = value if at is None else _on_the_way(history, name, at)
         expected = math.nan

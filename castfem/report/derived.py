@@ -30,17 +30,19 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     found: dict[str, Quantity] = {}
     at, name = mould_exit(position, summary)
     shells = [c for _, _, c in curves(table, "shell")]
-    depths = [to_si(float(np.interp(at, position, table[c])), units[c]) for c in shells]
+    depths = {c: to_si(float(np.interp(at, position, table[c])), units[c]) for c in shells}
     if depths:
+        thinnest = min(depths, key=lambda column: depths[column])
+        error = summary.errors_near(at).get(thinnest)
         label = f"thinnest shell, {name}"
-        found["shell_least"] = Quantity(min(depths), "mm", label)
+        found["shell_least"] = Quantity(depths[thinnest], "mm", label, error)
     gaps = [table[c].to_numpy() for _, _, c in curves(table, "gap")]
     lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]
     if gaps:
         first = min((spell.start for spell in lost), default=np.nan)
-        found["contact_lost"] = Quantity(first, "mm", "contact lost at")
+        found["contact_lost"] = Quantity(first, "mm", "contact lost at, first probe")
     if lost:
         open_ = any(not spell.regained for spell in lost)
         last = np.nan if open_ else max(spell.end for spell in lost)
-        found["contact_regained"] = Quantity(last, "mm", "contact regained at")
+        found["contact_regained"] = Quantity(last, "mm", "contact regained at, last probe")
     return found
