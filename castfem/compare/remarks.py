@@ -13,6 +13,7 @@ from castfem.report.headline import plain_label
 from castfem.report.numbers import finely, shown, unit_shown
 from castfem.report.results_table import UNCHANGED
 from castfem.report.reversals import remelting
+from castfem.report.roll_load import RollLoads
 from castfem.values.shown_units import difference_of, place_said
 
 _SEPARATOR = "; "  # between the parts of a note
@@ -58,6 +59,9 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
             f"{one.what}, {run.label}: {finely(one.value, one.unit, one.name)}, {one.where}"
             for one in melted
         ]
+        loads = None if run is base else RollLoads.of(run.folder)
+        if loads is not None and (of_base := RollLoads.of(base.folder)) is not None:
+            found += [f"from {base.label} to {run.label}: {one}" for one in loads.changes(of_base)]
         defects, places = defects_of(run.folder), crack_places(run.folder, run.summary)
         found += [f"defects of {run.label}: {defects}"] if defects else []
         worst = [] if places is None else [*places.worst] or [places.nowhere]

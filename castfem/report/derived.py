@@ -11,6 +11,7 @@ from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Quantity, Summary, to_si
 from castfem.plots.history import curves
 from castfem.report.remarks import OPEN, mould_exit, spells
+from castfem.report.roll_load import RollLoads
 
 
 def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
@@ -18,7 +19,7 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
 
     The shell is the thinnest at the probes where the mould ends. Contact is lost where the first of
     the probes loses it, and regained where the last of those that do has it again; NaN where it
-    is not.
+    is not. Bulge and force of rolls are the largest on the way.
     """
     try:
         table = read_history(folder / HISTORY_NAME)
@@ -27,7 +28,8 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     if len(table) < 2 or "position" not in table:
         return {}
     position, units = table["position"].to_numpy(), table.attrs["units"]
-    found: dict[str, Quantity] = {}
+    loads = RollLoads.of(folder)
+    found = {} if loads is None else loads.quantities()
     at, name = mould_exit(position, summary)
     shells = [c for _, _, c in curves(table, "shell")]
     depths = {c: to_si(float(np.interp(at, position, table[c])), units[c]) for c in shells}

@@ -40,7 +40,13 @@ HEADLINE = (
     "slice_thickness_centre",
     "mould_mean_flux",
 )
-FROM_HISTORY = ("shell_least", "contact_lost", "contact_regained")
+FROM_HISTORY = (
+    "shell_least",
+    "contact_lost",
+    "contact_regained",
+    "bulge_largest",
+    "roll_force_largest",
+)
 """What tables of many runs have besides (`castfem.report.derived`)."""
 ENDS = ("liquid_end", "metallurgical_length")
 """Ends of the pool, which stand first, where any of the runs has come to them."""

@@ -23,6 +23,7 @@ from castfem.plots.section import Steel
 from castfem.report.hot_spots import HotSpot, hottest, thinnest
 from castfem.report.remark import Remark, at_place, in_mm
 from castfem.report.reversals import reheating, remelting
+from castfem.report.roll_load import RollLoads
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.same_place import ROUNDING
 from castfem.values.shown_units import documented, plain_unit, said, scale_of
@@ -66,11 +67,12 @@ def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
     Nothing without a history, or of a damaged one: that is told of where its figures are drawn.
     """
     try:
-        table = read_history(folder / HISTORY_NAME)
+        table, loads = read_history(folder / HISTORY_NAME), RollLoads.of(folder)
+        bulge = [] if loads is None else list(loads.bulge())
         if not (folder / HDF5_NAME).is_file():
-            return remarks(table, summary)
+            return [*remarks(table, summary), *bulge]
         with Fields(folder) as fields:
-            return remarks(table, summary, fields)
+            return [*remarks(table, summary, fields), *bulge]
     except InputError:
         return []
 
