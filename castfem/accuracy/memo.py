@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from castfem.accuracy.ladder import Level
 from castfem.accuracy.table import ErrorTable, Ran, gather
 from castfem.errors import InputError, RunFailure
-from castfem.output.summary import Summary
+from castfem.output.history import HISTORY_NAME, read_history
+from castfem.output.summary import Quantity, Summary
+from castfem.results.places import quantities_at
 from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant
 from castfem.sweep.record import Record
 from castfem.sweep.work import Job
+from castfem.values.same_place import ROUNDING
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +27,13 @@ class Ladder:
         levels: All of them.
         record: Of what is finished.
         jobs: What is still to be run; a run that was cut short goes on from its checkpoint.
+        at: Places on the way whose errors are asked for, m, besides the exit of the mould.
     """
 
     levels: tuple[Level, ...]
     record: Record
     jobs: tuple[Job, ...]
+    at: tuple[float, ...] = ()
 
     @property
     def runnable(self) -> tuple[Level, ...]:
@@ -57,16 +62,42 @@ class Ladder:
         if base.name not in results:
             why = next(run.message for run in runs if run.name == base.name)
             raise RunFailure(f"{self.record.folder / base.name}: no error without this run: {why}")
-        return gather(base.case, self.levels, results, runs)
+        return gather(base.case, self.levels, results, runs, self._on_the_way(base, results))
+
+    def _on_the_way(
+        self, base: Level, results: Mapping[str, Summary]
+    ) -> dict[float, dict[str, dict[str, Quantity]]]:
+        """Results of the runs where errors are asked for, and where their mould ends, if above."""
+        exit_, length = results[base.name].mould_exit, base.case.casting.length
+        places = list(self.at)
+        if exit_ is not None and exit_ < length * (1.0 - ROUNDING):
+            places += [] if any(same(exit_, at) for at in places) else [exit_]
+        if not places:
+            return {}
+        folders = {name: self.record.folder / name for name in results}
+        tables = {name: read_history(path / HISTORY_NAME) for name, path in folders.items()}
+        return {
+            at: {name: quantities_at(table, at, folders[name]) for name, table in tables.items()}
+            for at in sorted(places)
+            if at >= float(tables[base.name]["position"].iloc[0])
+        }
 
 
-def prepare(levels: Sequence[Level], folder: Path, *, overwrite: bool = False) -> Ladder:
+def same(one: float, other: float) -> bool:
+    """Whether two positions (m) are one."""
+    return abs(one - other) <= ROUNDING * max(abs(one), abs(other))
+
+
+def prepare(
+    levels: Sequence[Level], folder: Path, *, overwrite: bool = False, at: Sequence[float] = ()
+) -> Ladder:
     """Look at what is finished in a folder, and make it ready for the rest.
 
     Args:
         levels: The runs.
         folder: Where they lie, a folder each.
         overwrite: Run all anew, also over runs of other cases.
+        at: Places on the way whose errors are asked for, m.
 
     Raises:
         InputError: The folder holds runs of another case, one is at work there, or it cannot be
@@ -86,4 +117,4 @@ def prepare(levels: Sequence[Level], folder: Path, *, overwrite: bool = False) -
         record.save()
     except (OSError, RunFailure) as error:
         raise InputError(folder_refused(folder, error)) from None
-    return Ladder(tuple(levels), record, jobs)
+    return Ladder(tuple(levels), record, jobs, tuple(at))

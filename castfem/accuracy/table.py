@@ -6,7 +6,10 @@
      "quantities": {NAME: {"label": ..., "unit": "mm", "value": 4.86, "error": 0.03,
                            "scale": 4.86,
                            "from": {"mesh": {"error": 0.02, "order": 1.3,
-                                             "values": {"0.707": 4.85, "1": 4.86, ...}}, ...}}}}
+                                             "values": {"0.707": 4.85, "1": 4.86, ...}}, ...}}},
+     "places": {"0.8": {NAME: as in quantities, ...}, ...}}
+
+`quantities` are those at the end of the run, `places` those on its way, m below the meniscus.
 
 The unit is that of the value, an error of a temperature in K. The hash is of all that the numbers
 hang on but the sizes; with them (SI) a run with other sizes is known as one of the same case.
@@ -28,9 +31,16 @@ from castfem.case import Case, read_case
 from castfem.errors import InputError
 from castfem.output.folder import CASE_NAME, ERROR_NAME
 from castfem.output.run_record import RunRecord
-from castfem.output.summary import SUMMARY_NAME, Quantity, Summary
+from castfem.output.summary import (
+    SUMMARY_NAME,
+    Quantity,
+    Summary,
+    to_si,
+    unit_of_difference,
+)
 from castfem.support.atomic_files import write_json
 
+Results = Mapping[str, Quantity]
 _FORMAT = "castfem error"
 _NOTHING = 1e-9  # in the unit of the tables; what is smaller in all runs is zero but for rounding
 
@@ -113,6 +123,7 @@ class ErrorTable:
         sizes: Those of the case.
         runs: What was run for it.
         quantities: Name to number with its error.
+        places: The same at places on the way, by position, m.
     """
 
     title: str
@@ -120,6 +131,7 @@ class ErrorTable:
     sizes: Mapping[str, float]
     runs: tuple[Ran, ...]
     quantities: Mapping[str, Entry] = field(default_factory=dict)
+    places: Mapping[float, Mapping[str, Entry]] = field(default_factory=dict)
 
     def write(self, folder: Path) -> Path:
         """Write error.json.
@@ -135,6 +147,10 @@ class ErrorTable:
             "sizes": dict(self.sizes),
             "runs": [asdict(run) for run in self.runs],
             "quantities": {name: _entry_json(e) for name, e in self.quantities.items()},
+            "places": {
+                f"{at!r}": {name: _entry_json(e) for name, e in entries.items()}
+                for at, entries in self.places.items()
+            },
         }
         write_json(path, content)
         return path
@@ -156,6 +172,10 @@ class ErrorTable:
                 content["sizes"],
                 tuple(Ran(**run) for run in content["runs"]),
                 {name: _entry(e) for name, e in content["quantities"].items()},
+                {
+                    float(at): {name: _entry(e) for name, e in entries.items()}
+                    for at, entries in content.get("places", {}).items()
+                },
             )
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"{path}: cannot be read ({error}); repeat castfem error") from None
@@ -166,17 +186,40 @@ class ErrorTable:
         Args:
             case: That of the table, also with its mesh, step or window scaled.
         """
+        factors = self._factors(case)
+        return None if factors is None else _errors(self.quantities, factors)
+
+    def errors_at(self, case: Case) -> dict[float, dict[str, float]]:
+        """Return the errors on the way in SI, by position, m; none if it is another case."""
+        factors = self._factors(case)
+        if factors is None:
+            return {}
+        return {
+            at: {
+                name: to_si(error, unit_of_difference(entries[name].unit))
+                for name, error in _errors(entries, factors).items()
+            }
+            for at, entries in self.places.items()
+        }
+
+    def _factors(self, case: Case) -> Mapping[str, float] | None:
+        """The sizes of a case over those of the table; None if it is another case."""
         if sizes.key(case) != self.case:
             return None
-        factors = sizes.factors_between(self.sizes, sizes.described(case))
-        if factors is None:
-            return None
-        found = {name: entry.error(factors) for name, entry in self.quantities.items()}
-        return {name: error for name, error in found.items() if math.isfinite(error)}
+        return sizes.factors_between(self.sizes, sizes.described(case))
+
+
+def _errors(entries: Mapping[str, Entry], factors: Mapping[str, float]) -> dict[str, float]:
+    found = {name: entry.error(factors) for name, entry in entries.items()}
+    return {name: error for name, error in found.items() if math.isfinite(error)}
 
 
 def gather(
-    case: Case, levels: Sequence[Level], results: Mapping[str, Summary], runs: Sequence[Ran]
+    case: Case,
+    levels: Sequence[Level],
+    results: Mapping[str, Summary],
+    runs: Sequence[Ran],
+    places: Mapping[float, Mapping[str, Results]] | None = None,
 ) -> ErrorTable:
     """Return the errors of a case from the results of its runs.
 
@@ -188,15 +231,29 @@ def gather(
         levels: All runs of its ladder.
         results: Of those that have come to their end, by name; that of the case itself among them.
         runs: How each of them went.
+        places: Their results at places on the way, by position (m) and name of the run.
     """
     base = next(level for level in levels if not level.axis)
-    found: dict[str, Entry] = {}
     liquidus = results[base.name].quantities.get("liquidus")
     poured = case.casting.temperature or math.nan
     superheat = case.casting.poured_superheat
     if superheat is not None and liquidus is not None:
         poured = liquidus.value + superheat
-    for name, quantity in results[base.name].quantities.items():
+    ends = {name: summary.quantities for name, summary in results.items()}
+    return ErrorTable(
+        case.title, sizes.key(case), sizes.described(case), tuple(runs),
+        _entries(case, levels, ends, poured),
+        {at: _entries(case, levels, found, poured) for at, found in (places or {}).items()},
+    )  # fmt: skip
+
+
+def _entries(
+    case: Case, levels: Sequence[Level], results: Mapping[str, Results], poured: float
+) -> dict[str, Entry]:
+    """The numbers of the case itself with their errors; `poured` in K, NaN where not known."""
+    base = next(level for level in levels if not level.axis)
+    found: dict[str, Entry] = {}
+    for name, quantity in results[base.name].items():
         if not math.isfinite(quantity.shown):
             continue
         parts: dict[str, Part] = {}
@@ -208,14 +265,14 @@ def gather(
         if largest > _NOTHING and any(part.error != 0.0 for part in parts.values()):
             unit, value = quantity.shown_unit, quantity.shown
             found[name] = Entry(quantity.label, unit, value, parts, _scale(quantity, poured))
-    return ErrorTable(case.title, sizes.key(case), sizes.described(case), tuple(runs), found)
+    return found
 
 
 def _series(
     case: Case,
     axis: str,
     levels: Sequence[Level],
-    results: Mapping[str, Summary],
+    results: Mapping[str, Results],
     name: str,
 ) -> dict[float, float]:
     """A number by the factor of one of the sizes, in its unit.
@@ -226,11 +283,9 @@ def _series(
 
     def of(axis: str) -> dict[float, float]:
         return {
-            level.factor: results[level.name].quantities[name].shown
+            level.factor: results[level.name][name].shown
             for level in levels
-            if level.axis in ("", axis)
-            and level.name in results
-            and name in results[level.name].quantities
+            if level.axis in ("", axis) and level.name in results and name in results[level.name]
         }
 
     found = of(axis)
@@ -292,6 +347,8 @@ def attach(table: ErrorTable, folder: Path) -> bool:
         quantity.pop("error", None)
         if name in errors and quantity["value"] is not None:
             quantity["error"] = errors[name]
+    assert isinstance(case, Case), "it has errors"
+    content["errors_at"] = {f"{at!r}": one for at, one in table.errors_at(case).items()}
     write_json(path, content)
     return True
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,16 +18,20 @@ from castfem.accuracy.table import ErrorTable, attach
 from castfem.case import load_case, shipped_cases
 from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen, read_from
+from castfem.errors import InputError
 from castfem.output.chosen_units import units_of_run
-from castfem.output.folder import ERROR_ENDING
+from castfem.output.folder import ERROR_ENDING, ERROR_NAME
 from castfem.output.run_record import RUN_NAME
 from castfem.report.headline import plain_label
 from castfem.report.numbers import duration
 from castfem.sweep.work import Job, Outcome
-from castfem.values.shown_units import shown_in
+from castfem.values.same_place import ROUNDING
+from castfem.values.shown_units import place_said, shown_in
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from castfem.case import Case
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +47,7 @@ class Options:
         quiet: Print nothing but errors.
         to: Error for which sizes are to be proposed, "1%"; "" for none.
         units: Those of --units.
+        at: Places on the way whose errors are asked for, m.
     """
 
     name: str
@@ -52,6 +58,7 @@ class Options:
     quiet: bool
     to: str = ""
     units: tuple[str, ...] = ()
+    at: tuple[float, ...] = ()
 
 
 def error_of_case(options: Options) -> int:
@@ -79,9 +86,25 @@ def _prepared(options: Options, ranks: bool) -> Ladder:
     many_runs.check_folder(folder)
     path = shipped_cases.find(options.name)
     case = load_case(path, options.overrides)
+    check_reached(case, options.at)
     with read_from(path):
         cell_count(case)  # one that cannot be meshed is refused here, not by each of its runs
-    return prepare(levels(case), folder, overwrite=options.overwrite)
+    return prepare(levels(case), folder, overwrite=options.overwrite, at=options.at)
+
+
+def check_reached(case: Case, at: Sequence[float]) -> None:
+    """Refuse places that the run of a case does not come to.
+
+    Raises:
+        InputError: One lies beyond its length, or above the meniscus.
+    """
+    length = case.casting.length
+    beyond = [place_said(one) for one in at if not 0.0 <= one <= length * (1.0 + ROUNDING)]
+    if beyond:
+        raise InputError(
+            f"--at {', '.join(beyond)}: the run goes from the meniscus to {place_said(length)}; "
+            "give a place within, or a longer casting.length"
+        )
 
 
 def _alone(options: Options) -> Path:
@@ -129,7 +152,7 @@ def _done(ladder: Ladder, options: Options, comm: MPI.Intracomm | None) -> int:
 
 def _propose(table: ErrorTable, options: Options) -> None:
     """Print which sizes reach an error, how long a run with them takes, and its command."""
-    found = propose(table, main_names(table), read_share(options.to))
+    found = propose(table, main_names(table.quantities), read_share(options.to))
     case = load_case(shipped_cases.find(options.name), options.overrides)
     words = ", ".join(f"{axis} x {factor:.3g}" for axis, factor in found.factors.items())
     took = f"some {duration(found.seconds)} instead of {duration(found.now)}"
@@ -143,9 +166,27 @@ def _propose(table: ErrorTable, options: Options) -> None:
         print(f"not by sizes within reach: {label}, {100 * left:.2g} %", file=sys.stderr)
 
 
-def _print(table: ErrorTable, path: Path, written: list[Path]) -> None:
+def show_errors(folder: Path) -> None:
+    """Print the errors in a folder of `castfem error`.
+
+    Raises:
+        InputError: They cannot be read.
+    """
+    table = ErrorTable.load(folder / ERROR_NAME)
+    print(table.title)
+    with shown_in(units_of_run(folder / BASE)):
+        print_table(table)
+
+
+def print_table(table: ErrorTable) -> None:
+    """Print errors, and which runs told nothing of them."""
     out = parallel.console()
-    out.print(printed(table), highlight=False)
+    for one in printed(table):
+        out.print(one, "", highlight=False)
     for line in unknown(table):
         print(line, file=sys.stderr)
+
+
+def _print(table: ErrorTable, path: Path, written: list[Path]) -> None:
+    print_table(table)
     print(f"errors in {path}, and beside the results in {', '.join(map(str, written))}")

@@ -102,11 +102,18 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
         raise InputError(f"{folder}: {'is no' if folder.exists() else 'no such'} folder")
     from castfem.cli import parallel
     from castfem.cli.options import chosen
+    from castfem.output.folder import ERROR_NAME
     from castfem.output.run_record import RUN_NAME
     from castfem.report import error_pages
     from castfem.report.show import show as show_folder
     from castfem.sweep.record import SWEEP_NAME
 
+    if (folder / ERROR_NAME).is_file() and not (folder / RUN_NAME).is_file():
+        from castfem.cli.accuracy import show_errors
+
+        with chosen(units):
+            show_errors(folder)
+        return
     if (folder / SWEEP_NAME).is_file() and not (folder / RUN_NAME).is_file():
         raise InputError(f"{folder}: it is a sweep: castfem compare {folder}")
     from castfem.results.places import read_positions

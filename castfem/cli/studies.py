@@ -97,16 +97,30 @@ def sweep(
     show_default=False,
     help="Propose sizes with which errors are 1%, say.",
 )
+@options.at
 @options.units
 @quiet
 def error(
-    case: str, output: Path | None, jobs: int | None, units: tuple[str, ...], **given: Any
+    case: str,
+    output: Path | None,
+    jobs: int | None,
+    at: tuple[str, ...],
+    units: tuple[str, ...],
+    **given: Any,
 ) -> int:
     """Run a case on other meshes, with other steps and windows: the error of each number."""
     from castfem.cli.accuracy import Options, error_of_case
+    from castfem.results.places import read_positions
 
     return error_of_case(
-        Options(name=case, folder=output, processes=jobs, units=sound_units(units), **given)
+        Options(
+            name=case,
+            folder=output,
+            processes=jobs,
+            at=tuple(read_positions(at)),
+            units=sound_units(units),
+            **given,
+        )
     )
 
 

@@ -13,11 +13,14 @@ import numpy as np
 import pandas
 
 from castfem.compare.runs import Run
+from castfem.plots.fronts import open_front
 from castfem.plots.mechanics import CLOSED
+from castfem.results.registry import AT_FRACTION
 
 _PLACES = ("mid_face", "narrow_face", "corner", "max", "min", "mean", "core")
 _LAST = ("max", "min", "mean")  # places that are none: their panels come after the others
 _NOT_DRAWN = ("time", "position", "step", "cooling_power", "penetration", "solidus_cell")
+_FRONTS = ("shell", "liquidus_depth")
 _STEADY = 1e-6  # relative; what varies by less is the same all the way and in all runs
 _ROUNDING = 1e-6  # kN, kN/m; the solver leaves so much force on a free strand, and less
 _PERCENT = 1.0  # %, the least that the axis of a share spans
@@ -141,10 +144,12 @@ def figures(
             continue
         if any(t[column].isna().all() for t in having.values()):
             continue
+        front = quantity in _FRONTS or AT_FRACTION.fullmatch(column) is not None
         curves = tuple(
-            Curve(run, t["position"].to_numpy(), t[column].to_numpy())
+            Curve(run, t["position"].to_numpy(), open_front(v) if front else v)
             for run in drawn
             if (t := having.get(id(run))) is not None
+            for v in (t[column].to_numpy(),)
         )
         if _vary(curves, units):
             grouped.setdefault(quantity, []).append(Panel(place, units.pop(), curves))

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.compare.runs import Run
-from castfem.output.summary import SIGNS, Kind, Quantity, from_si, met
+from castfem.output.summary import SIGNS, Kind, Quantity, from_si, met, unit_of_difference
 from castfem.report.headline import headline, plain_label
 from castfem.report.numbers import is_gap, shown, small_gap, unit_shown, with_error
 from castfem.report.remarks import mould_exit
@@ -154,7 +154,11 @@ def _line(
     kinds: list[Kind] = []
     for run, history in zip(runs, histories, strict=True):
         mine = run.summary.quantities.get(name)
-        error = None if mine is None or at is not None else mine.shown_error
+        error = None if mine is None else mine.shown_error
+        if at is not None:
+            stated = run.summary.errors_near(at).get(name)
+            unit = unit_of_difference(quantity.shown_unit)
+            error = None if stated is None else from_si(stated, unit)
         errors.append(math.nan if error is None else error)
         there = mine if at is None else _on_the_way(history, name, at)
         value = math.nan if there is None else there.value

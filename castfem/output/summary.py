@@ -8,10 +8,12 @@
      "balances": {NAME: {NAME: {"value", "unit", "label"}, ...}, ...},
      "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
      "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...],
-     "mould_exit": 0.6, "unchecked": ["density: SOURCE", ...]}
+     "mould_exit": 0.6, "unchecked": ["density: SOURCE", ...],
+     "errors_at": {"0.6": {NAME: 0.08e-3, ...}, ...}}
 
 `error`, of a case of which `castfem error` has told it, stands beside a quantity's value in the
-same unit (K for temperatures). In the file each value is in the unit beside it. In Python `value`
+same unit (K for temperatures); `errors_at` has those at places on the way (m below the meniscus),
+in SI. In the file each value is in the unit beside it. In Python `value`
 and `unit` are SI, `shown` and `shown_unit` what the file has. Zones, `at` (null: the end of the
 run) and `mould_exit` (null: there is no mould) are in metres below the meniscus. A value that does
 not exist is null there, NaN here.
@@ -38,6 +40,7 @@ from castfem.values.shown_units import coherent
 
 SUMMARY_NAME = "summary.json"
 _NONE = "-"  # how "no unit" is written
+_NEAR = 1e-6  # relative; positions that differ by less are one
 _ROUNDING = 1e-9  # of a bound; what misses it by less has met it
 
 
@@ -218,6 +221,7 @@ class Summary:
             None if there is no mould.
         unchecked: Data of steel, law and cooling that the run used and that are from memory of
             their source (status M), each with the source.
+        errors_at: Errors on the way, in SI (K of temperatures), by position [m] and name.
     """
 
     title: str
@@ -230,6 +234,14 @@ class Summary:
     zones: tuple[Zone, ...] = ()
     mould_exit: float | None = None
     unchecked: tuple[str, ...] = ()
+    errors_at: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
+
+    def errors_near(self, position: float) -> Mapping[str, float]:
+        """The errors that are known at a position (m), by name; none where none was asked for."""
+        for place, errors in self.errors_at.items():
+            if math.isclose(place, position, rel_tol=_NEAR):
+                return errors
+        return {}
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file, for `castfem.support.atomic_files.write_json`."""
@@ -247,6 +259,7 @@ class Summary:
             "zones": [asdict(zone) for zone in self.zones],
             "mould_exit": self.mould_exit,
             "unchecked": list(self.unchecked),
+            "errors_at": {f"{at!r}": dict(errors) for at, errors in self.errors_at.items()},
         }
 
     @classmethod
@@ -270,6 +283,7 @@ class Summary:
             zones=tuple(Zone(**zone) for zone in content["zones"]),
             mould_exit=content.get("mould_exit"),
             unchecked=tuple(content.get("unchecked", ())),
+            errors_at={float(at): dict(e) for at, e in content.get("errors_at", {}).items()},
         )
 
     @classmethod

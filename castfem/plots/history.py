@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from castfem.plots.fronts import open_front
 from castfem.plots.legend import place_legend
 from castfem.plots.section import Steel
 from castfem.plots.style import (
@@ -22,6 +23,7 @@ from castfem.results.registry import AT_FRACTION, find, probe_label
 from castfem.results.resolution import STAIR
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.shown_units import plain_unit, said
+from castfem.values.types import Array
 
 if TYPE_CHECKING:
     import pandas
@@ -125,10 +127,11 @@ def draw_shell(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
     ):  # fmt: skip
         for probe, colour, column in lines:
             label = f"{probe}, {kind}"
-            axes.plot(abscissa.values, table[column], color=colour, linestyle=style, label=label)
+            depth = open_front(table[column].to_numpy())
+            axes.plot(abscissa.values, depth, color=colour, linestyle=style, label=label)
             cell = column.replace("shell_", "solidus_cell_", 1)
             if lines is solid and has_values(table, cell):
-                _draw_stair(axes, abscissa, table[column], table[cell], colour)
+                _draw_stair(axes, abscissa, depth, table[cell], colour)
     axes.set_ylim(0.0, axes.get_ylim()[1])
     axes.set_ylabel(axis_label(table, [*solid, *liquid][0][2]), gid=[*solid, *liquid][0][2])
     dress([axes], abscissa)
@@ -137,7 +140,7 @@ def draw_shell(table: pandas.DataFrame, abscissa: Abscissa, steel: Steel | None)
 
 
 def _draw_stair(
-    axes: Axes, abscissa: Abscissa, depth: pandas.Series, cell: pandas.Series, colour: str
+    axes: Axes, abscissa: Abscissa, depth: Array, cell: pandas.Series, colour: str
 ) -> None:
     """How well the cells resolve a depth: within the shaded band."""
     off = STAIR * cell.to_numpy()

@@ -12,6 +12,7 @@ from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Quantity, Summary
 from castfem.plots.history import curves
 from castfem.report.remarks import OPEN, mould_exit, spells
+from castfem.report.roll_load import RollLoads
 from castfem.results.labels import last_quantities
 
 
@@ -20,7 +21,7 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
 
     The shell is the thinnest at the probes where the mould ends. Contact is lost where the first of
     the probes loses it, and regained where the last of those that do has it again; NaN where it
-    is not.
+    is not. Bulge and force of rolls are the largest on the way.
     """
     try:
         table = read_history(folder / HISTORY_NAME)
@@ -29,20 +30,24 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     if len(table) < 2 or "position" not in table:
         return {}
     position, units = table["position"].to_numpy(), table.attrs["units"]
-    found: dict[str, Quantity] = {}
+    loads = RollLoads.of(folder)
+    found = {} if loads is None else loads.quantities()
     at, name = mould_exit(position, summary)
     row = {c: float(np.interp(at, position, table[c])) for c in table if str(c) in units}
-    depths = [q for n, q in last_quantities(row, units).items() if n.startswith("shell_")]
+    depths = {n: q for n, q in last_quantities(row, units).items() if n.startswith("shell_")}
     if depths:
-        least = min(depths, key=lambda one: one.value)
-        found["shell_least"] = replace(least, label=f"thinnest shell, {name}", shown_unit="mm")
+        thinnest = min(depths, key=lambda shell: depths[shell].value)
+        found["shell_least"] = replace(
+            depths[thinnest], label=f"thinnest shell, {name}", shown_unit="mm",
+            error=summary.errors_near(at).get(thinnest),
+        )  # fmt: skip
     gaps = [table[c].to_numpy() for _, _, c in curves(table, "gap")]
     lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]
     if gaps:
         first = min((spell.start for spell in lost), default=np.nan)
-        found["contact_lost"] = Quantity(first, "mm", "contact lost at")
+        found["contact_lost"] = Quantity(first, "mm", "contact lost at, first probe")
     if lost:
         open_ = any(not spell.regained for spell in lost)
         last = np.nan if open_ else max(spell.end for spell in lost)
-        found["contact_regained"] = Quantity(last, "mm", "contact regained at")
+        found["contact_regained"] = Quantity(last, "mm", "contact regained at, last probe")
     return found

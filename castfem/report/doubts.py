@@ -13,7 +13,8 @@ from castfem.errors import InputError
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
 from castfem.plots.history import curves, has_values
-from castfem.report.remarks import OPEN, REMELTED, UNSETTLED, remarks, spells
+from castfem.report.remarks import OPEN, UNSETTLED, remarks, spells
+from castfem.report.reversals import REMELTED
 from castfem.values.shown_units import said
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from castfem.errors import InputError
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Quantity, Summary
-from castfem.report.numbers import resolution_in, shown, unit_shown
+from castfem.report.numbers import resolution_in, shown, unit_shown, with_error
 from castfem.report.places import Place, places_of, table_names
 from castfem.results.places import quantities_at
 from castfem.values.shown_units import Scale, place_said, scale_of
@@ -32,7 +32,8 @@ def print_places(out: Console, folder: Path, positions: Sequence[float]) -> None
     if table.empty:
         raise InputError(f"{folder}: no step has been taken yet")
     places = [Place("", position) for position in positions]
-    runs = [quantities_at(table, position, folder) for position in positions]
+    summary = Summary.load(folder)
+    runs = [quantities_at(table, position, folder, summary) for position in positions]
     names = [n for n in table_names(runs, everything=True) if n != "position"]
     for block in _blocks("Results on the way", places, runs, names, out.width):
         out.print(block, "", highlight=False)
@@ -51,7 +52,7 @@ def print_along(out: Console, folder: Path, summary: Summary | None) -> None:
     places = [place for place in places_of(folder, summary, end) if place.position >= start]
     if len(places) < 2:
         return
-    runs = [quantities_at(table, place.position, folder) for place in places]
+    runs = [quantities_at(table, place.position, folder, summary) for place in places]
     for block in _blocks("Along the strand", places, runs, table_names(runs), out.width):
         out.print(block, "", highlight=False)
 
@@ -89,7 +90,9 @@ def _heading(place: Place) -> str:
 def _cell(quantity: Quantity | None, scale: Scale) -> str:
     if quantity is None:
         return "-"
-    return shown(scale(quantity.shown), scale.unit, resolution_in(scale, quantity))
+    error = quantity.shown_error
+    value = shown(scale(quantity.shown), scale.unit, resolution_in(scale, quantity))
+    return with_error(value, None if error is None else scale.factor * error)
 
 
 def _width(header: str, cells: Sequence[str]) -> int:

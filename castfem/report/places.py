@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from castfem.output.summary import Quantity, Summary
+from castfem.report.faces import at_places, repeats
 from castfem.report.headline import AT_PROBES, HEADLINE
 from castfem.report.run_case import case_with
 from castfem.results.registry import AT_FRACTION
@@ -15,7 +16,7 @@ from castfem.results.registry import AT_FRACTION
 _MOST = 8  # places in the table of a run that was asked for none
 _NAMES = (
     *AT_PROBES,
-    "heat_flux_mid_face",
+    *(name for name in at_places("heat_flux") if "mid_face" in name),
     "heat_removed",
     "cooling_power",
     "temperature_max",
@@ -53,7 +54,9 @@ def places_of(folder: Path, summary: Summary | None, end: float) -> list[Place]:
         if summary.mould_exit is not None:
             found = [p for p in found if not _same(p.position, summary.mould_exit)]
             found.append(Place("mould exit", summary.mould_exit))
-    found += _bends(folder)
+    bends = _bends(folder)
+    found = [p for p in found if not any(_same(p.position, bend.position) for bend in bends)]
+    found += bends
     found = [p for p in found if p.position < end and not _same(p.position, end)]
     return [*sorted(found, key=lambda p: p.position)[: _MOST - 1], Place("end", end)]
 
@@ -81,17 +84,9 @@ def table_names(runs: Sequence[Mapping[str, Quantity]], *, everything: bool = Fa
     if everything:
         return names
     chosen = [name for name in names if AT_FRACTION.fullmatch(name)]
-    named = [name for name in (*_NAMES[:3], *chosen, *_NAMES[3:], *HEADLINE) if name in names]
-    return [name for name in dict.fromkeys(named) if not _says_nothing_new(name, runs)]
-
-
-def _says_nothing_new(name: str, runs: Sequence[Mapping[str, Quantity]]) -> bool:
-    """Whether a quantity of the narrow face is that of the other everywhere."""
-    other = name.replace("_narrow_face", "_mid_face")
-    pairs = [(run.get(name), run.get(other)) for run in runs]
-    return name != other and all(
-        one is not None and two is not None and _same(one.value, two.value) for one, two in pairs
-    )
+    shells = at_places("shell")
+    named = [name for name in (*shells, *chosen, *_NAMES, *HEADLINE) if name in names]
+    return [name for name in dict.fromkeys(named) if not repeats(name, runs)]
 
 
 def _same(one: float, other: float) -> bool:

@@ -21,46 +21,26 @@ from castfem.output.summary import Summary
 from castfem.plots.history import curves, has_values, unit_of
 from castfem.plots.section import Steel
 from castfem.report.hot_spots import HotSpot, hottest, thinnest
+from castfem.report.remark import Remark, at_place, in_mm
+from castfem.report.reversals import reheating, remelting
+from castfem.report.roll_load import RollLoads
 from castfem.results.resolution import STAIR
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.same_place import ROUNDING
-from castfem.values.shown_units import documented, place_said, plain_unit, said, scale_of
+from castfem.values.shown_units import documented, plain_unit, said, scale_of
 from castfem.values.types import Array
 
 if TYPE_CHECKING:
     import pandas
 
 
-REMELTED, UNSETTLED = "shell melted again", "coupling windows not converged"
+UNSETTLED = "coupling windows not converged"
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 _THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
 _COARSE = 0.2  # mm; what the shell is off by less is not told
 _MORE = 1.0  # % of the surface; if less of it touches again, only the least is named
 _BULGED = 0.01  # of the section
-_MELTED = 0.1  # mm; a shell that loses less on the way is not named
-_REHEATED = 5.0  # K; surfaces that heat up by less are not named
-
-
-@dataclass(frozen=True, slots=True)
-class Remark:
-    """One line: what, how much, and where.
-
-    Attributes:
-        what: Of which quantity.
-        value: In `unit`.
-        unit: As in history.csv.
-        where: Place and position, for a reader.
-        name: Of the column, where its unit may be chosen by it.
-        resolution: How exactly the cells resolve it, in `unit`; None where that is not known.
-    """
-
-    what: str
-    value: float
-    unit: str
-    where: str
-    name: str = ""
-    resolution: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +69,12 @@ def remarks_of(folder: Path, summary: Summary | None) -> list[Remark]:
     Nothing without a history, or of a damaged one: that is told of where its figures are drawn.
     """
     try:
-        table = read_history(folder / HISTORY_NAME)
+        table, loads = read_history(folder / HISTORY_NAME), RollLoads.of(folder)
+        bulge = [] if loads is None else list(loads.bulge())
         if not (folder / HDF5_NAME).is_file():
-            return remarks(table, summary)
+            return [*remarks(table, summary), *bulge]
         with Fields(folder) as fields:
-            return remarks(table, summary, fields)
+            return [*remarks(table, summary, fields), *bulge]
     except InputError:
         return []
 
@@ -114,7 +95,7 @@ def remarks(
     if (np.diff(position) < 0).any() or position[-1] <= position[0]:
         return []
     at, name = mould_exit(position, summary)
-    where = f"{name} at {_mm(at)}"
+    where = f"{name} at {in_mm(at)}"
     weakest = _at_exit(table, position, at, where)
     if fields is not None:
         weakest |= _between_probes(fields, at, where, weakest)
@@ -126,8 +107,8 @@ def remarks(
         *_bulging(table, position),
         *weakest.values(),
         *_stairs(table, position),
-        *_remelting(table, position),
-        *_reheating(table, position),
+        *remelting(table, position),
+        *reheating(table, position),
         *_stress(table, position),
         *_coupling(summary),
     ]
@@ -169,13 +150,15 @@ def _contact(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
             continue
         longest = max(stretches, key=lambda spell: spell.length)
         first = stretches[0]
-        where = f"lost at {_at(first.start, table)}, "
-        where += f"regained at {_mm(first.end)}" if first.regained else "not regained"
+        where = f"lost at {at_place(first.start, table)}, "
+        where += f"regained at {in_mm(first.end)}" if first.regained else "not regained"
         if len(stretches) > 1:
-            where += f"; {len(stretches)} times, longest {_mm(longest.start)} to {_mm(longest.end)}"
+            where += (
+                f"; {len(stretches)} times, longest {in_mm(longest.start)} to {in_mm(longest.end)}"
+            )
         yield Remark(f"contact lost, {label}", float(np.nanmax(_finite(gap))), unit, where, column)
     yield from _share(table, position)
-    yield from _largest(table, position, "gap", "largest gap", least=OPEN)
+    yield from _largest(table, position, "gap", "largest gap on the way", least=OPEN)
     what = "highest contact pressure"
     if has_values(table, "mean_contact_pressure_max"):
         what += ", mean over 5 mm"
@@ -197,7 +180,7 @@ def _share(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         return
     row = int(np.nanargmin(share))
     if share[row] < 100.0:
-        where = f"of the surface, at {_at(float(position[row]), table)}"
+        where = f"of the surface, at {at_place(float(position[row]), table)}"
         if share[-1] > share[row] + _MORE:
             where += f"; {share[-1]:.3g} % at the end of the run"
         yield Remark("least contact", float(share[row]), "%", where)
@@ -217,7 +200,9 @@ def _stairs(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
     if worst is None or worst[0] < _COARSE:
         return
     off_, label, row, name = worst
-    where = f"{label}, at {_at(float(position[row]), table)}: its curve has steps, for the solidus"
+    where = (
+        f"{label}, at {at_place(float(position[row]), table)}: its curve has steps, for the solidus"
+    )
     where += f" lies in cells of {said(float(table[name].iloc[row]), 'mm', '.2g', name)} there"
     yield Remark("resolution of the shell, ±", off_, unit_of(table, name), where, name)
 
@@ -231,7 +216,9 @@ def _bulging(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
         moved, across = table[column].to_numpy(), table[size].to_numpy()
         row = int(np.nanargmax(moved))
         if moved[row] > _BULGED * across[0]:
-            where = f"at {_at(float(position[row]), table)}; nothing holds the shell there, see "
+            where = (
+                f"at {at_place(float(position[row]), table)}; nothing holds the shell there, see "
+            )
             where += "mechanics.liquid in docs/case_files.md"
             yield Remark(
                 f"bulge, {label}", float(moved[row]), unit_of(table, column), where, column
@@ -274,7 +261,7 @@ def _largest(
         return
     value, column = max(peaks)
     row = int(np.nanargmax(finite[column]))
-    where = f"at {_at(float(position[row]), table)}"
+    where = f"at {at_place(float(position[row]), table)}"
     there = [(float(table[column].iloc[row]), label) for label, column in probes]
     there = [entry for entry in there if np.isfinite(entry[0])]
     unit = unit_of(table, column)
@@ -352,57 +339,6 @@ def mould_exit(position: Array, summary: Summary | None) -> tuple[float, str]:
     return float(position[-1]), "end of the run"
 
 
-def _remelting(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
-    """Where the shell has become thinner on the way down, by the most at any probe."""
-    best: tuple[float, str, int, int, str] | None = None
-    for label, _, column in curves(table, "shell"):
-        shell = table[column].to_numpy()
-        lost = np.fmax.accumulate(shell) - shell
-        if not np.isfinite(lost).any():
-            continue
-        end = int(np.nanargmax(lost))
-        start = int(np.nanargmax(shell[: end + 1]))
-        if best is None or lost[end] > best[0]:
-            best = float(lost[end]), label, start, end, column
-    if best is None or best[0] < _MELTED:
-        return
-    value, label, start, end, column = best
-    left = said(float(table[column].iloc[end]), unit_of(table, column), ".2g", column)
-    where = f"{label}, from {_mm(position[start])} to {_mm(position[end])}, where {left} are left"
-    yield Remark(REMELTED, value, unit_of(table, column), where, column)
-
-
-def _reheating(table: pandas.DataFrame, position: Array) -> Iterator[Remark]:
-    """The largest rise of a surface temperature on the way down."""
-    best: tuple[float, str, int, int] | None = None
-    for label, _, column in curves(table, "surface_temperature"):
-        values = table[column].to_numpy()
-        coldest = np.fmin.accumulate(values)
-        rise = values - coldest
-        if not np.isfinite(rise).any():
-            continue
-        end = int(np.nanargmax(rise))
-        start = int(np.nanargmin(values[: end + 1]))
-        if best is None or rise[end] > best[0]:
-            best = float(rise[end]), label, start, end
-    if best is None or best[0] < _REHEATED:
-        return
-    value, label, start, end = best
-    where = f"{label}, from {_mm(position[start])} to {_mm(position[end])}"
-    yield Remark("largest reheating of the surface", value, "K", where)
-
-
 def _finite(values: Array) -> Array:
     """Values with NaN for what is infinite, as a gap where there is no wall."""
     return np.where(np.isfinite(values), values, np.nan)
-
-
-def _mm(position: float) -> str:
-    """A position below the meniscus."""
-    return place_said(position, near=".0f", far=".2f")
-
-
-def _at(position: float, table: pandas.DataFrame) -> str:
-    """A position and the time when the slice is there."""
-    time = float(np.interp(position, table["position"], table["time"]))
-    return f"{_mm(position)}, t = {said(time, 's', '.3g', 'time')}"

@@ -27,6 +27,7 @@ from castfem.values.types import Array
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from castfem.contact.state import ContactSummary
     from castfem.fem.section import Section
 
 
@@ -65,6 +66,25 @@ def opposite(starts: Mapping[str, tuple[float, float]], multiplicity: int) -> di
     return found
 
 
+def with_vertices(
+    comm: MPI.Comm, contact: ContactSummary, gap: Array, places: Array
+) -> ContactSummary:
+    """Contact with the largest gap of points and vertices alike (collective).
+
+    The points of a facet lie within it, so that at the very corner, where the gap is widest, that
+    of its vertex is larger.
+
+    Args:
+        comm: All ranks.
+        contact: Of the points.
+        gap: At this rank's vertices of the surface (n,), m; inf where there is no wall.
+        places: Where they are now (n, 2), m.
+    """
+    met = np.where(gap < LARGEST, gap, -np.inf)
+    widest, *where = reductions.peak(comm, met, places)
+    return replace(contact, gap=widest, widest=np.array(where)) if widest > contact.gap else contact
+
+
 class MechanicalSampler:
     """Takes samples of the strained slice.
 
@@ -93,6 +113,8 @@ class MechanicalSampler:
         }
         wall = self._wall = self.problem.contact
         self._gap = None if wall is None else SurfaceGap(wall)
+        coordinates = self.section.vertex_space.tabulate_dof_coordinates()
+        self._vertex_places = coordinates[: self.section.owned, :2].copy()
         self._starts: sparse.csr_matrix | None = None
 
     def read(self, state: MechanicalState, result: MechanicalResult | None) -> MechanicalSample:
@@ -102,19 +124,20 @@ class MechanicalSampler:
         stress = equivalent_stress(recovered)
         places = points.deviator.position
         peak, *where = reductions.peak(self.section.comm, stress, places)
-        fields = [
-            points.moved(state.displacement, state.generalized_strains),
-            points.at_vertices(stress),
-        ]
-        fields += (
-            [] if self._gap is None else [self._on_surface(np.minimum(self._gap.at(state), FAR))]
-        )
+        vertices = points.moved(state.displacement, state.generalized_strains)
+        fields = [vertices, points.at_vertices(stress)]
+        at_vertices = None if self._gap is None else self._gap.at(state)
+        if at_vertices is not None:
+            fields.append(self._on_surface(np.minimum(at_vertices, FAR)))
         starts = self.probes.starts(np.column_stack(fields))
         moved = {n: float(outward @ starts[n][:2]) for n, outward in self._outward.items()}
         contact = None
         gap = {n: float(values[3]) for n, values in starts.items() if len(values) > 3}
         if self._wall is not None and state.contact is not None:
             contact = summary(self._wall, state.contact, state.generalized_strains)
+            assert at_vertices is not None and self._gap is not None
+            there = (self._vertex_places + vertices)[self._gap.dofs]
+            contact = with_vertices(self.section.comm, contact, at_vertices, there)
         return MechanicalSample(
             newton=0 if result is None else result.newton,
             flowing=0.0 if result is None else result.flowing,

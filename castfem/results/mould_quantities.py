@@ -62,7 +62,7 @@ def contact_pressure(sample: Sample, probe: str) -> float:
 @quantity(
     "gap_max",
     unit="mm",
-    label="largest gap",
+    label="largest gap here",
     axis="gap",
     place=_at(lambda contact: contact.widest if contact.gap else None),
     needs=("mould",),
@@ -70,7 +70,7 @@ def contact_pressure(sample: Sample, probe: str) -> float:
 def gap_max(sample: Sample) -> float:
     """Largest gap of the section to a wall; 0 if none is open.
 
-    That of an integration point: at the very corner `gap` may be a per cent larger.
+    Of all integration points and vertices of the surface, those of the probes among them.
     """
     return sample.contact.gap
 

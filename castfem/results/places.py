@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.errors import InputError
-from castfem.output.summary import Quantity
+from castfem.output.summary import Quantity, Summary
 from castfem.results.labels import last_quantities
 from castfem.values import units
 from castfem.values.same_place import ROUNDING
@@ -56,7 +57,10 @@ def read_number(name: str, given: float | str | None, unit: str) -> float | None
 
 
 def quantities_at(
-    table: pandas.DataFrame, position: float, folder: Path | str
+    table: pandas.DataFrame,
+    position: float,
+    folder: Path | str,
+    summary: Summary | None = None,
 ) -> dict[str, Quantity]:
     """Return the results where the slice came to a position, between two rows by straight lines.
 
@@ -64,6 +68,7 @@ def quantities_at(
         table: Of `read_history`.
         position: m.
         folder: Of the run, for messages.
+        summary: Of the run; with the errors that `castfem error` has found at the position.
 
     Raises:
         InputError: The run has not been there.
@@ -89,4 +94,6 @@ def quantities_at(
             str(name): float(one + share * (other - one))
             for name, one, other in zip(table.columns, before, behind, strict=True)
         }
-    return last_quantities(values, table.attrs["units"])
+    found = last_quantities(values, table.attrs["units"])
+    errors = {} if summary is None else summary.errors_near(position)
+    return {name: replace(one, error=errors.get(name)) for name, one in found.items()}

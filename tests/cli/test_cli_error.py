@@ -170,3 +170,46 @@ def test_a_damaged_table_is_told(tmp_path) -> None:
     path.write_text('{"format": "castfem error"}')
     with pytest.raises(InputError, match=r"cannot be read .* repeat castfem error"):
         ErrorTable.load(path)
+
+
+def test_errors_on_the_way(castfem, tmp_path) -> None:
+    """Where they are asked for and where the mould ends; show, compare and report have them."""
+    text = SMALL.replace('name = "mould"', 'name = "mould"\nto = "50 mm"')
+    below = '\n[[cooling]]\nname = "below"\n\n[thermal.time]'
+    slow = text.replace("3.6 m/min", "1 m/min").replace('"50 ms"', '"200 ms"')
+    Path("small.toml").write_text(slow.replace("\n[thermal.time]", below))
+    assert castfem("run", "small", "-q").status == 0
+    outcome = castfem(*WORDS, "--at", "40 mm")
+    assert outcome.status == 0, outcome.err
+    titles = [line.strip() for line in outcome.out.splitlines() if line.startswith("At ")]
+    assert titles == ["At 40 mm", "At 50 mm", "At the end of the run"]
+    table = ErrorTable.load(Path("results/small_error/error.json"))
+    assert list(table.places) == [0.04, 0.05]
+    entry = table.places[0.05]["shell_corner"]
+    assert entry.value == pytest.approx(entry.parts["step"].values[1.0])
+    assert entry.error() > 0.0 and entry.value > 0.0
+    summary = Summary.load("results/small")
+    assert summary is not None
+    assert summary.errors_near(0.05)["shell_corner"] == pytest.approx(1e-3 * entry.error())
+    warm = table.places[0.04]["surface_temperature_mid_face"]
+    assert summary.errors_near(0.04)["surface_temperature_mid_face"] == pytest.approx(warm.error())
+    assert summary.errors_near(0.055) == {}
+    shown = castfem("show", "results/small", "--at", "50 mm", "--at", "55 mm").out
+    row = next(line for line in shown.splitlines() if line.startswith("shell, corner"))
+    assert row.count("±") == 1
+    assert castfem("run", "small", "-q", "-o", "fast", "--set", "speed=2 m/min").status == 0
+    for words in ((), ("--at", "50 mm")):
+        compared = castfem("compare", "results/small", "fast", "--no-figures", *words).out
+        least = "shell, corner" if words else "thinnest shell"
+        lines = [line for line in compared.splitlines() if line.strip().startswith(least)]
+        assert lines[0].count("±") == 1
+    assert castfem("report", "results/small", "-o", "page.html").status == 0
+    page = Path("page.html").read_text()
+    assert "±" in page[page.index("thinnest shell") :][:200]
+    told = castfem("show", "results/small_error")
+    assert told.status == 0 and "At 40 mm" in told.out and "from" in told.out
+    refused = castfem(*WORDS, "--at", "2 m")
+    assert (
+        refused.status == 1
+        and "--at 2000 mm: the run goes from the meniscus to 60 mm" in refused.err
+    )

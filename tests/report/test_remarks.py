@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 
 import numpy as np
+import pandas
 import pytest
 from rich.console import Console
 from synthetic_run import HALF, LIQUIDUS, SOLIDUS, rectangle, summary
@@ -41,7 +42,7 @@ def test_remarks_name_what_is_worth_a_look(table):
     assert "lost at 120 mm, t = 2 s, regained at 360 mm" in lost.where
     assert lost.value == table["gap_corner"].max()
     assert not [r for r in found if r.what == "contact lost, mid-face"]
-    assert of(found, "largest gap").value == table["gap_max"].max()
+    assert of(found, "largest gap on the way").value == table["gap_max"].max()
     pressure = of(found, "highest contact pressure")
     assert pressure.value == pytest.approx(0.12)
     assert pressure.where == "at 600 mm, t = 10 s; corner: 0.12"
@@ -135,7 +136,7 @@ def test_a_gap_without_a_wall_is_no_gap(table):
         table.loc[beyond, name] = np.inf
     table.attrs["units"] = units
     found = remarks(table, summary())
-    assert of(found, "largest gap").value == table["gap_max"][~beyond].max()
+    assert of(found, "largest gap on the way").value == table["gap_max"][~beyond].max()
     assert "regained at 360 mm" in of(found, "contact lost, corner").where
 
 
@@ -210,3 +211,32 @@ def test_a_shell_that_nothing_holds_is_named(table):
     bulge = of(remarks(table, summary()), "bulge, mid-face")
     assert bulge.value == table["displacement_mid_face"].max() and bulge.unit == "mm"
     assert bulge.where.startswith("at 600 mm") and "mechanics.liquid" in bulge.where
+
+
+@pytest.mark.parametrize(
+    ("corner", "told"),
+    [
+        ([0.0, 1.2, 1.9, 0.0, 0.0, 2.5], "where none is left: a sign of a breakout"),
+        ([0.0, 1.2, 1.9, 0.4, 0.9, 2.5], "where 0.4 mm are left"),
+        ([0.0, 1.2, 1.9, 1.85, 1.9, 2.5], ""),
+    ],
+)
+def test_a_shell_that_melts_again_is_told(corner, told):
+    table = pandas.DataFrame(
+        {
+            "time": np.arange(6.0),
+            "position": 0.1 * np.arange(6.0),
+            "shell_mid_face": [0.0, 1.0, 2.0, 3.0, 4.0, 5.0],
+            "shell_corner": corner,
+        }
+    )
+    table.attrs["units"] = {"time": "s", "position": "m"} | dict.fromkeys(table.columns[2:], "mm")
+    found = [one for one in remarks(table, None) if one.what == "shell melted again"]
+    expected = [f"corner, from 200 mm to 300 mm, {told}"] if told else []
+    assert [one.where for one in found] == expected
+
+
+def test_a_time_of_many_seconds_is_a_plain_number(table):
+    table["time"] *= 1000.0
+    lost = of(remarks(table, summary()), "contact lost, corner")
+    assert "lost at 120 mm, t = 2003 s" in lost.where
