@@ -273,7 +273,7 @@ def test_a_picture_of_no_format_is_refused_before_anything_is_told(castfem, word
     [
         (("mesh", "billet125/thermal"), "thermal_mesh.png"),
         (("mould", "billet125/taper_1"), "taper_1_mould.png"),
-        (("material", "plain_carbon"), "plain_carbon.png"),
+        (("material", "plain_carbon", "-c", "C=0.1"), "plain_carbon.png"),
     ],
 )
 def test_a_picture_goes_into_a_folder_by_its_usual_name(castfem, words, name):

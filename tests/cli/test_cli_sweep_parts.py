@@ -197,5 +197,8 @@ def test_accuracy_is_that_of_all_runs(castfem, tmp_path):
     words = ("sweep", "small", *ROWS, "-o", "coarse", "--accuracy", "coarse")
     assert castfem(*words, "--slurm", "job.sh").status == 0
     assert "--accuracy coarse" in Path("job.sh").read_text()
+    assert castfem(*words, "--slurm", "ranks.sh", "--ranks", "2").status == 0
+    (started,) = [line for line in Path("ranks.sh").read_text().splitlines() if "--ranks" in line]
+    assert started.startswith("mpirun -n 2 castfem sweep small ")
     refused = castfem("sweep", "small", *ROWS, "--accuracy", "rough")
     assert refused.status == 1 and "--accuracy rough: not known" in refused.err
