@@ -43,11 +43,11 @@ KINDS: dict[str, dict[str, tuple[str, ...]]] = {
 }
 """What is varied with each mushy zone; the windows and kinds of the case as shipped."""
 COLUMNS = {
-    "shell_corner": ("shell, corner [mm]", ".1f"),
+    "shell_corner": ("shell, corner [mm]", ".2f"),
     "surface_temperature_corner": ("surface, corner [°C]", ".0f"),
     "gap_corner": ("gap, corner [mm]", ".2f"),
     "von_mises_max": ("peak stress [MPa]", ".1f"),
-    "mean_contact_pressure_max": ("wall pressure over 5 mm [MPa]", ".1f"),
+    "mean_contact_pressure_max": ("wall pressure over 5 mm [MPa]", ".2f"),
     "shell_mid_face": ("shell, mid-face [mm]", ".2f"),
 }
 """Columns of the history: heading and format."""
