@@ -122,7 +122,7 @@ def nominal_mould(table: Mould, section: Section) -> wall.Mould:
 
 def _sizes(table: Mould, section: Section, known: tuple[str, ...]) -> Iterator[Problem]:
     """Yield the sizes a section of this shape does not have, and those too small for the strand."""
-    hot = _hot(table)
+    hot = hot_lengths(table)
     for name in ("width", "height", "diameter", "corner_radius"):
         size = getattr(table, name)
         if size is None:
@@ -168,7 +168,7 @@ def _widest_corner(table: Mould, section: Section, hot: float) -> float | None:
     return float((radius + grown) / hot)
 
 
-def _hot(table: Mould) -> float | None:
+def hot_lengths(table: Mould) -> float | None:
     """Return hot over cold lengths at the meniscus, None where that cannot be told."""
     if None in (table.condition, table.copper):
         return None

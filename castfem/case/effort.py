@@ -6,16 +6,19 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from castfem.case import bounds
 from castfem.case.mechanics import Way
 from castfem.case.model import Case
 from castfem.case.problems import Path, Problem
 from castfem.support.messages import grouped
+from castfem.values.tables import Table
 from castfem.values.units import format
 
 _MOST = 1_000_000  # steps; of the cheapest, that is hours
 _MOST_STATES = 50_000  # written fields
 _SLOWEST, _LONGEST = 0.01 / 60.0, 1e4  # m/s, m: what lies beyond is no strand
-_MANY, _MANY_STATES = 100_000, 5_000  # told before it is run
+_MANY, _MANY_WINDOWS, _MANY_STATES = 100_000, 36_000, 5_000  # told before it is run: an hour
+_MANY_ROWS = 1_000  # of one table, each of which ends a step
 # Seconds that a step of each kind takes on an ordinary mesh, for a first estimate.
 _THERMAL, _MECHANICAL, _WRITTEN = 0.01, 0.1, 0.01
 
@@ -90,6 +93,24 @@ def many(case: Case) -> Iterator[Problem]:
             time = _duration(count * demand.each)
             rest = f"; at some {1e3 * demand.each:.0f} ms each that takes {time}"
             yield demand.problem(count, rest)
+    yield from _long_tables(case)
+
+
+def _long_tables(case: Case) -> Iterator[Problem]:
+    """Yield tables over time or position of so many rows that their steps take long."""
+    what, each = ("steps", _THERMAL)
+    if case.mechanics is not None:
+        what, each = ("coupling windows", _MECHANICAL)
+    for given in bounds.numbers(case):
+        table = given.value
+        if not isinstance(table, Table) or table.over not in ("time", "position"):
+            continue
+        if (count := len(table.arguments)) > _MANY_ROWS:
+            yield Problem(
+                given.path,
+                f"has {grouped(count)} rows, each of which ends one of the {what}; at some "
+                f"{1e3 * each:.0f} ms each that takes {_duration(count * each)}: fewer rows do",
+            )
 
 
 def _demands(case: Case) -> Iterator[Demand]:
@@ -108,14 +129,14 @@ def _demands(case: Case) -> Iterator[Demand]:
     if time is not None and time.adaptive is not None and time.adaptive.largest is not None:
         yield Demand(("thermal", "time", "adaptive", "largest"), time.adaptive.largest, *steps)
     if case.mechanics is not None and case.coupling is not None:
-        steps = ("coupling windows", _MOST, _MANY, _MECHANICAL)
+        steps = ("coupling windows", _MOST, _MANY_WINDOWS, _MECHANICAL)
         if case.coupling.interval is not None:
             window = case.coupling.interval
             if isinstance(window, Way):
                 window = window.length / case.casting.length * case.casting.duration
             yield Demand(("coupling", "interval"), window, *steps)
         if case.coupling.mechanical_step is not None:
-            steps = ("mechanical steps", _MOST, _MANY, _MECHANICAL)
+            steps = ("mechanical steps", _MOST, _MANY_WINDOWS, _MECHANICAL)
             yield Demand(("coupling", "mechanical_step"), case.coupling.mechanical_step, *steps)
     output = case.output
     if output is not None and output.every is not None and output.fields != ():

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from castfem.case.build_mould import hot_lengths
 from castfem.case.mould import Mould
 from castfem.case.problems import Problem
 from castfem.case.section import Mesh, Section
 from castfem.mould.taper import TaperProfile
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
+from castfem.values.units import in_mm
 
 _CLOSED = 0.07  # of the section, beyond what cases made to be extreme have (10 %/m over 0.6 m)
 _USUAL_TAPER = 0.03  # 1/m, single
+_FILLED = 1e-3  # of the section: a wider cavity is meant otherwise
 _SIZE = 0.5  # of half the section, that a table has at the meniscus: no wall has moved as far
 _STEP = 0.2  # 1/m, of half the section: a wall that moves faster has a step there
 _ENDS = 0.02  # of the mould's length, that a table may end above or below it
@@ -21,8 +24,24 @@ _CELLS = 6.0  # along the radius of a corner; with fewer its gap and shell are o
 
 def mould_warnings(mould: Mould, section: Section, mesh: Mesh) -> Iterator[Problem]:
     """Yield what a sound mould has that was probably not meant."""
+    yield from _wider(mould, section)
     yield from _taper(mould, section)
     yield from _corner(section, mesh)
+
+
+def _wider(mould: Mould, section: Section) -> Iterator[Problem]:
+    """Yield a cavity that is wider than the strand at the meniscus, where liquid fills it."""
+    hot = hot_lengths(mould)
+    for name in ("width", "height", "diameter"):
+        size, own = getattr(mould, name), getattr(section, name, None)
+        if size is None or own is None or hot is None or hot * size <= own * (1.0 + _FILLED):
+            continue
+        yield Problem(
+            ("mould", name),
+            f"({in_mm(size)}) leaves a gap to the strand at the meniscus ({in_mm(own)}), but "
+            f"liquid fills its mould: give section.{name} the size of the cavity, not that of the "
+            "cold product",
+        )
 
 
 def _corner(section: Section, mesh: Mesh) -> Iterator[Problem]:

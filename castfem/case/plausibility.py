@@ -25,7 +25,7 @@ from castfem.thermal.sprays import CORRELATIONS
 from castfem.values import ranges
 from castfem.values.same_place import ROUNDING
 from castfem.values.tables import Table
-from castfem.values.units import convert, format
+from castfem.values.units import convert, format, in_mm
 
 if TYPE_CHECKING:
     from castfem.constitutive.base import Law
@@ -35,6 +35,7 @@ _WARMER = 1.0  # K, that a start may be above what was poured
 _SAME_CARBON = 0.03  # wt%
 _WIDEST_CELL = 15e-3  # m: shells are some 10 to 25 mm thick where their mould ends
 _LONGEST_WINDOW = 0.25  # m of strand: a narrow pitch of rolls, a third of a mould
+_MISSING = 0.2  # of a zone, in which a table of it has no rows
 _NEARLY = 1e-3  # m: a zone that ends as near to a roll as this was meant to end there
 _SIGNED = {
     name: f"{name}_signed" for name in ("kozlowski_zhu", "norton_hoff_kozlowski")
@@ -50,6 +51,7 @@ def warnings(case: Case) -> Iterator[Problem]:
     yield from beyond_tables(case)
     yield from machine_warnings(case)
     yield from extraction_warnings(case)
+    yield from _short_tables(case)
     yield from _nearly_at_rolls(case)
     yield from secondary_warnings(case)
     yield from idle_keys(case)
@@ -187,6 +189,26 @@ def _coarse(case: Case) -> Iterator[Problem]:
             f"({length:.4g} m of strand) is longer than what a gap opens or "
             "a pitch bulges in; 0.1 s or 5 mm is usual",
         )
+
+
+def _short_tables(case: Case) -> Iterator[Problem]:
+    """Yield heat given over position that ends, while it changes, long before its zone does."""
+    start = 0.0
+    for index, zone in enumerate(case.cooling):
+        end = case.casting.length if zone.to is None else min(zone.to, case.casting.length)
+        for place, law in enumerate(zone.surface):
+            for key in type(law).model_fields:
+                table = getattr(law, key)
+                if not isinstance(table, Table) or table.over != "position":
+                    continue
+                last, settled = table.arguments[-1], table.values[-1] == table.values[-2]
+                if not settled and start < end and last < end - _MISSING * (end - start):
+                    yield Problem(
+                        ("cooling", index, "surface", place, key),
+                        f"the table ends at {in_mm(last)}, the zone at {in_mm(end)}: its last "
+                        "value goes on to there; give the row at the end of the zone",
+                    )
+        start = end
 
 
 def _nearly_at_rolls(case: Case) -> Iterator[Problem]:

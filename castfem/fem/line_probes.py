@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from petsc4py import PETSc
 
@@ -23,6 +23,20 @@ SAMPLES = 401  # along a line, packed towards the surface
 _INSIDE = 1e-9  # of the line's length: how far the first and last sample are drawn inward
 
 
+class Conducts(Protocol):
+    """The conduction integral of a steel, theta = int k dT, and the temperature it is of."""
+
+    @property
+    def even(self) -> bool:
+        """Whether theta and temperature are proportional."""
+
+    def conduction(self, temperature: Array, /) -> Array:
+        """Theta, W/m, at temperatures in K."""
+
+    def temperature(self, conduction: Array, /) -> Array:
+        """Temperatures, K, of theta in W/m."""
+
+
 @dataclass(frozen=True, slots=True)
 class Profile:
     """Temperature along one line.
@@ -30,11 +44,13 @@ class Profile:
     Attributes:
         depth: Distance below the surface (n,), m. temperature: (n,), K.
         cell: Size along the line of the cell of each sample (n,), m.
+        conducts: What is linear between the samples; None for the temperature itself.
     """
 
     depth: Array
     temperature: Array
     cell: Array | None = None
+    conducts: Conducts | None = None
 
     def cell_at(self, level: float) -> float:
         """Size of the cell in which `level` (K) is first crossed, m; NaN where it is not."""
@@ -53,16 +69,22 @@ class Profile:
         i = int(np.argmax(hot))
         if i == 0:
             return 0.0
-        t0, t1 = self.temperature[i - 1], self.temperature[i]
-        return float(
-            self.depth[i - 1] + (level - t0) / (t1 - t0) * (self.depth[i] - self.depth[i - 1])
-        )
+        ends = np.array([*self.temperature[i - 1 : i + 1], level])
+        v0, v1, v = ends if self.conducts is None else self.conducts.conduction(ends)
+        return float(self.depth[i - 1] + (v - v0) / (v1 - v0) * (self.depth[i] - self.depth[i - 1]))
 
 
 class LineProbes:
     """Samples vertex fields of a section along its probe lines.
 
     The interpolation is one sparse matrix, made once; a sample is one product and one small gather.
+
+    What is linear between vertices is not the temperature, but the conduction integral, by which
+    heat flows. Where the conductivity jumps at the solidus an isotherm read off a linear
+    temperature would be wrong by half a cell.
+
+    Attributes:
+        conducts: The conduction integral of the steel; None for fields that are linear themselves.
 
     Raises:
         ValueError: If a line leaves the section.
@@ -72,6 +94,7 @@ class LineProbes:
         self, section: Section, lines: dict[str, tuple[Array, Array]] | None = None
     ) -> None:
         self.section = section
+        self.conducts: Conducts | None = None
         self.lines = dict(section.probes if lines is None else lines)
         fraction = np.linspace(0.0, 1.0, SAMPLES) ** 2
         self.depth = {
@@ -146,9 +169,15 @@ class LineProbes:
 
     def sample(self, owned: Array) -> dict[str, Profile]:
         """Temperature profiles of a vertex field (owned,) along every line, on every rank."""
+        law = None if self.conducts is None or self.conducts.even else self.conducts
+        if law is None:
+            profiles = self.along(owned)
+        else:
+            along = self.along(law.conduction(owned))
+            profiles = {name: law.temperature(theta) for name, theta in along.items()}
         return {
-            name: Profile(self.depth[name], v, self._cells[name])
-            for name, v in self.along(owned).items()
+            name: Profile(self.depth[name], v, self._cells[name], law)
+            for name, v in profiles.items()
         }
 
     def starts(self, owned: Array) -> dict[str, Array]:

@@ -171,10 +171,37 @@ class ThermalCurve:
     def conductivity(self, temperature: Array | float) -> Array:
         """K at `temperature` (K), W/mK; at a jump the hotter side's value."""
         t = np.asarray(temperature, float)
-        ordinary = np.isfinite(self._c)
-        tt, k, dk = self._t[ordinary], self._k[ordinary], self._dk[ordinary]
+        tt, _, k, dk = self._ordinary()
         i = np.clip(np.searchsorted(tt, t, side="right") - 1, 0, len(tt) - 1)
         return np.asarray(k[i] + dk[i] * (t - tt[i]))
+
+    @property
+    def even(self) -> bool:
+        """Whether the conductivity is the same at every temperature."""
+        k = self._k[np.isfinite(self._c)]
+        return bool(np.ptp(k) == 0.0 and not self._dk.any())
+
+    def conduction(self, temperature: Array | float) -> Array:
+        """Theta at `temperature` (K), W/m."""
+        t = np.asarray(temperature, float)
+        tt, theta, k, dk = self._ordinary()
+        i = np.clip(np.searchsorted(tt, t, side="right") - 1, 0, len(tt) - 1)
+        s = t - tt[i]
+        return np.asarray(theta[i] + s * (k[i] + 0.5 * dk[i] * s))
+
+    def temperature(self, conduction: Array | float) -> Array:
+        """The temperature, K, of theta `conduction`, W/m: what `conduction` is of."""
+        given = np.asarray(conduction, float)
+        tt, theta, k, dk = self._ordinary()
+        i = np.clip(np.searchsorted(theta, given, side="right") - 1, 0, len(tt) - 1)
+        more = given - theta[i]
+        root = np.sqrt(np.maximum(k[i] ** 2 + 2.0 * dk[i] * more, 0.0))
+        return np.asarray(tt[i] + 2.0 * more / (k[i] + root))
+
+    def _ordinary(self) -> tuple[Array, Array, Array, Array]:
+        """T, theta, k and its slope where the pieces begin that are not isothermal."""
+        kept = np.isfinite(self._c)
+        return self._t[kept], self._theta[kept], self._k[kept], self._dk[kept]
 
 
 def _resample(new: Array, old: Array, left: Array, right: Array) -> tuple[Array, Array]:

@@ -40,6 +40,7 @@ class Sampler:
         extremes: What the slice has met in its mould; None without one.
         largest_stress: Where its stress was largest. smooth_stress: The smooth twin of that; None
             where it is not asked for.
+        warmed: How far the highest temperature has risen above that of the start, K.
         quality: Follows the crack indexes; None in a case without [quality].
         sprays: Compares sprayed surfaces with the tables of their nozzles; None without any.
     """
@@ -56,6 +57,8 @@ class Sampler:
     smooth_stress: SmoothStress | None = None
     quality: QualitySampler | None = None
     sprays: SprayRange | None = None
+    warmed: float = 0.0
+    _begun: float = np.inf
     _hottest: float = np.inf
     _time: float = 0.0
     _perimeter: float = 0.0
@@ -183,6 +186,8 @@ class Sampler:
             "liquid_end": self.liquid_end,
             "mould_flux": self.mould_flux,
             "hottest": self._hottest,
+            "begun": self._begun,
+            "warmed": self.warmed,
             "time": self._time,
             **({} if self.extremes is None else self.extremes.memory()),
             **({} if self.mechanics is None else self.largest_stress.memory()),
@@ -197,6 +202,8 @@ class Sampler:
         self.liquid_end = memory.get("liquid_end")  # of an older checkpoint they are not there
         self.mould_flux = memory.get("mould_flux")
         self._hottest = memory["hottest"] or np.inf
+        self._begun = memory.get("begun") or np.inf  # an older checkpoint has none
+        self.warmed = memory.get("warmed") or 0.0
         self._time = memory["time"] or 0.0
         if self.extremes is not None:
             self.extremes.recall(memory)
@@ -253,6 +260,9 @@ class Sampler:
         self.metallurgical_length = self._passed(
             state, hottest, steel.solidus, self.metallurgical_length
         )
+        if not np.isfinite(self._begun):
+            self._begun = hottest
+        self.warmed = max(self.warmed, hottest - self._begun)
         self._hottest, self._time = hottest, state.time
 
     def _passed(

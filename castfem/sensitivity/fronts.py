@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from castfem.fem.line_probes import Profile
+from castfem.fem.line_probes import LineProbes, Profile
 from castfem.materials import Steel
 from castfem.results.sample import Sample
 from castfem.sensitivity.thermal import ThermalDerivatives
@@ -82,10 +82,8 @@ class Fronts:
         if not self.fronts:
             return
         probes = sample.simulation.probes
-        state, variations = sample.state.thermal, self._derivatives.variations
-        warming = [
-            probes.along(self._derivatives.warming(i, state)) for i in range(len(variations))
-        ]
+        variations = self._derivatives.variations
+        warming = [self._along(probes, sample, i) for i in range(len(variations))]
         for (kind, probe), front in self.fronts.items():
             profile = sample.profiles[probe]
             level = _level(sample.simulation.steel, kind)
@@ -94,6 +92,16 @@ class Fronts:
                 for v, along in zip(variations, warming, strict=True)
             ]
             front.add(zone, profile.isotherm_depth(level), profile.cell_at(level), slopes)
+
+    def _along(self, probes: LineProbes, sample: Sample, number: int) -> dict[str, Array]:
+        """How the temperature along every line changes by a parameter, by conduction as it is."""
+        state = sample.state.thermal
+        warming, law = self._derivatives.warming(number, state), probes.conducts
+        if law is None or law.even:
+            return probes.along(warming)
+        k = sample.simulation.problem.curve.conductivity
+        along = probes.along(k(state.point.temperature) * warming)
+        return {name: v / k(sample.profiles[name].temperature) for name, v in along.items()}
 
     def memory(self) -> list[list[object]]:
         """What a checkpoint must hold."""

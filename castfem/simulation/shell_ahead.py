@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,7 +50,7 @@ class ShellAhead:
             return self.later(after, time - end)
         share = max(time - start, 0.0) / (end - start)
         temperature = (1.0 - share) * before.temperature + share * after.temperature
-        return Profile(after.depth, np.asarray(temperature), after.cell)
+        return replace(after, temperature=np.asarray(temperature))
 
     def later(self, profile: Profile, duration: float) -> Profile:
         """A profile after so many seconds; no heat flows through its end, the middle of the slab.
@@ -79,4 +79,4 @@ class ShellAhead:
             enthalpy[-1] -= duration / steps / (0.5 * dx) * flux[-1]
         gained = curve.at(enthalpy).temperature - start
         ahead = profile.temperature + np.interp(profile.depth, x, gained)
-        return Profile(profile.depth, np.asarray(ahead), profile.cell)
+        return replace(profile, temperature=np.asarray(ahead))

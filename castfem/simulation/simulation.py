@@ -129,6 +129,7 @@ def build(case: Case, comm: MPI.Comm, watch: Stopwatch | None = None) -> Simulat
         profile = given_profile(case)
         given = () if profile is None else profile.values
         curve = thermal_curve(steel, zones, start, keeps_mass=shape is not None, given=given)
+        probes.conducts = curve
         problem = ThermalProblem(section, curve, case.thermal.solver, watch=watch, shape=shape)
     stepping = case.thermal.time
     stepper = ThermalStepper(problem, stepping.scheme, estimate=stepping.step is None)

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 _REFRESH = 0.1  # s between two pictures of the bar
 _SHARE = 0.05  # of the way between two plain lines ...
 _SOONEST, _LATEST = 1.0, 10.0  # ... but not faster than this, and not slower, s
+# A run that would take hours is told within the first seconds: by the way it makes between these
+# two, since it begins with short steps.
+_FROM, _UNTIL = 3.0, 10.0  # s
+_LONG = 3600.0  # s
 _LINE = re.compile(r" *\d+ %  [\d.]+ of [\d.]+ m  .* elapsed [\d:]+  left ([\d:]+)")
 _logger = logging.getLogger("castfem.support.progress")
 
@@ -43,6 +47,8 @@ class Progress:
         self._next_share = _SHARE
         self._steps = self._newton = 0
         self._state = (0.0, 0, 0.0, "")
+        self._pace: tuple[float, float] | None = None
+        self._told = False
 
     def start(self, total_length: float, position: float = 0.0) -> None:
         """Begin.
@@ -56,6 +62,7 @@ class Progress:
         self._next_picture = 0.0
         self._next_share = _mark_after(_share(position, total_length))
         self._steps = self._newton = 0
+        self._pace, self._told = None, False
         if self._shown and self._terminal:
             self._bar = _bar()
             self._task = self._bar.add_task("", total=total_length, text="")
@@ -79,6 +86,8 @@ class Progress:
         self._newton += newton
         self._state = (time_s, newton, step, note)
         now = time.perf_counter()
+        if not self._told:
+            self._foresee(now)
         if self._bar is not None and now >= self._next_picture:
             self._next_picture = now + _REFRESH
             self._draw()
@@ -87,6 +96,25 @@ class Progress:
             since >= _SOONEST and _share(position, self._total) >= self._next_share
         ):
             self._line(now)
+
+    def _foresee(self, now: float) -> None:
+        """Warn, once and early, of a run that takes hours at its pace."""
+        if self._pace is None:
+            if now - self._begun >= _FROM:
+                self._pace = now, self._position
+            return
+        since, place = self._pace
+        if now - self._begun < _UNTIL or not self._position > place:
+            return
+        self._told = True
+        left = (self._total - self._position) * (now - since) / (self._position - place)
+        if left > _LONG:
+            _logger.warning(
+                "at this pace the run takes some %.2g hours more; Ctrl-C stops it and --resume "
+                "goes on; larger cells, steps and coupling windows (--accuracy coarse) or a "
+                "shorter casting.length take less",
+                left / 3600.0,
+            )
 
     def stop(self) -> None:
         """End, with the last position shown; may be called twice."""

@@ -18,6 +18,7 @@ from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.summary import Quantity
+from castfem.results.doubts import doubts
 from castfem.results.run_state import RunState
 from castfem.results.sample import Sample
 from castfem.results.summary import quantities, summarise
@@ -308,7 +309,11 @@ def _run(
         recorder.save(run_state)
     if profile and comm.rank == 0:
         log.logger.info("%s", profile_table(watch))
-    return _finish(run_state, output, "finished")
+    summary = _finish(run_state, output, "finished")
+    if comm.rank == 0:
+        for doubt in doubts(summary, simulation.case, run_state.sampler.warmed):
+            log.logger.warning("%s", doubt)
+    return summary
 
 
 def _leave(run: RunState, recorder: Recorder, output: OutputFolder, error: BaseException) -> None:

@@ -242,3 +242,81 @@ def test_a_modulus_of_no_metal_is_refused(tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text('young = "1e6 GPa"\npoisson = 0.3\n')
     with pytest.raises(InputError, match=r"young: \(1000000 GPa\) is beyond what metals have"):
         load_elasticity(str(tmp_path / "own.toml"))
+
+
+FLUX = (
+    'cooling.0.surface=[{{law="flux", value={{position=[0, {end}], position_unit="mm", '
+    'value=[2.5, {last}], unit="MW/m^2"}}}}]'
+)
+
+
+@pytest.mark.parametrize(
+    ("end", "last", "told"), [(300, 1.5, True), (300, 2.5, False), (590, 1.5, False)]
+)
+def test_a_table_that_ends_long_before_its_zone_is_told(end: int, last: float, told: bool) -> None:
+    reading = read_case(THERMAL, (FLUX.format(end=end, last=last),))
+    said = f'value (zone "mould"): the table ends at {end} mm, the zone at 600 mm'
+    assert any(said in line for line in reading.warnings) == told, reading.warnings
+
+
+@pytest.mark.parametrize(("size", "told"), [(125.0, False), (125.1, False), (126.0, True)])
+def test_a_cavity_that_liquid_would_fill_is_told(size: float, told: bool) -> None:
+    reading = read_case(TAPERED, (f"mould.width={size} mm", f"mould.height={size} mm"))
+    assert any("liquid fills its mould" in line for line in reading.warnings) == told
+
+
+MANY = list(range(5000))
+ROWS = (
+    f"mould.wall_temperature={{position={MANY},position_unit='um',"
+    f"value={[150 + i % 2 for i in MANY]},unit='degC'}}"
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (("casting.length=10 km", "coupling.interval=0.1 s"), "coupling.interval: (0.1 s) makes"),
+        ((ROWS, "cooling.0.surface.0.wall=mould"), "has 5 000 rows, each of which ends one of"),
+    ],
+    ids=["length", "rows"],
+)
+def test_what_would_take_hours_is_told_before_it_is_run(
+    changes: tuple[str, ...], said: str
+) -> None:
+    reading = read_case(TAPERED, changes)
+    told = [line[:200] for line in (*reading.warnings, *reading.problems)]
+    assert any(said in line for line in told), told[:9]
+
+
+def test_a_meniscus_below_the_end_of_the_run_is_refused() -> None:
+    changes = ("casting.start={meniscus='40 mm'}", "casting.length=30 mm")
+    assert any(
+        "(40 mm) is not above casting.length (30 mm)" in p
+        for p in read_case(THERMAL, changes).problems
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "sound"),
+    [
+        (("mechanics.planes.force_contains_bending=false",), True),
+        (("mechanics.planes.force_contains_bending=true",), False),
+        (("mechanics.planes.closing=tangential", "mechanics.planes.neutral_axis=free"), True),
+        (("mechanics.planes.closing=axial",), False),
+    ],
+)
+def test_keys_of_a_bent_strand_may_be_as_if_left_out(changes: tuple[str, ...], sound: bool) -> None:
+    """A file that extends another one cannot take its keys out."""
+    found = [p for p in read_case(TAPERED, changes).problems if "its machine bends" in p]
+    assert (not found) == sound
+
+
+def test_a_machine_without_any_pair_is_refused() -> None:
+    rolls = (
+        'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'
+        'diameter_unit="mm"}'
+    )
+    lost = ", ".join(f'{{kind="lost",roll={n}}}' for n in (1, 2, 3))
+    changes = (rolls, f"machine.defect=[{lost}]", "mechanics.planes.force_contains_bending=false")
+    problems = read_case(SLAB, changes).problems
+    assert any("leave fewer than two pairs" in line for line in problems), problems

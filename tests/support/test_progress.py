@@ -164,3 +164,18 @@ def test_time_left_is_read_back_from_a_line(capsys, clock):
     left = [module.time_left(line) for line in lines]
     assert left[-1] == 0.0 and left[0] == pytest.approx(9990.0, abs=1.0)
     assert module.time_left("the steps are short, left 0:07") is None
+
+
+@pytest.mark.parametrize(("length", "told"), [(1000.0, True), (0.6, False)])
+def test_a_run_of_hours_is_told_in_the_first_seconds(clock, monkeypatch, length, told) -> None:
+    """Short steps at its begin do not count: 1 mm a second from 3 s on."""
+    progress = Progress(terminal=False)
+    progress.start(length)
+    place, warned = 0.0, []
+    monkeypatch.setattr(module._logger, "warning", lambda text, *given: warned.append(text % given))
+    for _ in range(30):
+        clock.now += 0.5
+        place += 1e-6 if clock.now <= 103.0 else 5e-4
+        progress.update(place, 10.0 * place, 3, 0.5)
+    assert len(warned) == told
+    assert not told or "takes some 2.8e+02 hours more" in warned[0]

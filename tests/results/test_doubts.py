@@ -1,0 +1,32 @@
+"""What a finished run says cannot be trusted in it."""
+
+from __future__ import annotations
+
+import pytest
+from small_case import small
+
+from castfem.output.summary import Quantity, Summary
+from castfem.results.doubts import doubts
+
+
+@pytest.mark.parametrize(
+    ("heat", "force", "warmed", "told"),
+    [
+        (1e-12, 1e-10, 0.0, []),
+        (0.18, 1e-10, 0.0, ["the heat balance is open by 1.8e-01"]),
+        (float("nan"), 1e-10, 0.0, ["the heat balance is open by nan"]),
+        (1e-12, 1.8e-6, 0.0, ["the balance of forces in the plane is open by 1.8e-06, more than"]),
+        (1e-12, 1e-10, 3.5, ["its highest temperature has risen by 3.5 K above that of the start"]),
+    ],
+)
+def test_what_is_not_right_is_told(
+    heat: float, force: float, warmed: float, told: list[str]
+) -> None:
+    balances = {
+        "heat": {"whole": Quantity(heat, "-", "")},
+        "forces in the plane": {"error": Quantity(force, "-", "")},
+    }
+    summary = Summary("", "finished", {}, {}, balances=balances)
+    case = small({"mechanics": {}})
+    found = list(doubts(summary, case, warmed))
+    assert [line[: len(one)] for line, one in zip(found, told, strict=True)] == told
