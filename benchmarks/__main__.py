@@ -76,6 +76,7 @@ BENCHMARKS = {
     "plain_run": "benchmarks.plain_run",
     "sensitivity": "benchmarks.sensitivity",
     "sensitivity_apart": "benchmarks.sensitivity_apart",
+    "sensitivity_errors": "benchmarks.sensitivity_errors",
 }
 """Names and modules, in the order in which they run; each has `main(output, quick)`."""
 PAGES = {
@@ -133,6 +134,7 @@ PAGES = {
     "throughput": "scripting.md",
     "sensitivity": "sensitivity.md",
     "sensitivity_apart": "sensitivity.md",
+    "sensitivity_errors": "sensitivity.md",
 }
 """Pages of those whose tables do not stand in the first."""
 

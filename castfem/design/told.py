@@ -175,7 +175,7 @@ def _table(*heads: str) -> Table:
 
 
 def _variables(optimum: Optimum) -> Table:
-    by = [f"by {optimum.checked}"] if optimum.checked and optimum.constraints else []
+    by = [f"constraints by {optimum.checked}"] if optimum.checked and optimum.constraints else []
     found = _table("variable", "best", *by, "cannot be told from", "looked for in")
     for value in optimum.values:
         label = f"{value.key} [{value.unit}]" if value.unit else value.key

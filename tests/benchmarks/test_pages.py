@@ -13,6 +13,7 @@ from benchmarks.billet_inputs import AS_THESIS, LIQUID_OF_THESIS
 from benchmarks.billet_sensitivity import PEAKS
 from benchmarks.quoted import pages, quotations, rewrite, wrong
 from benchmarks.report import PAGE, Output
+from benchmarks.sensitivity_errors import within
 from castfem.case import load_case
 from castfem.case.shipped_cases import find
 
@@ -122,3 +123,12 @@ def test_liquid_and_mushy_zone_of_the_thesis_are_those_of_the_shipped_case() -> 
     first, fluid, modulus, both = (rows[label]["von_mises_max"] for label in PEAKS[:4])
     assert PEAKS[3] == AS_THESIS
     assert both - first > 1.5 * ((fluid - first) + (modulus - first)) > 0.0
+
+
+def test_nine_of_ten_differences_of_runs_are_within_the_error_of_a_derivative() -> None:
+    rows = Output(DOCS).rows("sensitivity_errors")
+    known = [row["within"] for row in rows if row["within"] != "error unknown"]
+    assert len(known) == 42 and known.count("yes") == 39
+    for row in rows:
+        apart = [row["near"], row["far"]]
+        assert within(row["derivative"], row["error"], apart) == row["within"]
