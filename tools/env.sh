@@ -12,9 +12,16 @@
 #   tools/env.sh packages    print Debian's names of what castfem needs ("packages docs": the manual)
 #   tools/env.sh clean       remove the environments of this checkout and the shared userlands
 #
-# A Python with DOLFINx 0.9 ... 0.11 ($PYTHON, python3, /usr/bin/python3) is used as it is, through
-# a venv. Without one, a private Debian userland is built in the user's cache folder, once for all
-# checkouts. DEBIAN=<suite> asks for the userland of that suite, beside the ordinary environment.
+#   tools/env.sh choice      print which of the following would be taken, and of which Python
+#
+# DOLFINx 0.9 ... 0.11 comes from the first of these that there is; SOLVER names one, whose environment
+# then lies beside the ordinary one, in .castfem/$SOLVER:
+#
+#   system   a Python that has it ($PYTHON, python3, /usr/bin/python3), as it is, below a venv
+#   wheel    PyPI, in a venv of a Python >= 3.12 ($PYTHON, python3, python3.14 ... 3.12; if it is named,
+#            those of pyenv)
+#   debian   a private Debian userland in the user's cache folder, built once for all checkouts;
+#            DEBIAN=<suite> asks for the userland of that suite, in .castfem/$DEBIAN
 
 set -Eeuo pipefail
 umask 022
@@ -23,7 +30,9 @@ root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
 cd "$root"
 tools=$root/tools
 suite=${DEBIAN:-}
-home=$root/.castfem${suite:+/$suite}
+solver=${SOLVER:-${suite:+debian}}
+home=$root/.castfem/${suite:-${SOLVER:-}}
+home=${home%/}
 HOME=${HOME:-$(getent passwd "$EUID" | cut -d: -f6)}
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/castfem
 
@@ -53,7 +62,7 @@ digest() { sha256sum | cut -c "1-$1"; }
 # What the environment was made from: any change here makes it anew.
 recipe() {
   cat "$root/pyproject.toml" "$tools"/{env.sh,userland.sh,install.py,packages.txt}
-  printf '%s\n' "$root" "$cache" "$suite"
+  printf '%s\n' "$root" "$cache" "$suite" "${SOLVER:-}"
 }
 
 # shellcheck source=tools/userland.sh
@@ -69,21 +78,53 @@ lock() {
   }
 }
 
-# Looks for a Python with a suitable DOLFINx; sets python, dolfinx, parent, missing.
+# Looks among "${@:2}" for a Python that tools/probe.py finds good for $1, system or wheel, and sets
+# what that prints. What is said of others is kept in passed_over.
 find_python() {
-  local candidate verdict seen=' '
-  for candidate in "${PYTHON:-}" python3 /usr/bin/python3; do
+  local candidate verdict seen=' ' what=()
+  [[ $1 == system ]] || what=("$1")
+  for candidate in "${@:2}"; do
     candidate=$(command -v "${candidate:-/nowhere}") || continue
     [[ $seen == *" $candidate "* ]] && continue
     seen+="$candidate "
-    if verdict=$(timeout 120 "$candidate" "$tools/probe.py" 2>/dev/null); then
-      eval "$(grep -E '^(python|dolfinx|parent|missing)=' <<<"$verdict")"
+    if verdict=$(timeout 120 "$candidate" "$tools/probe.py" "${what[@]}" 2>/dev/null); then
+      eval "$(grep -E '^(python|dolfinx|parent|missing|wheels)=' <<<"$verdict")"
       return 0
     fi
-    [[ $candidate != "${PYTHON:-}" && $verdict == 'no DOLFINx (No module'* ]] ||
-      say "$candidate is passed over: ${verdict:-no answer}"
+    verdict="$candidate is passed over: ${verdict:-no answer}"
+    passed_over+="; $verdict"
+    [[ $1 == wheel || $candidate != "${PYTHON:-}" && $verdict == *': no DOLFINx (No module'* ]] ||
+      say "$verdict"
   done
   return 1
+}
+
+# Sets solver to the first that there is, unless it is given, and what tools/probe.py prints.
+choose() {
+  local asked=$solver passed_over='' more=()
+  python='' dolfinx='' parent='' missing='' wheels=''
+  case ${asked:-any} in any | system | wheel | debian) ;; *)
+    die "SOLVER=$asked is unknown: choose system, wheel or debian; see the head of tools/env.sh"
+    ;;
+  esac
+  [[ -z $suite || $asked == debian ]] || die "DEBIAN=$suite and SOLVER=$asked exclude each other"
+  if [[ -z $asked || $asked == system ]]; then
+    solver=system
+    find_python system "${PYTHON:-}" python3 /usr/bin/python3 && return
+  fi
+  if [[ -z $asked || $asked == wheel ]]; then
+    solver=wheel
+    [[ -z $asked ]] || more=("${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.*/bin/python3)
+    find_python wheel "${PYTHON:-}" python3 python3.1{4,3,2} "${more[@]}" && return
+  fi
+  [[ -z $asked || $asked == debian ]] ||
+    die "SOLVER=$asked: there is no Python for it$passed_over"
+  solver=debian python=/usr/bin/python3
+}
+
+choice() {
+  choose
+  printf '%s %s\n' "$solver" "$python"
 }
 
 # Runs a program of the environment that is being made.
@@ -103,9 +144,11 @@ quietly() {
 # The venv: castfem itself, editable, and whatever pure-Python parts the machine lacks.
 make_venv() {
   local script folder words
-  rm -rf "$home/venv"
-  quietly "cannot make $home/venv" inside "$python" -m venv --system-site-packages --without-pip \
-    "$home/venv"
+  [[ $solver == wheel ]] || {
+    rm -rf "$home/venv"
+    quietly "cannot make $home/venv" inside "$python" -m venv --system-site-packages --without-pip \
+      "$home/venv"
+  }
   if [[ -n $parent ]]; then
     folder=("$home"/venv/lib/python3*/site-packages)
     tr ':' '\n' <<<"$parent" |
@@ -139,14 +182,35 @@ is_ready() {
   esac
 }
 
+# A venv with the wheels of DOLFINx; the rest is missing then. Status 1, said why, if it cannot be.
+make_wheel_venv() {
+  local words
+  rm -rf "$home/venv"
+  say "from PyPI, for $python: $wheels (0.2 GB to fetch, 0.5 GB kept)"
+  # shellcheck disable=SC2086
+  if words=$("$python" -m venv "$home/venv" 2>&1) &&
+    words=$("$home/venv/bin/python" -m pip install -q --disable-pip-version-check $wheels 2>&1) &&
+    words=$("$home/venv/bin/python" "$tools/probe.py" 2>&1); then
+    eval "$(grep -E '^(dolfinx|missing)=' <<<"$words")"
+    return
+  fi
+  say "they cannot be had: ${words##*$'\n'}"
+  return 1
+}
+
 ready() {
-  local name kind=host userland='' python='' dolfinx='' parent='' missing='' asked
+  local name kind=host userland='' python dolfinx parent missing wheels asked given=$solver
   is_ready && return
   lock "$home/lock"
   is_ready && return # somebody else made it meanwhile
   rm -f "$home/ready"
-  if [[ -n $suite ]] || ! find_python; then
-    kind=userland python=/usr/bin/python3 parent='' missing=''
+  choose
+  if [[ $solver == wheel ]] && ! make_wheel_venv; then
+    [[ -z $given ]] || exit 1
+    solver=debian python=/usr/bin/python3
+  fi
+  if [[ $solver == debian ]]; then
+    kind=userland
     userland=$(userland_path "${suite:-trixie}")
     build_userland "${suite:-trixie}" "$userland"
     dolfinx=$(<"$userland/castfem-ready")
@@ -207,6 +271,7 @@ clean() {
   local gone
   for gone in "$home" "$cache/userland-$suite"* "$cache"/ruff[-.]*; do
     [[ -e $gone && ! (-n $suite && $gone == */ruff*) ]] || continue
+    [[ -z ${SOLVER:-} || $gone == "$home" ]] || continue
     say "removing $gone"
     discard "$gone"
   done
@@ -222,6 +287,6 @@ case ${1:-ready} in
     ready
     extra "$1"
     ;;
-  packages | clean) "$1" "${2:-}" ;;
+  choice | packages | clean) "$1" "${2:-}" ;;
   *) die "unknown: $1; see the head of tools/env.sh" ;;
 esac

@@ -1,8 +1,9 @@
 """Judges whether the Python that runs this file can carry castfem, for tools/env.sh.
 
 Prints shell assignments (python, dolfinx, parent, missing) and leaves with status 0 if it can;
-prints one line saying why not and leaves with status 1 if it cannot. Reads no network and writes
-no file. Python 3.7 can still read it, as the first one on the PATH may be old.
+prints one line saying why not and leaves with status 1 if it cannot. With the word "wheel": whether
+a venv of this Python could, with DOLFINx from PyPI; prints python and wheels. Reads no network and
+writes no file. Python 3.7 can still read it, as the first one on the PATH may be old.
 """
 
 from __future__ import annotations
@@ -10,7 +11,11 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import sys
+import sysconfig
+from contextlib import suppress
+from typing import Any
 
 LOWEST = (0, 9)
 BEYOND = (0, 12)
@@ -29,13 +34,19 @@ def in_range(version: str) -> bool:
     return LOWEST <= release(version)[:2] < BEYOND
 
 
-def requirements(pyproject: str | os.PathLike[str]) -> list[str]:
-    """The run-time and test requirements in a pyproject.toml, except ruff, which is a program."""
+def project() -> dict[str, Any]:
+    """What pyproject.toml says of the project."""
     import tomllib
 
-    with open(pyproject, "rb") as file:
-        project = tomllib.load(file)["project"]
-    wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+    with open(os.path.join(folder, "pyproject.toml"), "rb") as file:
+        found: dict[str, Any] = tomllib.load(file)["project"]
+    return found
+
+
+def requirements() -> list[str]:
+    """The requirements at run time and of tests, except ruff, which is a program."""
+    wanted = [*project()["dependencies"], *project()["optional-dependencies"]["test"]]
     return [item for item in wanted if not item.startswith("ruff")] + list(FROM_DISTRIBUTION)
 
 
@@ -63,6 +74,9 @@ def reason_against() -> str | None:
     if sys.version_info < (3, 11):  # noqa: UP036
         return f"Python {sys.version_info[0]}.{sys.version_info[1]} is older than 3.11"
     try:
+        for earlier in ("h5py", "mpi4py.MPI"):  # see castfem/support/dolfinx_import.py
+            with suppress(ModuleNotFoundError):
+                __import__(earlier)
         import dolfinx
     except Exception as problem:
         return f"no DOLFINx ({problem})"
@@ -86,16 +100,41 @@ def reason_against() -> str | None:
     return None
 
 
+def reason_against_wheel() -> str | None:
+    """Why a venv of this Python cannot have the wheels of the extra "solver", or None."""
+    if sys.version_info < (3, 12):
+        return f"Python {sys.version_info[0]}.{sys.version_info[1]} is older than 3.12"
+    if sys.platform != "linux" or os.uname().machine != "x86_64":
+        return f"there are no wheels for {sys.platform} on {os.uname().machine}"
+    try:
+        import ensurepip
+        import venv  # noqa: F401
+
+        ensurepip.version()
+    except Exception as problem:
+        return f"it cannot make a venv ({problem})"
+    compiler = (os.environ.get("CC") or sysconfig.get_config_var("CC") or "cc").split()[0]
+    if shutil.which(compiler) is None:
+        return f"no C compiler ({compiler})"
+    if not os.path.isfile(os.path.join(sysconfig.get_path("include"), "Python.h")):
+        return f"no Python.h in {sysconfig.get_path('include')}"
+    return None
+
+
 def main() -> int:
     """Print the verdict."""
-    reason = reason_against()
+    of_wheel = sys.argv[1:] == ["wheel"]
+    reason = reason_against_wheel() if of_wheel else reason_against()
     if reason:
         print(" ".join(reason.split()))
         return 1
+    if of_wheel:
+        print(f"python={shlex.quote(sys.executable)}")
+        print(f"wheels={shlex.quote(' '.join(project()['optional-dependencies']['solver']))}")
+        return 0
     import dolfinx
 
-    folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-    missing = [r for r in requirements(os.path.join(folder, "pyproject.toml")) if not is_met(r)]
+    missing = [item for item in requirements() if not is_met(item)]
     # A venv made by a venv's Python sees only the base: name the folders of the one between.
     between = sys.prefix != sys.base_prefix
     parent = [path for path in sys.path if between and path.endswith("-packages")]

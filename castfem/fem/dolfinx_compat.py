@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
@@ -210,10 +211,15 @@ def create_mesh(
     order: int,
     parts: npt.NDArray[np.int32] | None = None,
 ) -> dmesh.Mesh:
-    """Distribute `points` (n, dimension) and `cells` (m, k), both given on rank 0 alone.
+    """Distribute `points` (n, dimension) and `cells` (m, k), given on rank 0 alone (collective).
+
+    A problem and its solver hold each other, and so their mesh, until Python collects garbage. That
+    counts objects, not communicators: MPICH has about 2000, a mesh takes five and more, and without
+    one DOLFINx aborts. Hence what earlier problems have left is collected here.
 
     `parts` are the ranks of the cells (m,), there alone, too; without it a graph partitioner cuts.
     """
+    gc.collect()
     element = basix.ufl.element("Lagrange", cell, order, shape=(points.shape[1],))
 
     def given(*_: Any) -> Any:

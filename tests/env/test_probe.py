@@ -70,7 +70,7 @@ def test_requirement(
 
 
 def test_requirements_are_the_projects(probe: ModuleType) -> None:
-    names = probe.requirements(ROOT / "pyproject.toml")
+    names = probe.requirements()
     assert any(name.startswith("pydantic") for name in names)
     assert any(name.startswith("gmsh") for name in names)
     assert not any(name.startswith("ruff") for name in names)
@@ -86,3 +86,33 @@ def test_this_python_passes_or_says_why() -> None:
         assert Path(answers["python"]).exists()
     else:
         assert len(done.stdout.splitlines()) == 1
+
+
+def test_a_venv_with_wheels_is_possible_or_it_says_why() -> None:
+    line = [sys.executable, ROOT / "tools/probe.py", "wheel"]
+    done = subprocess.run(line, capture_output=True, text=True, check=False)
+    if done.returncode == 0:
+        answers = dict(shlex.split(line)[0].split("=", 1) for line in done.stdout.splitlines())
+        assert answers["python"] == sys.executable
+        assert answers["wheels"].startswith("dolfinx-solver-real>=")
+    else:
+        assert len(done.stdout.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("version_info", (3, 11, 7)), "Python 3.11 is older than 3.12"),
+        (("platform", "darwin"), "no wheels for darwin"),
+        (("path", None), "no C compiler"),
+    ],
+)
+def test_what_stands_against_wheels(
+    probe: ModuleType, monkeypatch: pytest.MonkeyPatch, change: tuple[str, object], said: str
+) -> None:
+    name, value = change
+    if value is None:
+        monkeypatch.setenv("CC", "/nowhere/cc")
+    else:
+        monkeypatch.setattr(probe.sys, name, value)
+    assert said in (probe.reason_against_wheel() or "")
