@@ -53,12 +53,13 @@ def _shell(summary: Summary) -> Iterator[tuple[str, str]]:
 def _pool(summary: Summary) -> Iterator[tuple[str, str]]:
     """Where all is solid, or how far the run came without that."""
     length, end = (summary.quantities.get(n) for n in ("metallurgical_length", "position"))
-    if length is None:
-        return
-    if math.isfinite(length.value):
+    if length is not None and math.isfinite(length.value):
         yield length.label, " ".join(cells("metallurgical_length", length))
-    elif end is not None:
-        yield length.label, f"not reached: the run ends at {' '.join(cells('position', end))}"
+    elif end is not None and ("solidus" in summary.quantities or length is not None):
+        yield (
+            "metallurgical length",
+            f"not reached: the run ends at {' '.join(cells('position', end))}",
+        )
 
 
 def _unbending(folder: Path) -> Iterator[tuple[str, str]]:
