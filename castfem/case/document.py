@@ -1,6 +1,8 @@
 """Case files as documents: TOML, `extends`, overrides, and which file each key came from.
 
-Tables merge deeply: a file adds to and changes what it extends. Arrays (of tables, too) replace.
+Tables merge deeply: a file adds to and changes what it extends. Arrays (of tables, too) replace;
+a table in the place of an inherited array changes single entries of it by their names
+(`castfem.case.entries`).
 Of two keys that exclude each other the later one wins: a file that sets `superheat` drops an
 inherited `temperature`. A table whose kind changes (`shape`) is replaced as a whole; what it does
 not know of other tables is left out where it was inherited (`castfem.case.shape_keys`), as is the
@@ -18,7 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from castfem.case import outdated, shape_keys, steel_layers
+from castfem.case import entries, outdated, shape_keys, steel_layers
 from castfem.case.dotted_keys import no_entry, step_into
 from castfem.case.shipped_cases import find
 from castfem.errors import InputError
@@ -229,6 +231,12 @@ def _merge(
         here = (*path, key)
         if isinstance(value, dict):
             _write_out(document, under, here)
+        if isinstance(value, dict) and entries.are_named(under.get(key)):
+            problem = entries.change(
+                under[key], value, here, lambda *it: _merge(document, it[0], it[1], it[2], label)
+            )
+            document.faults += [f"{label}: {text}" for text in problem]
+            continue
         tables = isinstance(value, dict) and isinstance(under.get(key), dict)
         if tables and here not in _UNDIVIDED:
             document.joined[here] = label

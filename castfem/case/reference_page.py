@@ -75,7 +75,8 @@ unit = "W/(m^2 K)"
 ```
 
 or a CSV file, `coefficient = { file = "spray.csv" }`, its path relative to the case file, that
-begins with a line such as `temperature [degC], value [W/(m^2 K)]`; lines that begin with `#` are
+begins with a line such as `temperature [degC], value [W/(m^2 K)]`
+(the second column may have any name); lines that begin with `#` are
 skipped, and so are empty rows and columns and a first line `sep=;`. Columns are parted by commas,
 semicolons or tabs; between the latter two numbers may have decimal commas. All numbers of a file
 have the same decimal mark and no thousands separators; a file in which `1,200` may be 1200 or 1.2
@@ -86,7 +87,10 @@ them and constant beyond.
 
 `extends = "base.toml"` takes over another case file (relative to this one), which may extend a
 third; `extends = "billet125/thermal"` a shipped case, by its name in `castfem cases`. Tables merge
-key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Of two keys that exclude each
+key by key; arrays, `[[cooling]]` among them, are replaced as a whole. Single entries of an
+inherited array change by their names: `[cooling.spray]` with `to = "6 m"` and `flow = "200 L/min"`
+changes the zone `spray` and its heat law that has a `flow`, `[cooling.spray.radiation]` the law of
+that name, `[[cooling.spray.surface]]` gives the zone other laws. Of two keys that exclude each
 other (`superheat` and `temperature`, `step` and `adaptive`) the later one wins; a `[section]` of
 another `shape` replaces the inherited one, and so does any `mould.taper`. What was inherited and
 the new shape does not know (`mesh.corner_size`, sizes and tapers of the `[mould]`) is left out, and

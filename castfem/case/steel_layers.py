@@ -3,7 +3,7 @@
 TOML has no null: what an extended file gives cannot be taken away.  So a steel that is named in a
 later layer (a file that extends, `--set`, a script) does away with an inherited composition, unless
 it is computed from one and states none itself; and a composition that comes later does away with
-an inherited steel that is not computed from one.
+an inherited steel that is not computed from one, unless that is a file of the user's.
 """
 
 from __future__ import annotations
@@ -40,6 +40,8 @@ def settle(
         return _without(steel, kept, name) if kept and not _needs_amounts(name) else ""
     if not new or old.get("name") != name or _is_computed(name) is not False:
         return ""
+    if name.endswith(".toml"):
+        return ""  # somebody's own numbers are not thrown away: it is refused, with the mend
     steel["name"] = COMPUTED
     return f'"{name}" is not computed from a composition; "{COMPUTED}" is taken for the new one'
 

@@ -19,6 +19,7 @@ from castfem.design.calibrate import Free, read_free
 from castfem.design.calibration import Calibration, calibrate, followed, scaled, write
 from castfem.design.evaluator import Evaluator, serve
 from castfem.design.measured import Measured, read_measured
+from castfem.design.probe_data import is_of_probe, lacking
 from castfem.errors import InputError
 from castfem.output.summary import from_si, unit_of_difference
 from castfem.plots.calibration import Compared, draw_calibration
@@ -95,10 +96,11 @@ def _check_keys(case: Case, keys: Sequence[Free]) -> None:
 def _check_results(case: Case, measured: Sequence[Measured]) -> None:
     """Refuse before anything runs what was measured of results that the case has not."""
     first = {one.name: one for one in reversed(measured)}
-    faults = faults_of(case, list(first))
-    problems = [
-        f"{one.where}: {fault}" for one, fault in zip(first.values(), faults, strict=True) if fault
-    ]
+    at_probes = {name: one for name, one in first.items() if is_of_probe(name)}
+    others = {name: one for name, one in first.items() if name not in at_probes}
+    faults = dict(zip(others, faults_of(case, list(others)), strict=True))
+    faults |= {name: lacking(case, name) for name in at_probes}
+    problems = [f"{first[name].where}: {fault}" for name, fault in faults.items() if fault]
     if problems:
         raise InputError(problems)
 

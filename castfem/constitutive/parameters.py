@@ -105,7 +105,11 @@ class _Reader:
         carbon, delta_share = self.carbon, self.delta_share
         if "carbon" in self.data or carbon is None:
             if "carbon" not in self.data:
-                self.fail("carbon", "is missing, in weight percent, such as carbon = 0.1")
+                self.fail(
+                    "carbon",
+                    "is missing, in weight percent; write composition = { C = 0.12 } in the file "
+                    "of the steel, or carbon = 0.12 in a file of the law",
+                )
             carbon, delta_share = self.number("carbon", _CARBON), None
             carbon = 0.1 if carbon is None else carbon
         return carbon, delta_share or delta_share_of(carbon)

@@ -16,6 +16,7 @@ from castfem.case.load import value_of
 from castfem.design.calibrate import Fit, Fitted, Free, fit
 from castfem.design.evaluator import Evaluator, variant
 from castfem.design.measured import Measured, residuals
+from castfem.design.probe_data import is_of_probe, value_at
 from castfem.errors import InputError, RunFailure
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Quantity, from_si
@@ -120,6 +121,9 @@ def _computed(folder: Path, measured: Sequence[Measured]) -> list[Quantity]:
     table = read_history(folder / HISTORY_NAME)
     found = []
     for data in measured:
+        if is_of_probe(data.name):
+            found.append(value_at(folder, data.name, data.position))
+            continue
         here = quantities_at(table, data.position, folder)
         if data.name not in here:
             near = nearest(data.name, here)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from castfem.case.result_names import fault, unit_of
+from castfem.design.probe_data import is_of_probe, misfit, unit_at_probe
 from castfem.errors import InputError
 from castfem.output.summary import Quantity
 from castfem.values import units
@@ -30,7 +31,7 @@ class Measured:
 
     Attributes:
         position: Below the meniscus, m.
-        name: Of the result, as in history.csv.
+        name: Of the result, as in history.csv; `tc1.temperature` of the probe tc1.
         value: In SI. error: Its standard deviation in SI; NaN where none is given.
         source: File and line it is from, "" for none.
     """
@@ -113,7 +114,8 @@ def _misfits(path: Path, line: int, headings: Iterable[Heading]) -> Iterable[str
     """Units of columns that do not measure their results; unknown results are left to the run."""
     for heading in headings:
         bare = heading.name.removesuffix(_ERROR)
-        unit = "mm" if bare == _POSITION else unit_of(bare)
+        known = unit_at_probe if is_of_probe(bare) else unit_of
+        unit = "mm" if bare == _POSITION else known(bare)
         if not heading.unit and unit not in (None, "1", "percent"):
             usual = "K" if bare != heading.name and unit == "degC" else unit
             told = f"{heading.name} has no unit; write it in the header, {heading.name} [{usual}]"
@@ -122,7 +124,11 @@ def _misfits(path: Path, line: int, headings: Iterable[Heading]) -> Iterable[str
         if not heading.unit or unit is None or bare == _POSITION:
             continue
         try:
-            found = fault(bare, f"1 {heading.unit}")
+            if is_of_probe(bare):
+                text = misfit(bare, heading.unit)
+                found = ("value", text) if text else None
+            else:
+                found = fault(bare, f"1 {heading.unit}")
         except ValueError as error:
             found = "value", str(error)
         if found is not None:

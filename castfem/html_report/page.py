@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
@@ -15,12 +14,13 @@ from castfem.compare.runs import Run, alone, heat_shared, read_runs
 from castfem.compare.table import SHARE, Line, cells, lines
 from castfem.errors import InputError
 from castfem.html_report import charts as drawn
+from castfem.html_report.origin import case_text, differing_keys, effort, provenance
 from castfem.html_report.sections import Section, sections
 from castfem.output.chosen_units import units_of_run
 from castfem.output.folder import CASE_NAME, FIGURES_NAME
 from castfem.output.run_record import RunRecord
-from castfem.output.summary import Summary
 from castfem.report.cautions import cautions, cautions_of_all
+from castfem.report.conclusions import conclusions
 from castfem.report.crack_places import crack_places
 from castfem.report.numbers import cells as number_cells
 from castfem.report.numbers import finely, unit_shown
@@ -175,10 +175,13 @@ def _content(runs: Sequence[Run], at_work: AtWork | None, at: Sequence[float]) -
     charts = drawn.charts(runs)[:_CURVES] if runs else []
     drawn_sections = sections([run.folder for run in runs])
     parts = [_part(run, one, len(runs)) for run, one in zip(runs, drawn_sections, strict=True)]
+    for run, one in zip(runs, parts, strict=True):
+        base = None if run is runs[0] else (runs[0].label, runs[0].folder, runs[0].summary)
+        one["short"] = conclusions(run.folder, run.summary, base)
     for one in parts:
         if one["section"] is not None:
             one["slice_data"] = _json(_slice(one["section"]))
-    differences = list(_differences(runs)) if len(runs) > 1 else []
+    differences = list(differing_keys(runs)) if len(runs) > 1 else []
     size = {
         "width": drawn.WIDTH, "height": drawn.HEIGHT, "left": drawn.LEFT, "right": drawn.RIGHT,
         "top": drawn.TOP, "bottom": drawn.BOTTOM,
@@ -231,6 +234,7 @@ def _contents(found: Mapping[str, Any]) -> list[dict[str, str]]:
     """The parts of the page that are there, for its table of contents."""
     there = {
         "work": ("At work", found["at_work"] is not None),
+        "short": ("In short", any(run["short"] for run in found["runs"])),
         **{key: (name, True) for key, name, _ in found["tables"]},
         "look": ("What to look at", any(run["remarks"] for run in found["runs"])),
         "cracks": ("Where it may crack", any(run["cracks"] for run in found["runs"])),
@@ -257,7 +261,7 @@ def _part(run: Run, drawn_section: Section | None, count: int) -> dict[str, Any]
     referred = any(not c.missing for c in summary.references)
     return {
         "label": run.label,
-        "status": how_it_ended(record),
+        "status": "" if record.status == "finished" else how_it_ended(record),
         "referred": referred,
         "remarks": list(_remarks(run)),
         "cracks": crack_places(run.folder, summary),
@@ -275,9 +279,10 @@ def _part(run: Run, drawn_section: Section | None, count: int) -> dict[str, Any]
             }
             for name, terms in summary.balances.items()
         ],
-        "effort": _effort(record, summary),
-        "provenance": _provenance(run, record),
-        "case": _case(run.folder),
+        "effort": effort(record, summary),
+        "unchecked": summary.unchecked,
+        "provenance": provenance(run, record),
+        "case": case_text(run.folder),
     }
 
 
@@ -299,7 +304,7 @@ def _rows(table: Sequence[Line], count: int) -> list[Row]:
 
 
 def _notes(runs: Sequence[Run]) -> Iterator[str]:
-    """What is wrong in comparing the runs, sources of the references, what is from memory."""
+    """What is wrong in comparing the runs, what cases leave out, sources of the references."""
     yield from heat_shared(runs)
     yield from told_of(runs)
     sources = {c.reference.source for run in runs for c in run.summary.references if not c.missing}
@@ -308,8 +313,6 @@ def _notes(runs: Sequence[Run]) -> Iterator[str]:
     if runs and not any(q.error is not None for r in runs for q in r.summary.quantities.values()):
         folder = runs[0].folder
         yield f"Errors of these numbers: castfem error {folder / CASE_NAME}."
-    for line in dict.fromkeys(text for run in runs for text in run.summary.unchecked):
-        yield f"From memory, not compared with its source: {line}"
 
 
 def told_of(runs: Sequence[Run]) -> list[str]:
@@ -342,58 +345,6 @@ def _pictures(folder: Path, room: float) -> Iterator[dict[str, str]]:
         if room > 0.0:
             data = base64.b64encode(path.read_bytes()).decode("ascii")
             yield {"name": name.replace("_", " "), "data": data}
-
-
-def _effort(record: RunRecord, summary: Summary) -> str:
-    """Steps and machine time in a sentence."""
-    steps = ", ".join(f"{name} {value:.6g}" for name, value in summary.steps.items())
-    seconds = sum(record.wall_time.values())
-    memory = "" if record.memory_mb is None else f", {record.memory_mb:.0f} MB"
-    return f"Steps: {steps}. {seconds:.1f} s on {record.ranks} rank(s){memory}."
-
-
-def _provenance(run: Run, record: RunRecord) -> list[tuple[str, str]]:
-    """By what the run was made."""
-    rows = [("folder", str(run.folder)), ("started", record.started), ("ended", record.ended)]
-    rows += [("command", command) for command in record.commands]
-    rows += [("versions", ", ".join(f"{n} {v}" for n, v in record.versions.items()))]
-    rows += [(f"SHA-256 of {name}", digest) for name, digest in record.files.items()]
-    return [(name, value) for name, value in rows if value]
-
-
-def _case(folder: Path) -> str:
-    """The case as it was run, empty if it cannot be read."""
-    try:
-        return (folder / CASE_NAME).read_text(encoding="utf-8")
-    except OSError:
-        return ""
-
-
-def _differences(runs: Sequence[Run]) -> Iterator[tuple[str, list[str]]]:
-    """Keys of the cases that are not the same in all runs, with their values."""
-    known: list[dict[str, str]] = []
-    for run in runs:
-        try:
-            known.append(dict(_flat(tomllib.loads(_case(run.folder)))))
-        except tomllib.TOMLDecodeError:
-            known.append({})
-    for key in dict.fromkeys(key for case in known for key in case):
-        values = [case.get(key, "-") for case in known]
-        if key.partition(".")[0] not in ("title", "reference") and len(set(values)) > 1:
-            yield key, values
-
-
-def _flat(table: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted key and value of each entry of a case."""
-    for key, value in table.items():
-        inner = f"{path}{key}"
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{inner}.")
-        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
-            for i, entry in enumerate(value):
-                yield from _flat(entry, f"{inner}.{entry.get('name', i)}.")
-        else:
-            yield inner, json.dumps(value, ensure_ascii=False, default=str).strip('"')
 
 
 def _json(content: Any) -> str:

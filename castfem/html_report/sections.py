@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from castfem.output.field_files import HDF5_NAME
 from castfem.output.fields import Fields
 from castfem.output.layout import UNITS
+from castfem.output.summary import Summary
 from castfem.support.own_style import own_matplotlib
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.shown_units import place_said, plain_unit, scale_of
@@ -38,6 +39,7 @@ class Section:
         mirrors: Signs of x and y of the parts that make the whole section.
         polygons: Corners of each cell, as SVG has them.
         places: Positions below the meniscus, in words.
+        start: Which of them is shown first: the mould's exit, of a run that ends there the end.
         fields: Name, unit, limits, palette and the values of all cells and places (base64 of
             16-bit numbers, 0 to 65535 between the limits).
     """
@@ -46,6 +48,7 @@ class Section:
     mirrors: tuple[tuple[int, int], ...]
     polygons: tuple[str, ...]
     places: tuple[str, ...]
+    start: int
     fields: tuple[dict[str, Any], ...]
 
 
@@ -76,12 +79,15 @@ class _Read:
     mirrors: tuple[tuple[int, int], ...]
     polygons: tuple[str, ...]
     places: tuple[str, ...]
+    start: int
     fields: dict[str, NDArray[np.float64]]
 
     def drawn(self, limits: Mapping[str, tuple[float, float]]) -> Section:
         """The section in scales of colours between limits."""
-        fields = tuple(_field(name, one, *limits[name]) for name, one in self.fields.items())
-        return Section(self.box, self.mirrors, self.polygons, self.places, fields)
+        fields = tuple(
+            _field(name, one, *limits[name], self.start) for name, one in self.fields.items()
+        )
+        return Section(self.box, self.mirrors, self.polygons, self.places, self.start, fields)
 
 
 def _read(folder: Path, runs: int) -> _Read | None:
@@ -95,12 +101,27 @@ def _read(folder: Path, runs: int) -> _Read | None:
         corners = fields.cells[:, : _CORNERS[fields.cell]]
         count = len(fields.times)
         places = min(max(1, STATES // runs), count)
-        chosen = np.unique(np.linspace(count - 1, 0, places).round().astype(int))  # the end first
+        evenly = np.linspace(count - 1, 0, places).round().astype(int)
+        states = np.asarray(fields.positions, float)
+        marks = [int(np.argmin(np.abs(states - at))) for at in _marks(folder, float(states[-1]))]
+        chosen = np.unique([*evenly, *marks])
+        start = int(np.searchsorted(chosen, marks[0])) if marks else len(chosen) - 1
         box, polygons = _polygons(fields.points[:, :2], corners, str(_part(fields)))
         shown = {name: _values(fields, name, corners, chosen) for name in names}
         positions = [float(fields.positions[i]) for i in chosen]
         words = tuple(place_said(one, near=".0f", beyond=np.inf) for one in positions)
-        return _Read(box, _MIRRORS.get(_part(fields), ((1, 1),)), polygons, words, shown)
+        mirrors = _MIRRORS.get(_part(fields), ((1, 1),))
+        return _Read(box, mirrors, polygons, words, start, shown)
+
+
+def _marks(folder: Path, end: float) -> list[float]:
+    """Where a run that goes on to `end` (m) leaves its mould, and where it is solid, m."""
+    summary = Summary.load(folder)
+    if summary is None or summary.mould_exit is None or summary.mould_exit >= end:
+        return []
+    length = summary.quantities.get("metallurgical_length")
+    solid = [] if length is None or not np.isfinite(length.value) else [length.value]
+    return [summary.mould_exit, *solid]
 
 
 def _part(fields: Fields) -> str:
@@ -137,7 +158,9 @@ def _values(
     return found
 
 
-def _field(name: str, values: NDArray[np.float64], low: float, high: float) -> dict[str, Any]:
+def _field(
+    name: str, values: NDArray[np.float64], low: float, high: float, start: int
+) -> dict[str, Any]:
     """A field (places, cells) in a scale of colours between two limits."""
     colormaps = own_matplotlib().colormaps
     from matplotlib.colors import to_hex
@@ -154,6 +177,6 @@ def _field(name: str, values: NDArray[np.float64], low: float, high: float) -> d
         "high": float(f"{high:.6g}"),
         "ends": [f"{low:.4g}", f"{high:.4g}"],
         "palette": [to_hex(palette(i / (_SHADES - 1))) for i in range(_SHADES)],
-        "first": [min(_SHADES - 1, int(_SHADES * int(level) / 65536)) for level in levels[-1]],
+        "first": [min(_SHADES - 1, int(_SHADES * int(level) / 65536)) for level in levels[start]],
         "values": base64.b64encode(levels.tobytes()).decode("ascii"),
     }

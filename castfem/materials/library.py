@@ -178,7 +178,8 @@ def _composition(
     problems, amounts = [], {}
     if asked and not given.from_composition:
         sets = ", ".join(s for s in available_steels() if "plain_carbon" in s)
-        text = f"{name} is not computed from a composition; leave it out, or take {sets}"
+        text = f"{name} is not computed from a composition; leave it out, take {sets}, or write "
+        text += "the composition into the file of your own steel: its laws then go by it"
         return dict(_sound(given.composition)), [Problem(("composition",), text)]
     for element, value in {**given.composition, **(asked or {})}.items():
         most = MAX_CARBON if element == "C" else MAX_ALLOYING

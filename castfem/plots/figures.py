@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from castfem.machine.rolls import Rolls
 
-_OVER_SECTION = SECTION_FIGURES | SHAPE_FIGURES | {"stack": draw_stack}
+_OTHERS = SHAPE_FIGURES | {"stack": draw_stack}
 _SECONDARY = "\n[secondary]\n"  # in the case of a run
 _DEFECTS = "\ndefect = [", "[[machine.defect]]"  # likewise: short, and long
 _SHADED = {"temperature": ("inferno",), "stack": ("inferno", STRESS_MAP)}  # by colour maps
@@ -107,15 +107,31 @@ def _target(path: Path, name: str) -> Path:
 
 
 def _draw_section(path: Path, summary: Summary | None) -> list[Path]:
-    """The figures over the section, at the last time written."""
+    """The figures over the section: temperature and states where the mould ends, else at the end.
+
+    Far below its mould a strand is solid and says nothing of its shell.
+    """
     drawn = []
     with Fields(path) as fields:
         if "temperature" not in fields.names:
             return []
         steel = _steel(fields, summary)
-        for name, draw in _OVER_SECTION.items():
+        index = _state_at_exit(fields, summary)
+        for name, draw in SECTION_FIGURES.items():
+            made = partial(draw, fields, steel, index=index)
+            drawn += _drawn(path, name, made, _SHADED.get(name, ()))
+        for name, draw in _OTHERS.items():
             drawn += _drawn(path, name, partial(draw, fields, steel), _SHADED.get(name, ()))
     return drawn
+
+
+def _state_at_exit(fields: Fields, summary: Summary | None) -> int:
+    """Index of the state nearest to the mould's exit; that of the last if the run ends above."""
+    positions = np.asarray(fields.positions, float)
+    ends = None if summary is None else summary.mould_exit
+    if ends is None or positions[-1] <= ends:
+        return len(positions) - 1
+    return int(np.argmin(np.abs(positions - ends)))
 
 
 def _draw_history(path: Path, summary: Summary | None) -> list[Path]:

@@ -308,7 +308,7 @@ def when(what: str, fields: Fields, index: int) -> str:
     return f"{what} at {where} below the meniscus, t = {said(time, 's', '.4g', 'time')}"
 
 
-SECTION_FIGURES: dict[str, Callable[[Fields, Steel | None], Figure | None]] = {
+SECTION_FIGURES: dict[str, Callable[..., Figure | None]] = {
     "temperature": draw_temperature,
     "states": draw_states,
 }

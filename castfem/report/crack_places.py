@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,12 +27,14 @@ class CrackPlaces:
         nowhere: In its place, why there is none; empty otherwise.
         others: The roll that carries most, what reheats, where the pool ends: what, and where.
         title: Of these others.
+        largest: Largest value of each index, SI.
     """
 
     ranking: Sequence[tuple[str, str, str, str]]
     nowhere: str
     others: Sequence[tuple[str, str]]
     title: str
+    largest: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def worst(self) -> Iterator[str]:
@@ -61,7 +63,8 @@ def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
     rolls = [*heaviest_roll(folder, report.stations), *report.reheats()]
     pool = [] if summary is None else list(pool_end(summary, report.stations))
     title = "Rolls, reheat, end of the pool" if pool else "Rolls and reheat"
-    return CrackPlaces(ranking, nowhere, [*rolls, *pool], title)
+    largest = {name: float(report.maps[name].max()) for name in report.indexes()}
+    return CrackPlaces(ranking, nowhere, [*rolls, *pool], title, largest)
 
 
 def _why_nowhere(report: CrackReport) -> str:

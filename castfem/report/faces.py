@@ -7,7 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from castfem.output.summary import Quantity
 
 _SAME = 1e-6  # relative; faces that are cooled alike differ by less
-_TWINS = {"_left": "_right", "_extrados": "_intrados", "_narrow_face": "_mid_face"}
+_TWINS = (
+    ("_left", "_right"),
+    ("_extrados", "_intrados"),
+    ("_extrados", ""),  # of a straight strand the intrados has no addition
+    ("_narrow_face", "_mid_face"),
+)
 """Parts of names, and of the place before that may have the same number."""
 _PLACES = tuple(
     f"{face}{side}{half}"
@@ -29,7 +34,7 @@ def repeats(name: str, runs: Iterable[Mapping[str, Quantity]]) -> bool:
 
 
 def _twins(name: str) -> Iterator[str]:
-    for part, other in _TWINS.items():
+    for part, other in _TWINS:
         if part in name:
             yield name.replace(part, other)
 

@@ -236,6 +236,8 @@ def _no_unit(name: str, kind: Kind) -> NoReturn:
 def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
     """Return the columns of a CSV file with the header `temperature [degC], value [...]`.
 
+    The second column may have any name.
+
     Args:
         path: The file.
         over: What the table is over.
@@ -251,7 +253,8 @@ def _columns_of_file(path: Path, over: str, kind: Kind) -> dict[str, Any]:
     header = f"{over} [unit], value [unit]"
     if not file.headings:
         raise ValueError(f"'{path}' is empty; its first line must be '{header}'")
-    if [heading.name for heading in file.headings] != [over, "value"]:
+    # The values may be called what they are, "flux": their unit tells whether they are that.
+    if len(file.headings) != 2 or file.headings[0].name != over or not file.headings[1].name:
         raise ValueError(f"the first line of '{path}' must be '{header}', not '{file.first}'")
     for heading, its in zip(file.headings, (ARGUMENTS[over], kind), strict=True):
         if not heading.unit and its.unit != "1":

@@ -12,9 +12,10 @@ from castfem.api import load
 from castfem.output.folder import ALL_FIGURES
 from castfem.plots import figures
 from castfem.plots.bending import BENDING_FIGURES, draw_bulging, draw_slice
-from castfem.plots.figures import _OVER_SECTION
+from castfem.plots.figures import _OTHERS
 from castfem.plots.history import HISTORY_FIGURES
 from castfem.plots.mechanics import MECHANICS_FIGURES
+from castfem.plots.section import SECTION_FIGURES
 from castfem.plots.style import Abscissa, look
 
 
@@ -95,5 +96,11 @@ def test_bulges_are_drawn_with_what_the_rolls_bear() -> None:
 
 def test_every_figure_goes_with_the_run_it_is_of() -> None:
     """A run that replaces another removes what it knows of, by name."""
-    drawn = {**_OVER_SECTION, **HISTORY_FIGURES, **MECHANICS_FIGURES, **BENDING_FIGURES}
+    drawn = {
+        **SECTION_FIGURES,
+        **_OTHERS,
+        **HISTORY_FIGURES,
+        **MECHANICS_FIGURES,
+        **BENDING_FIGURES,
+    }
     assert set(drawn) <= set(ALL_FIGURES)

@@ -122,9 +122,10 @@ def test_over_position_is_over_time_at_the_speed(key: str, values: list[float], 
         assert one["heat_removed"].iloc[-1] / per_unit == pytest.approx(mean, rel=1e-3)
 
 
-def test_a_csv_file_over_position(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["value", "flux", "heat flux"])
+def test_a_csv_file_over_position(tmp_path: Path, name: str) -> None:
     path = tmp_path / "flux.csv"
-    path.write_text("position [mm], value [MW/m^2]\n0, 3\n30, 1.5\n")
+    path.write_text(f"position [mm], {name} [MW/m^2]\n0, 3\n30, 1.5\n")
     columns = {"position": [0, 0.03], "position_unit": "m", "value": [3, 1.5], "unit": "MW/m^2"}
     one, other = ({**FLUX, "flux": t} for t in ({"file": str(path)}, columns))
     assert small({SURFACE: [one]}).cooling == small({SURFACE: [other]}).cooling

@@ -1,0 +1,30 @@
+"""The section of a run that goes on below its mould is drawn where the mould ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from synthetic_run import summary, write_run
+
+from castfem.output.fields import Fields
+from castfem.plots.figures import _state_at_exit, draw_figures
+
+
+@pytest.mark.parametrize(
+    ("exit_", "at"), [(None, 0.6), (0.6, 0.6), (0.9, 0.6), (0.2, 0.2), (0.05, 0.05)]
+)
+def test_which_state_is_drawn(tmp_path: Path, exit_: float | None, at: float) -> None:
+    folder = write_run(tmp_path / "run", steps=80)
+    with Fields(folder) as fields:
+        positions = np.asarray(fields.positions, float)
+        index = _state_at_exit(fields, replace(summary(), mould_exit=exit_))
+        assert abs(positions[index] - at) == np.abs(positions - at).min()
+        assert _state_at_exit(fields, None) == len(positions) - 1
+
+
+def test_both_figures_are_drawn(tmp_path: Path) -> None:
+    drawn = {path.stem for path in draw_figures(write_run(tmp_path / "run"))}
+    assert {"temperature", "states"} <= drawn

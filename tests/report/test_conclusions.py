@@ -1,0 +1,110 @@
+"""A report begins with what the run comes to, and ends with where it comes from."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+from synthetic_maps import write_maps
+from synthetic_run import summary, write_run
+
+from castfem.api import load
+from castfem.html_report.page import write
+from castfem.html_report.sections import sections
+from castfem.output.folder import CASE_NAME
+from castfem.output.history import HISTORY_NAME
+from castfem.output.summary import Quantity, Summary
+from castfem.report.conclusions import conclusions
+
+
+def test_the_page_begins_with_them_and_ends_with_its_origin(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    page = write([folder], tmp_path / "page.html").read_text()
+    heads = re.findall(r"<h2>(.*?)</h2>", page)
+    assert heads[0] == "In short" and heads[-1] == "Where it comes from"
+    short = page[page.index('id="short"') : page.index('id="numbers"')]
+    assert "thinnest shell, mould exit" in short and "mm" in short
+    assert "not reached: the run ends at" not in short or "metallurgical" in short
+    origin = page[page.index('id="provenance"') :]
+    assert "finished in" in origin and "finished in" not in page[: page.index('id="provenance"')]
+
+
+def test_machine_time_and_data_from_memory_stand_at_the_end(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    told = replace(summary(), unchecked=("density: somebody",))
+    from castfem.support.atomic_files import write_json
+
+    write_json(folder / "summary.json", told.to_json())
+    page = write([folder], tmp_path / "page.html").read_text()
+    assert page.index("density: somebody") > page.index('id="provenance"')
+
+
+def slab(folder: Path, position: np.ndarray) -> None:
+    """A run of the slab with surface temperatures that fall from 1000 to 700 degC at 18 m."""
+    (folder / CASE_NAME).write_text(load("slab1200/slab").resolved_toml())
+    kelvin = 1000.0 - 300.0 * position / 18.0
+    pandas.DataFrame(
+        {
+            "time [s]": 50.0 * position,
+            "position [m]": position,
+            "surface_temperature_mid_face_intrados [degC]": kelvin,
+            "surface_temperature_corner_intrados [degC]": kelvin - 400.0,
+        }
+    ).to_csv(folder / HISTORY_NAME, index=False)
+
+
+def test_the_surface_where_the_strand_is_straightened(tmp_path: Path) -> None:
+    slab(tmp_path, np.linspace(0.5, 18.0, 200))
+    found = dict(conclusions(tmp_path, Summary("slab", "finished", {})))
+    told = found["surface temperature in straightening"]
+    low, high = (1000.0 - 300.0 * z / 18.0 for z in (16.832, 14.272))
+    assert f"mid-face intrados {low:.0f} °C to {high:.0f} °C" in told.replace("degC", "°C")
+    assert told.count("low-ductility band") == 0  # 719 to 762 and 319 to 362: below 800 to 950
+    assert told.endswith("between 14.27 and 16.83 m")
+    slab(tmp_path, np.linspace(0.5, 10.0, 200))
+    assert "surface temperature in straightening" not in dict(
+        conclusions(tmp_path, Summary("slab", "finished", {}))
+    )
+
+
+@pytest.mark.parametrize(("scale", "told"), [(1.0, "1.00 times"), (1.5, "1.50 times")])
+def test_the_worst_place_beside_the_machine_in_order(
+    tmp_path: Path, scale: float, told: str
+) -> None:
+    runs = {"order": 1.0, "off": scale}
+    for name, factor in runs.items():
+        (tmp_path / name).mkdir()
+        write_maps(tmp_path / name, scale=factor)
+    empty = Summary("x", "finished", {})
+    found = dict(conclusions(tmp_path / "off", empty, ("order", tmp_path / "order", empty)))
+    worst = found["worst place by I1"]
+    assert (
+        worst.startswith("intrados, corner, 2.12 m (roll 8)") and f"{told} that of order" in worst
+    )
+    alone = dict(conclusions(tmp_path / "off", empty))
+    assert "no limit is known of it" in alone["worst place by I1"]
+
+
+def test_a_pool_that_has_not_ended_is_said(tmp_path: Path) -> None:
+    quantities = {
+        "position": Quantity(5.0, "m", "position"),
+        "metallurgical_length": Quantity(np.nan, "m", "metallurgical length"),
+    }
+    (tmp_path / CASE_NAME).write_text("")
+    found = dict(conclusions(tmp_path, Summary("x", "finished", quantities)))
+    assert found["metallurgical length"].startswith("not reached: the run ends at 5")
+
+
+def test_the_section_is_shown_at_the_exit_of_the_mould_first(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    (found,) = sections([folder])
+    assert found is not None and found.start == len(found.places) - 1  # it ends there
+    from castfem.support.atomic_files import write_json
+
+    write_json(folder / "summary.json", replace(summary(), mould_exit=0.2).to_json())
+    (found,) = sections([folder])
+    assert found is not None and 0 < found.start < len(found.places) - 1
