@@ -15,7 +15,7 @@ WARMER = 0.1
 """K, by which a strand that is cooled may be warmer than at its start: what heat of flow does."""
 
 
-def doubts(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
+def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
     """Yield what is not right in a run, a line each.
 
     Args:
