@@ -18,8 +18,8 @@ from castfem.fem import reductions
 from castfem.fem.root import Together, on_root
 from castfem.output.folder import PROPERTIES_NAME, OutputFolder
 from castfem.output.summary import Quantity
-from castfem.results.doubts import doubts
 from castfem.results.run_state import RunState
+from castfem.results.run_warnings import run_warnings
 from castfem.results.sample import Sample
 from castfem.results.summary import quantities, summarise
 from castfem.simulation.simulation import Simulation, build
@@ -311,8 +311,8 @@ def _run(
         log.logger.info("%s", profile_table(watch))
     summary = _finish(run_state, output, "finished")
     if comm.rank == 0:
-        for doubt in doubts(summary, simulation.case, run_state.sampler.warmed):
-            log.logger.warning("%s", doubt)
+        for line in run_warnings(summary, simulation.case, run_state.sampler.warmed):
+            log.logger.warning("%s", line)
     return summary
 
 

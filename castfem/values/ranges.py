@@ -181,8 +181,8 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("steel.youngs_modulus", "law.young", "tensile.young"): Bounds(
         (1e5, 4e11), (1e3, 6e11), _METAL
     ),
-    ("law.strength", "law.yield_stress", "law.stress"): Bounds((1e3, 2e9), (1.0, 1e11), _METAL),
-    ("law.yield_limit",): Bounds((0.0, 2e9), (0.0, 1e11), _METAL),
+    ("law.strength", "law.yield_stress", "law.stress"): Bounds((1e3, 2e9), (1.0, 1e13), _METAL),
+    ("law.yield_limit",): Bounds((0.0, 2e9), (0.0, 1e13), _METAL),
     ("law.p1",): Bounds((-10.0, 50.0), (-1e3, 1e4), _METAL),
     ("law.p3",): Bounds((0.0, 0.5), (0.0, 1.0), _METAL),
     ("law.p4",): Bounds((-0.1, 0.6), (-1.0, 1.0), _METAL),

@@ -374,8 +374,8 @@ def test_syntax_error_names_the_line(write, text, said):
     [
         ("[mould.tube]\na = 1\n[ mould . tube ]\n", "3, column 16: [ mould . tube ] is there alr"
          "eady, in line 1; "),
-        ('[[cooling]]  # one\nname = "a"\n[cooling]\n', "3, column 9: [cooling] is there already, "
-         "in line 1; "),
+        ('[[cooling]]  # one\nname = "a"\n[cooling]\n', "3, column 9: [cooling] is one of several "
+         "tables; write [[cooling]]"),
         ("[mould]\ntube.above = 1\n[mould.tube]\n", "3, column 12: [mould.tube] is there already, "
          "by a key; "),
         ("mould.tube = {}\n[[mould.tube]]\n", "2, column 13: Cannot mutate immutable namespace "

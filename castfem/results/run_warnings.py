@@ -15,7 +15,7 @@ WARMER = 0.1
 """K, by which a strand that is cooled may be warmer than at its start: what heat of flow does."""
 
 
-def doubts(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
+def run_warnings(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
     """Yield what is not right in a run, a line each.
 
     Args:
@@ -29,7 +29,8 @@ def doubts(summary: Summary, case: Case, warmed: float) -> Iterator[str]:
             f"the heat balance is open by {abs(heat['whole'].value):.1e} of the heat, more than "
             f"{HEAT:g}: look at the steel's data and the fluxes"
         )
-    allowed = FORCES * (0.0 if case.mechanics is None else case.mechanics.tolerance)
+    tolerance = 0.0 if case.mechanics is None else case.mechanics.tolerance
+    allowed = max(FORCES * tolerance, HEAT)
     for name in ("axial force", "forces in the plane"):
         error = summary.balances.get(name, {}).get("error")
         if error is not None and not abs(error.value) <= allowed:

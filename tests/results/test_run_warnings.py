@@ -6,7 +6,7 @@ import pytest
 from small_case import small
 
 from castfem.output.summary import Quantity, Summary
-from castfem.results.doubts import doubts
+from castfem.results.run_warnings import run_warnings
 
 
 @pytest.mark.parametrize(
@@ -28,5 +28,5 @@ def test_what_is_not_right_is_told(
     }
     summary = Summary("", "finished", {}, {}, balances=balances)
     case = small({"mechanics": {}})
-    found = list(doubts(summary, case, warmed))
+    found = list(run_warnings(summary, case, warmed))
     assert [line[: len(one)] for line, one in zip(found, told, strict=True)] == told
