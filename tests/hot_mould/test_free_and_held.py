@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from petsc4py import PETSc
+
 import numpy as np
 import pytest
 
@@ -96,12 +98,12 @@ def test_multigrid_is_the_direct_solver(cells: tuple[int, int, int]) -> None:
     assert none == (0, 0)
     assert kelvin == pytest.approx(direct, abs=1e-6)
     assert moved == pytest.approx(exact, abs=1e-7 * float(np.abs(exact).max()))
-    assert 0 < counts[0] < 30 and 0 < counts[1] < 100
+    # Aggregates, where PETSc comes without hypre, suit the heat in flat cells less.
+    most = 30 if PETSc.Sys.hasExternalPackage("hypre") else 60
+    assert 0 < counts[0] < most and 0 < counts[1] < 100
 
 
 def test_solver_that_does_not_converge_says_so() -> None:
-    from petsc4py import PETSc
-
     matrix = PETSc.Mat().createAIJ((4, 4), nnz=1)
     for i in range(4):
         matrix.setValue(i, i, 10.0**i)
