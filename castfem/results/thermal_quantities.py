@@ -79,7 +79,11 @@ def solidus_cell(sample: Sample, probe: str) -> float:
 
 
 @quantity(
-    "liquidus_depth", unit="mm", label="liquidus, {}", each="probe", axis="depth below the surface"
+    "liquidus_depth",
+    unit="mm",
+    label="depth of the liquidus, {}",
+    each="probe",
+    axis="depth below the surface",
 )
 def liquidus_depth(sample: Sample, probe: str) -> float:
     """Depth of the liquidus below the surface, along the probe's line."""
