@@ -186,7 +186,7 @@ is_ready() {
 make_wheel_venv() {
   local words
   rm -rf "$home/venv"
-  say "from PyPI, for $python: $wheels (0.2 GB to fetch, 0.5 GB kept)"
+  say "from PyPI, for $python: $wheels (0.4 GB to fetch, 1.1 GB kept)"
   # shellcheck disable=SC2086
   if words=$("$python" -m venv "$home/venv" 2>&1) &&
     words=$("$home/venv/bin/python" -m pip install -q --disable-pip-version-check $wheels 2>&1) &&

@@ -202,10 +202,11 @@ def _measured_at(law: ScaledLaw, key: str, path: tuple[str | int, ...]) -> Itera
     if "measured_at" not in law.model_fields_set:
         return
     totals = [one for one in ("power", "water", "water_rise") if one in law.model_fields_set]
-    if law.over_speed:
+    tables = [one for one in totals if isinstance(getattr(law, one), Table)]
+    if tables:
         yield Problem(
             (*path, "measured_at"),
-            f"excludes {totals[0]} as a table over the casting speed; leave one of the two out",
+            f"excludes {tables[0]} as a table over the casting speed; leave one of the two out",
         )
     given = getattr(law, key)
     if not totals and not (isinstance(given, Table) and given.over == "position"):

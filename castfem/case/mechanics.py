@@ -199,7 +199,7 @@ class Mechanics(TableModel):
         description="what the mushy zone bears. skeleton: stiffness and flow stress of the solid, "
         "in proportion to the solid fraction above coherency; geometric, linear: a modulus that "
         "goes so with the solid fraction; none: no more than the liquid. By default skeleton where "
-        "the liquid is fed, geometric where it is elastic or a coherency is given",
+        "the liquid is fed (none with coherency = 0), geometric where it is elastic",
         examples=["skeleton"],
     )
     coherency: Solid | None = Field(
@@ -240,9 +240,9 @@ class Mechanics(TableModel):
         """What the mushy zone bears, `mush` or its default."""
         if self.mush is not None:
             return self.mush
-        if self.liquid == "elastic" or self.coherency:
+        if self.liquid == "elastic":
             return "geometric"
-        return "skeleton" if self.coherency is None else "none"
+        return "none" if self.coherency == 0.0 else "skeleton"
 
     @property
     def coherent_from(self) -> float:

@@ -91,6 +91,8 @@ def beyond_tables(case: Case) -> Iterator[Problem]:
     given = case.casting.speed
     speeds = given.values if isinstance(given, Table) else (given,)
     moving = [speed for speed in speeds if speed > 0.0]
+    if not moving:
+        return
     for i, zone in enumerate(case.cooling):
         for j, law in enumerate(zone.surface):
             for key in ("power", "water", "water_rise"):

@@ -111,6 +111,10 @@ def show(folder: Path, at: tuple[str, ...], units: tuple[str, ...]) -> None:
     if (folder / ERROR_NAME).is_file() and not (folder / RUN_NAME).is_file():
         from castfem.cli.accuracy import show_errors
 
+        if at:
+            raise InputError(
+                f"{folder}: --at is of a run; this table has the places of castfem error --at"
+            )
         with chosen(units):
             show_errors(folder)
         return

@@ -109,7 +109,8 @@ def check_picture(picture: Path) -> None:
     formats = (".png", ".pdf", ".svg")
     if picture.suffix.lower() not in formats:
         raise InputError(
-            f"{picture}: a picture ends in {', '.join(formats)}; a folder for it has to exist"
+            f"{picture}: the name of a picture ends in {', '.join(formats)}; to write into a "
+            "folder, make it first"
         )
 
 

@@ -89,8 +89,8 @@ def _meet() -> None:
         return
     mend = "; start castfem by mpirun, without srun" if _by_slurm() else ""
     print(
-        f"castfem: rank {comm.rank} waits for the others in vain: MPI is set up, and no message "
-        f"gets through{mend}",
+        f"castfem: rank {comm.rank} has waited for the other ranks in vain: MPI is set up, but no "
+        f"message gets through{mend}",
         file=sys.stderr,
         flush=True,
     )

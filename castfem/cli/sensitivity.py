@@ -180,8 +180,9 @@ def _in_steps(found: Sensitivity) -> str:
         return ""
     return (
         f"by {', '.join(names)}: the shell grows cell by cell, and stress, strain and gap go with "
-        "it in small steps; differences of runs some per cent apart may be other ones by the "
-        "error, also of the other sign (docs/sensitivity.md); where it is large make two runs"
+        "it in small steps; the difference of two runs some per cent apart may differ from the "
+        "derivative by its error, and even have the other sign (docs/sensitivity.md); where the "
+        "error is large, compare two runs"
     )
 
 

@@ -11,9 +11,8 @@ from castfem.report import doubts
 from castfem.report.cautions import cautions_of_all
 from castfem.report.crack_places import crack_places, defects_of
 from castfem.report.headline import plain_label
-from castfem.report.numbers import finely, shown, unit_shown
+from castfem.report.numbers import shown, unit_shown
 from castfem.report.results_table import UNCHANGED
-from castfem.report.reversals import remelting
 from castfem.report.roll_load import RollLoads
 from castfem.values.shown_units import difference_of, place_said
 
@@ -54,12 +53,6 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
         if "position" in run.summary.quantities
     }
     for run in runs:
-        history = run.history()
-        melted = [] if history is None else remelting(history, history["position"].to_numpy())
-        found += [
-            f"{one.what}, {run.label}: {finely(one.value, one.unit, one.name)}, {one.where}"
-            for one in melted
-        ]
         loads = None if run is base else RollLoads.of(run.folder)
         if loads is not None and (of_base := RollLoads.of(base.folder)) is not None:
             found += [f"from {base.label} to {run.label}: {one}" for one in loads.changes(of_base)]

@@ -25,7 +25,9 @@ ratio and flow stress multiplied by
 
     w = (fs - fc) / (1 - fc),    fc the coherency,                                             (S)
 
-and remembers its stress as solid does, so that what it bears does not depend on the time step.
+(the flow stress by 0.01 at least), and remembers its stress as solid does, so that what it bears
+does not depend on the time step.  Crystals are free of stress at the moment they grow together:
+above the solidus the stress is kept, not the elastic strain.
 
 Equation numbers are those of [Pascon2003] (docs/references.md).
 """

@@ -85,6 +85,7 @@ class Inquiry:
             if better is None or search.spent:
                 break
             best = better
+        best = found.best
         if (better := search.better_than(best)) is not None:
             found = Findings(question, outputs, search, better, None, None, self._told, ended=False)
             return verdict(found)

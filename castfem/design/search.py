@@ -79,6 +79,7 @@ class Search:
         self.noise: Noise | None = None
         self.radius, self.spent, self.looked_at = LAST, False, 0
         self._scale, self._scaled = np.ones(1 + outputs.count), True
+        self._moved: Array = np.full((1 + outputs.count, len(outputs.question.axes)), np.inf)
         self._given: dict[Wanted, Array] = {}
         self._worst = np.zeros(1 + outputs.count)
 
@@ -188,6 +189,8 @@ class Search:
                 return self._settle(self.question.shares(through), among_failures=True)
         sides = [(values[1 + 2 * i], values[2 + 2 * i]) for i in range(len(begin))]
         slope = np.array([slope_of(values[0], *pair, apart=FIRST) for pair in sides]).T
+        off = [np.fmax(abs(a - values[0]), abs(b - values[0])) for a, b in sides]
+        self._moved = np.array(off).T
         along = np.array([self.outputs.vector(self.question.at(u)) for u in line])
         self.noise = Noise.of(along, slope)
         sigma, count = self.noise.sigma, self.noise.runs
@@ -391,7 +394,7 @@ class Search:
     def better_than(self, wanted: Wanted) -> Wanted | None:
         """The best run seen where it is better than one by more than their noise, else None."""
         best = self.best()
-        nearer = self.violation(best) < self.violation(wanted)
+        nearer = self.violation(best) < self.violation(wanted) - ROUNDING
         if best == wanted or self.outputs.seen[best].failed:
             return None
         cost = 0.0 if self.outputs.seen[wanted].failed else self.outputs.cost(wanted)
@@ -412,8 +415,9 @@ class Search:
         keys = [axis.key for axis in self.question.axes]
         if np.all(np.ptp(values, axis=0) <= ROUNDING * largest):
             return tuple(keys)
-        idle = np.all(np.abs(self.noise.slope) <= ROUNDING * largest[:, None], axis=0)
-        return tuple(key for key, one in zip(keys, idle, strict=True) if one)
+        idle = np.all(self._moved <= ROUNDING * largest[:, None], axis=0)
+        found = tuple(key for key, one in zip(keys, idle, strict=True) if one)
+        return found if len(found) < len(keys) else ()  # runs differ: not all of them are idle
 
     def best(self) -> Wanted:
         """The best run seen: the one with the least violation, and of those the least cost."""

@@ -9,6 +9,7 @@
      "steps": {"accepted": 412, ...}, "wall_time": {STAGE: seconds, ...},
      "zones": [{"name": "mould", "start": 0.0, "end": 0.6, "whole": true}, ...],
      "mould_exit": 0.6, "unchecked": ["density: SOURCE", ...],
+     "warnings": ["the heat balance is open by ...", ...],
      "errors_at": {"0.6": {NAME: 0.08e-3, ...}, ...}}
 
 `error`, of a case of which `castfem error` has told it, stands beside a quantity's value in the
@@ -221,6 +222,7 @@ class Summary:
             None if there is no mould.
         unchecked: Data of steel, law and cooling that the run used and that are from memory of
             their source (status M), each with the source.
+        warnings: What is not right in a run that has finished, a line each.
         errors_at: Errors on the way, in SI (K of temperatures), by position [m] and name.
     """
 
@@ -234,6 +236,7 @@ class Summary:
     zones: tuple[Zone, ...] = ()
     mould_exit: float | None = None
     unchecked: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     errors_at: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
 
     def errors_near(self, position: float) -> Mapping[str, float]:
@@ -259,6 +262,7 @@ class Summary:
             "zones": [asdict(zone) for zone in self.zones],
             "mould_exit": self.mould_exit,
             "unchecked": list(self.unchecked),
+            "warnings": list(self.warnings),
             "errors_at": {f"{at!r}": dict(errors) for at, errors in self.errors_at.items()},
         }
 
@@ -283,6 +287,7 @@ class Summary:
             zones=tuple(Zone(**zone) for zone in content["zones"]),
             mould_exit=content.get("mould_exit"),
             unchecked=tuple(content.get("unchecked", ())),
+            warnings=tuple(content.get("warnings", ())),
             errors_at={float(at): dict(e) for at, e in content.get("errors_at", {}).items()},
         )
 

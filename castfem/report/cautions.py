@@ -1,4 +1,4 @@
-"""What a reader of a run must know before he uses its numbers: what its case leaves out."""
+"""What a reader of a run must know before he uses its numbers: what is not right, or left out."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ def cautions(folder: Path, summary: Summary) -> list[str]:
         folder: Of the run, with its case.
         summary: Of the run.
     """
-    return [line for line in (wide_gap(folder, summary), _even(folder)) if line]
+    found = (*summary.warnings, wide_gap(folder, summary), _even(folder))
+    return [line for line in found if line]
 
 
 def cautions_of_all(runs: Mapping[str, tuple[Path, Summary]]) -> list[str]:

@@ -15,11 +15,12 @@ from castfem.plots.history import curves
 from castfem.report.crack_places import CrackPlaces, crack_places
 from castfem.report.numbers import cells, finely
 from castfem.report.remarks import Remark, remarks_of
+from castfem.report.reversals import REMELTED
 from castfem.report.run_case import case_with
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.shown_units import said
 
-_TOLD = ("shell melted again", "largest gap on the way", "largest bulge between rolls")
+_TOLD = (REMELTED, "largest gap on the way", "largest bulge between rolls")
 
 
 def conclusions(

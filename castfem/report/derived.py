@@ -14,6 +14,7 @@ from castfem.plots.history import curves
 from castfem.report.remarks import OPEN, mould_exit, spells
 from castfem.report.roll_load import RollLoads
 from castfem.results.labels import last_quantities
+from castfem.values.same_place import ROUNDING
 
 
 def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
@@ -37,9 +38,12 @@ def derived(folder: Path, summary: Summary) -> dict[str, Quantity]:
     depths = {n: q for n, q in last_quantities(row, units).items() if n.startswith("shell_")}
     if depths:
         thinnest = min(depths, key=lambda shell: depths[shell].value)
+        its, error = summary.quantities.get(thinnest), summary.errors_near(at).get(thinnest)
+        if error is None and its is not None and at >= position[-1] * (1.0 - ROUNDING):
+            error = its.error
         found["shell_least"] = replace(
             depths[thinnest], label=f"thinnest shell, {name}", shown_unit="mm",
-            error=summary.errors_near(at).get(thinnest),
+            error=error,
         )  # fmt: skip
     gaps = [table[c].to_numpy() for _, _, c in curves(table, "gap")]
     lost = [spell for gap in gaps for spell in spells(gap, position, OPEN)]

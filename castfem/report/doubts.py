@@ -46,7 +46,9 @@ def lines(runs: Mapping[str, Path]) -> list[str]:
     """Return what makes runs doubtful, by label, for the lines below their table."""
     found = [f"look at {label}: {one}" for label, at in runs.items() for one in doubts_of(at)]
     if len(found) > _MOST:
-        found[_MOST:] = [f"and {len(found) - _MOST} more of this kind: castfem show tells a run's"]
+        found[_MOST:] = [
+            f"and {len(found) - _MOST} more of this kind; castfem show FOLDER has those of one run"
+        ]
     return found
 
 

@@ -109,37 +109,28 @@ class RollLoads:
             if abs(now - before) > _LITTLE * max(now, before):
                 unit = documented(self.units[name])
                 values = (said(value, unit, ".3g", name) for value in (before, now))
-                where = self.stations.words(self._place(number))
+                where = self.where(number)
                 yield f"{words.format(number)}: {' -> '.join(values)}, at {where}"
+
+    def where(self, number: int) -> str:
+        """Words for the place of a pair."""
+        return self.stations.words(self._place(number))
 
     def _place(self, number: int) -> float:
         assert self.stations.rolls is not None, "it has forces"
         return self.stations.rolls.pairs[number - 1].position
 
 
-def heaviest_roll(folder: Path, stations: Stations) -> Iterator[tuple[str, str]]:
+def heaviest_roll(folder: Path) -> Iterator[tuple[str, str]]:
     """The largest force on a pair of rolls, and which pair it is; nothing without bulging.
 
-    The history has the force on a pair in the rows of the pitch below it, the one at the next pair
-    included.
-
     Args:
-        folder: Of the run.
-        stations: Its rolls.
+        folder: Of the run, with its case.
     """
-    if stations.rolls is None or not (folder / HISTORY_NAME).is_file():
+    loads = RollLoads.of(folder)
+    found = None if loads is None else loads.largest(_FORCE)
+    if loads is None or found is None:
         return
-    try:
-        table = read_history(folder / HISTORY_NAME)
-    except InputError:  # told where its figures are drawn
-        return
-    if not has_values(table, _FORCE):
-        return
-    force = table[_FORCE].to_numpy()
-    row = int(np.nanargmax(force))
-    position = float(table["position"].iloc[row])
-    above = [pair.position for pair in stations.rolls.pairs if pair.position < position - ROUNDING]
-    if not force[row] > 0.0 or not above:
-        return
-    most = said(float(force[row]), documented(unit_of(table, _FORCE)), ".3g", _FORCE)
-    yield f"largest force on a roll, {most} of width", stations.words(above[-1])
+    number, force = found
+    most = said(force, documented(loads.units[_FORCE]), ".3g", _FORCE)
+    yield f"largest force on a roll, {most} of width", loads.where(number)

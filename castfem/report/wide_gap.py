@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from castfem.errors import CastfemError
-from castfem.output.folder import CASE_NAME
 from castfem.output.summary import Summary
+from castfem.report.run_case import case_with
 from castfem.thermal.flux_laws import Radiation
 from castfem.values.constants import ZERO_CELSIUS
 from castfem.values.shown_units import said
@@ -33,13 +32,12 @@ def wide_gap(folder: Path, summary: Summary) -> str:
     widest = summary.quantities.get("mould_gap_max")
     if widest is None or not widest.value > 0.0:
         return ""
-    from castfem.case import cooling, load_case
-
-    try:
-        zones = load_case(folder / CASE_NAME).cooling
-    except (OSError, CastfemError):
+    case = case_with(folder, "contact")
+    if case is None:
         return ""
-    for zone in zones:
+    from castfem.case import cooling
+
+    for zone in case.cooling:
         contacts = [one for one in zone.surface if isinstance(one, cooling.Contact)]
         if not contacts or any(isinstance(one, cooling.Radiation) for one in zone.surface):
             continue

@@ -38,10 +38,10 @@ class Scatter:
 
     def due(self, zone: int, depth: float, cell: float) -> bool:
         """Whether the shell has grown enough for another reading."""
+        if zone != self.zone or not np.isfinite(cell):
+            self.zone, self.rows = zone, []
         if not np.isfinite(cell):
             return False
-        if zone != self.zone:
-            self.zone, self.rows = zone, []
         return not self.rows or abs(depth - self.rows[-1][0]) >= APART * cell
 
     def add(self, depth: float, cell: float, slopes: Sequence[float]) -> None:

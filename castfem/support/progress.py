@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _REFRESH = 0.1  # s between two pictures of the bar
 _SHARE = 0.05  # of the way between two plain lines ...
 _SOONEST, _LATEST = 1.0, 10.0  # ... but not faster than this, and not slower, s
-# A run that would take hours is told within the first seconds: by the way it makes between these
+# A run that would take hours is told once, early: by the way it makes between these
 # two, since it begins with short steps.
 _FROM, _UNTIL = 3.0, 10.0  # s
 _LONG = 3600.0  # s
@@ -110,7 +110,7 @@ class Progress:
         left = (self._total - self._position) * (now - since) / (self._position - place)
         if left > _LONG:
             _logger.warning(
-                "at this pace the run takes some %.2g hours more; Ctrl-C stops it and --resume "
+                "at this pace the run takes some %.1f hours more; Ctrl-C stops it and --resume "
                 "goes on; larger cells, steps and coupling windows (--accuracy coarse) or a "
                 "shorter casting.length take less",
                 left / 3600.0,

@@ -191,7 +191,8 @@ def _serve(connection: Connection, noise: Path) -> None:
     stop = Stop()
     signals.keep_hangup()
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: setattr(stop, "wanted", True))
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as below nohup
+            signal.signal(number, lambda *_: setattr(stop, "wanted", True))
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with open(noise, "ab", buffering=0) as file:
         for stream in (1, 2):

@@ -311,7 +311,7 @@ def _run(
         log.logger.info("%s", profile_table(watch))
     summary = _finish(run_state, output, "finished")
     if comm.rank == 0:
-        for line in run_warnings(summary, simulation.case, run_state.sampler.warmed):
+        for line in summary.warnings:
             log.logger.warning("%s", line)
     return summary
 
@@ -340,6 +340,9 @@ def _finish(run: RunState, output: OutputFolder, status: str, reason: str = "") 
     """Write summary and run record; the summary is the same on every rank."""
     comm = run.simulation.section.comm
     summary = summarise(run, status)
+    if status == "finished":
+        found = run_warnings(summary, run.simulation.case, run.sampler.warmed)
+        summary = replace(summary, warnings=tuple(found))
     memory = reductions.total(comm, peak_memory())
 
     def write() -> None:

@@ -84,14 +84,14 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("casting.length", "cooling.to"): _AWAY,
     ("casting.superheat",): Bounds((0.0, 150.0), (0.0, 1e4), "metal is poured with"),
     ("casting.temperature", "casting.start.profile", "cooling.surface.temperature.value"): _STEEL,
-    ("casting.start.meniscus",): Bounds((0.5 * _MM, 50 * _MM), (1e-6, 0.3), "a meniscus is high"),
+    ("casting.start.meniscus",): Bounds((0.5 * _MM, 50 * _MM), (1e-6, 0.3), "menisci measure"),
     ("section.width", "section.height", "section.diameter", "section.length", "mould.width",
      "mould.height", "mould.diameter", "section.web_thickness", "section.flange_thickness",
      "section.root_thickness"): _SIDE,
     ("section.strip.width",): Bounds((0.01 * _MM, 4.0), (1e-6, 20.0), "strips measure"),
     ("section.corner_radius", "mould.corner_radius", "section.fillet_radius",
      "section.shoulder_radius"): _RADIUS,
-    ("section.bulge",): Bounds((-0.02, 0.02), (-1.0, 1.0), "sections are out of shape by"),
+    ("section.bulge",): Bounds((-0.02, 0.02), (-1.0, 1.0), "bulges of sections are"),
     ("cooling.surface.power",): Bounds((1e3, 2e7), (1e-3, 1e10), "moulds take"),
     ("cooling.surface.contact.water", "cooling.surface.flux.water"): Bounds(
         (10 * _LITRES, 2e4 * _LITRES), (1e-3 * _LITRES, 1e6 * _LITRES), "moulds are cooled with"
@@ -123,7 +123,7 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ("cooling.surface.absorption",): Bounds((0.0, 1e5), (0.0, 1e9), "gases and slags have"),
     ("mechanics.planes.a0", "mechanics.planes.across"): _STRAIN,
     ("mechanics.planes.a1", "mechanics.planes.a2"): Bounds(
-        (-2.0, 2.0), (-1e3, 1e3), "strands are bent by"
+        (-2.0, 2.0), (-1e3, 1e3), "curvatures of strands are"
     ),
     ("mechanics.planes.force", "mechanics.planes.moment_x", "mechanics.planes.moment_y"): _FORCE,
     ("mechanics.bulging.largest",): Bounds((1e-6, 0.05), (1e-9, 1.0), "shells bulge by"),
@@ -144,12 +144,12 @@ _GROUPS: Mapping[tuple[str, ...], Bounds] = {
     ),
     ("mould.oscillation.stroke",): Bounds((0.1 * _MM, 50 * _MM), (1e-6, 1.0), "moulds move by"),
     ("mould.oscillation.frequency",): Bounds((0.1, 20.0), (1e-6, 1e3), "moulds oscillate at"),
-    ("mould.contact.factor",): Bounds((0.1, 1e5), (1e-3, 1e7), "contact needs"),
+    ("mould.contact.factor",): Bounds((0.1, 1e5), (1e-3, 1e7), "contact factors are"),
     ("mould.friction.coefficient",): Bounds((0.0, 2.0), (0.0, 1e4), "surfaces have"),
     ("mould.friction.steepest",): Bounds((1e-3, 10.0), (1e-6, 1e6), "surfaces have"),
     ("mould.friction.yield_stress", "mould.friction.stress"): _STRESS,
     ("machine.first", "machine.rolls.position"): Bounds((_MM, 100.0), (0.0, 1e4), _AWAY.what),
-    ("machine.segment.pitch",): Bounds((30 * _MM, 3.0), (_MM, 100.0), "rolls are apart"),
+    ("machine.segment.pitch",): Bounds((30 * _MM, 3.0), (_MM, 100.0), "pitches of rolls measure"),
     ("machine.segment.diameter", "machine.rolls.diameter"): Bounds(
         (30 * _MM, 1.0), (_MM, 10.0), "rolls have"
     ),

@@ -13,7 +13,6 @@ from castfem.case.bounds import _kinds
 from castfem.case.model import Case
 from castfem.case.problems import submodels
 from castfem.case.tensile import TensileCase
-from castfem.constitutive.elasticity import Elasticity
 from castfem.constitutive.flow_laws import RadialReturn
 from castfem.machine.rolls import KINDS as ROLLS
 from castfem.materials import load_steel
@@ -65,7 +64,6 @@ def test_every_key_has_its_range() -> None:
     assert {f"machine.rolls.{key}" for key in ROLLS} <= RANGES.keys()
     laws = {f"law.{key}" for law in RadialReturn.laws.values() for key in law.parameters}
     assert laws | {"law.young"} == {key for key in RANGES if key.startswith("law.")}
-    assert Elasticity  # whose Poisson's ratio its kind bounds
 
 
 def test_no_range_is_of_a_key_that_is_not_there() -> None:
@@ -143,7 +141,7 @@ def test_what_is_absurd_is_told(case: Path, changes: tuple[str, ...], said: str)
     [
         (THERMAL, "casting.temperature=1e300 degC", "(1e+300 degC) is beyond what cast metal has"),
         (THERMAL, "casting.temperature=-273.15 degC", "(-273.15 degC) is beyond what cast metal"),
-        (THERMAL, "casting.start={meniscus='500 mm'}", "a meniscus is high, 0.001 to 300 mm"),
+        (THERMAL, "casting.start={meniscus='500 mm'}", "menisci measure, 0.001 to 300 mm"),
         (THERMAL, start(1600, 30000), "profile: at 50 mm: (30000 degC) is beyond"),
         (THERMAL, "section.width=200 m", "width: (200000 mm) is beyond what strands measure"),
         (
@@ -152,7 +150,7 @@ def test_what_is_absurd_is_told(case: Path, changes: tuple[str, ...], said: str)
             "(1e+200 W/(m^2 K)) is beyond",
         ),
         (THERMAL, "cooling.0.surface.0.gap_conductivity=1e200 W/(m K)", "gases and slags have"),
-        (TAPERED, "mould.contact={factor=1e10}", "(1e+10) is beyond what contact needs"),
+        (TAPERED, "mould.contact={factor=1e10}", "(1e+10) is beyond what contact factors are"),
         (
             TAPERED,
             "mould.friction={law='limited',coefficient=0.3,yield_stress='1e-6 MPa'}",

@@ -264,7 +264,8 @@ def test_a_picture_of_no_format_is_refused_before_anything_is_told(castfem, word
     outcome = castfem(*words, "-o", "picture")
     assert (outcome.status, outcome.out) == (1, "")
     assert (
-        "picture: a picture ends in .png, .pdf, .svg; a folder for it has to exist" in outcome.err
+        "picture: the name of a picture ends in .png, .pdf, .svg; to write into a folder, make"
+        in outcome.err
     )
 
 

@@ -99,5 +99,6 @@ def test_a_picture_of_no_format_is_refused_before_a_run(command, work, castfem, 
     status, _, err = castfem(*command, "-o", "m.doc")
     assert (status, err.strip()) == (
         1,
-        "castfem: m.doc: a picture ends in .png, .pdf, .svg; a folder for it has to exist",
+        "castfem: m.doc: the name of a picture ends in .png, .pdf, .svg; to write into a folder, "
+        "make it first",
     )

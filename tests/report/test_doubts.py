@@ -48,7 +48,9 @@ def test_a_table_of_many_doubtful_runs_stays_short(tmp_path: Path, count: int) -
     folder = history(tmp_path / "run", [1.0, 2.0, 0.5, *SOUND[:5]], [0.0, 0.2] * 4)
     found = lines({str(number): folder for number in range(count)})
     assert len(found) == (10 if count == 5 else 11)
-    assert (found[-1] == "and 2 more of this kind: castfem show tells a run's") is (count == 6)
+    assert (found[-1] == "and 2 more of this kind; castfem show FOLDER has those of one run") is (
+        count == 6
+    )
 
 
 def test_a_folder_without_history_has_nothing_to_tell(tmp_path: Path) -> None:
