@@ -60,7 +60,7 @@ def crack_places(folder: Path, summary: Summary | None) -> CrackPlaces | None:
     report = CrackReport.of(SurfaceMaps(folder))
     ranking = list(report.ranking())
     nowhere = _why_nowhere(report) if report.indexes() and not ranking else ""
-    rolls = [*heaviest_roll(folder), *report.reheats()]
+    rolls = [*heaviest_roll(folder, report.stations), *report.reheats()]
     pool = [] if summary is None else list(pool_end(summary, report.stations))
     title = "Rolls, reheat, end of the pool" if pool else "Rolls and reheat"
     largest = {name: float(report.maps[name].max()) for name in report.indexes()}

@@ -43,15 +43,28 @@ class RollLoads:
     def of(cls, folder: Path) -> RollLoads | None:
         """Those of a run; None of one without rolls, or without bulging.
 
-        The history has the force on a pair in the rows of the pitch below it, the one at the next
-        pair included.
-
         Args:
             folder: Of the run, with its case.
         """
         case = case_with(folder, "bulging")
         rolls = None if case is None or case.machine is None else case.machine.pairs()
         if case is None or rolls is None:
+            return None
+        thickness = thickness_of(case.section) or 0.0
+        return cls.read(folder, Stations(rolls, thickness, case.mould_exit()))
+
+    @classmethod
+    def read(cls, folder: Path, stations: Stations) -> RollLoads | None:
+        """Those of a run between rolls that are known; None of one without any, or without bulging.
+
+        The history has the force on a pair in the rows of the pitch below it, the one at the next
+        pair included.
+
+        Args:
+            folder: Of the run.
+            stations: Its rolls.
+        """
+        if stations.rolls is None:
             return None
         try:
             table = read_history(folder / HISTORY_NAME)
@@ -60,7 +73,7 @@ class RollLoads:
         having = [name for name in (_FORCE, _BULGE) if has_values(table, name)]
         if not having:
             return None
-        position, places = table["position"].to_numpy(), [p.position for p in rolls.pairs]
+        position, places = table["position"].to_numpy(), [p.position for p in stations.rolls.pairs]
         values: dict[str, dict[int, float]] = {name: {} for name in having}
         for number, (start, end) in enumerate(pairwise([*places, np.inf]), start=1):
             rows = (position > start + ROUNDING) & (position <= end + ROUNDING)
@@ -68,7 +81,6 @@ class RollLoads:
                 part = table[name].to_numpy()[rows]
                 if np.isfinite(part).any():
                     values[name][number] = float(np.nanmax(part))
-        stations = Stations(rolls, thickness_of(case.section) or 0.0, case.mould_exit())
         return cls(stations, values, {name: unit_of(table, name) for name in having})
 
     def largest(self, name: str) -> tuple[int, float] | None:
@@ -121,13 +133,14 @@ class RollLoads:
         return self.stations.rolls.pairs[number - 1].position
 
 
-def heaviest_roll(folder: Path) -> Iterator[tuple[str, str]]:
+def heaviest_roll(folder: Path, stations: Stations) -> Iterator[tuple[str, str]]:
     """The largest force on a pair of rolls, and which pair it is; nothing without bulging.
 
     Args:
-        folder: Of the run, with its case.
+        folder: Of the run.
+        stations: Its rolls.
     """
-    loads = RollLoads.of(folder)
+    loads = RollLoads.read(folder, stations)
     found = None if loads is None else loads.largest(_FORCE)
     if loads is None or found is None:
         return
