@@ -45,7 +45,8 @@ for degree in (3, 4):
     points, weights = make_quadrature(CellType.tetrahedron, degree)
     inside = np.linalg.norm(points - 0.25, axis=1) < 0.1
     liquid[degree] = 6.0 * float((weights * inside).sum())
-print(f"liquid within 0.1 of the centre: degree 3: {liquid[3]:.2f} of the volume is liquid,", end=" ")
+print("liquid within 0.1 of the centre:", end=" ")
+print(f"degree 3: {liquid[3]:.2f} of the volume is liquid,", end=" ")
 print(f"degree 4: {liquid[4]:.2f}")
 count = [len(make_quadrature(CellType.tetrahedron, d)[1]) for d in (15, 16)]
 print(f"points at degree 15: {count[0]}, at degree 16: {count[1]}")

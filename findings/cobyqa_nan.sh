@@ -46,7 +46,8 @@ def failing(x):
 failed = minimize(failing, START, method="COBYQA", bounds=SQUARE)
 least = np.nanmin([value for value, *_ in seen])
 print("first point looked at:", np.array(seen[0][1:]))
-print(f"objective NaN where x > 0.6: success {failed.success}, x {failed.x}, fun {failed.fun};", end=" ")
+print(f"objective NaN where x > 0.6: success {failed.success}, x {failed.x},", end=" ")
+print(f"fun {failed.fun};", end=" ")
 print(f"it had seen {least:.1e}")
 
 wall = NonlinearConstraint(lambda x: x[0] if x[0] >= 0.5 else float("nan"), 0.7, 2.0)
