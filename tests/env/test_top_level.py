@@ -11,7 +11,7 @@ KNOWN = {
     *(".ci", ".gitignore", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "Dockerfile"),
     *("LICENSE", "LICENSE.GPL", "MANIFEST.in", "Makefile", "README.md", "apptainer.def"),
     *("environment.yml", "pixi.toml", "pyproject.toml"),
-    *("benchmarks", "cases", "castfem", "docs", "forms", "meshes", "tests", "tools"),
+    *("benchmarks", "cases", "castfem", "docs", "findings", "forms", "meshes", "tests", "tools"),
 }
 OF_AN_ARCHIVE = {".git", "PKG-INFO", "setup.cfg"}  # what git or a packager adds beside the files
 
