@@ -20,7 +20,7 @@ from castfem.design.mould_table import MOULD_NAME, mould_table, write_mould_tabl
 from castfem.design.study import Study
 from castfem.design.told import told
 from castfem.errors import RunFailure
-from castfem.report import doubts
+from castfem.report import run_warnings
 from castfem.report.narrow import keep_words
 from castfem.support.atomic_files import write_json
 from castfem.sweep.record import check_own
@@ -148,7 +148,9 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
             if not isinstance(block, str):
                 keep_words(block, out.width)
             out.print(block, "", highlight=False, soft_wrap=isinstance(block, str))
-        for line in doubts.lines({"the best run": target / optimum.best} if optimum.best else {}):
+        for line in run_warnings.lines(
+            {"the best run": target / optimum.best} if optimum.best else {}
+        ):
             out.print(line, highlight=False, soft_wrap=True)
         if moulded:
             out.print(_mould(study, optimum), "", highlight=False)

@@ -14,7 +14,7 @@ from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.errors import InputError, RunFailure
 from castfem.output.chosen_units import units_of_run
-from castfem.report import doubts
+from castfem.report import run_warnings
 from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant, plan
 from castfem.sweep.record import Record, check_own
@@ -235,7 +235,7 @@ def _report(sweep: _Sweep, options: Options) -> int:
             if table:
                 out.print(printed(table, out.width), highlight=False)
             finished = {row.label or row.name: target / row.name for row in table if row.quantities}
-            for line in doubts.lines(finished):
+            for line in run_warnings.lines(finished):
                 out.print(line, highlight=False, soft_wrap=True)
         where = f"table in {target / TABLE_NAME}, runs in {target}"
         after = "their table: --collect, when all parts have ended"

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     import pandas
 
 
-UNSETTLED = "coupling windows not converged"
+NOT_CONVERGED = "coupling windows not converged"
 OPEN = 1e-3  # mm; a gap beyond counts as lost contact
 _THINNEST, _HOTTEST = "thinnest shell", "hottest surface"
 _THINNER, _HOTTER = 0.03, 3.0  # of the shell, K; less beside the probes is not named
@@ -237,7 +237,7 @@ def _coupling(summary: Summary | None) -> Iterator[Remark]:
     if missed and of:
         where = f"{missed:.0f} of {of:.0f}: heat and gap differ by more than coupling.settled; "
         where += "shorten coupling.interval or allow more coupling.passes"
-        yield Remark(UNSETTLED, 100.0 * missed / of, "%", where)
+        yield Remark(NOT_CONVERGED, 100.0 * missed / of, "%", where)
 
 
 def _largest(

@@ -124,6 +124,6 @@ def test_ideal_mould_has_no_friction_among_the_peaks(tmp_path: Path) -> None:
         output.csv(f"billet_inputs_{mould}", rows)
     billet_sensitivity.peaks(output)
     text = output.page.read_text(encoding="utf-8")
-    assert "| friction 0.3 (Coulomb) | 0.0 | 13.0 | 23.0 | 0.5 | 0.5 |" in text
-    assert "| flow stress 20 % higher and friction 0.3 | 1.0 | 14.0 | 24.0 | 0.5 | 0.5 |" in text
+    assert "| friction 0.3 (Coulomb) | 0.0 | 17.0 | 27.0 | 0.5 | 0.5 |" in text
+    assert "| flow stress 20 % higher and friction 0.3 | 5.0 | 18.0 | 28.0 | 0.5 | 0.5 |" in text
     assert "| thesis | 12.0 | 18.0 | 24.0 | 8 to 10 | 10 to 12 |" in text

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks import billet_run, throughput, wall_study
+from benchmarks import billet_run, corner, throughput, wall_study
 from benchmarks.__main__ import BENCHMARKS, PAGES
 from benchmarks.report import PAGE, ROOT, Output
 
@@ -75,7 +75,7 @@ SMALL: dict[str, dict[str, Any]] = {
     "meniscus": {"COARSE": (*billet_run.COARSE, 'casting.length="120 mm"')},
     "corner": {
         "CELLS": {"4": ("4", "4", "18", "22")},
-        "MUSHES": {"skeleton": ("4",), "none": ("4",)},
+        "KINDS": {mush: {"cells 4 mm": corner.SHORT} for mush in ("skeleton", "none")},
     },
     "windows": {"MOULDS": {"taper_0": (3.0, billet_run.mesh(3.0))}, "REFERENCE": 0.2},
     "optimum_noise": {"WINDOWS": {"0.2 s": {}}, "CHANGES": {"casting.length": "60 mm"}},

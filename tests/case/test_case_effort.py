@@ -38,8 +38,8 @@ def test_a_run_without_end_is_refused_with_its_count(change: str, key: str, coun
             ["casting.speed=1 um/min"],
             "--set: casting.speed: (1e-06 m/min) takes 4.2e+02 days for 0.6 m: give a higher one",
         ),
-        (["casting.speed=1e-9 m/min"], "--set: casting.speed: (1e-09 m/min) takes"),
-        (["casting.length=1e9 m"], "--set: casting.length: (1e+09 m) is no strand's: give a sh"),
+        (["casting.speed=1e-9 m/min"], "--set: casting.speed: (1e-09 m/min) is beyond"),
+        (["casting.length=1e9 m"], "--set: casting.length: (1e+12 mm) is beyond"),
     ],
 )
 def test_a_strand_that_makes_a_run_without_end_is_named_alone(

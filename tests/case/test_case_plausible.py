@@ -57,10 +57,10 @@ def test_cells_as_thick_as_a_shell() -> None:
     assert "mesh.corner_size: cells of 25 mm along a corner of radius 5 mm" in corner
 
 
-def test_cells_longer_than_a_quarter_of_the_corners_radius() -> None:
-    (line,) = _warnings("mesh.corner_size=1.3 mm")
-    assert "mesh.corner_size: cells of 1.3 mm" in line and "1.25 mm or less" in line
-    assert not _warnings("mesh.corner_size=1.25 mm")
+def test_cells_longer_than_a_sixth_of_the_corners_radius() -> None:
+    (line,) = _warnings("mesh.corner_size=0.9 mm")
+    assert "mesh.corner_size: cells of 0.9 mm" in line and "0.833333 mm or less" in line
+    assert not _warnings("mesh.corner_size=0.83 mm")
 
 
 ROWS = 'mould.taper={ position = %s, position_unit = "mm", value = %s, unit = "mm" }'

@@ -286,29 +286,6 @@ def test_what_would_take_hours_is_told_before_it_is_run(
     assert any(said in line for line in told), told[:9]
 
 
-def test_a_meniscus_below_the_end_of_the_run_is_refused() -> None:
-    changes = ("casting.start={meniscus='40 mm'}", "casting.length=30 mm")
-    assert any(
-        "(40 mm) is not above casting.length (30 mm)" in p
-        for p in read_case(THERMAL, changes).problems
-    )
-
-
-@pytest.mark.parametrize(
-    ("changes", "sound"),
-    [
-        (("mechanics.planes.force_contains_bending=false",), True),
-        (("mechanics.planes.force_contains_bending=true",), False),
-        (("mechanics.planes.closing=tangential", "mechanics.planes.neutral_axis=free"), True),
-        (("mechanics.planes.closing=axial",), False),
-    ],
-)
-def test_keys_of_a_bent_strand_may_be_as_if_left_out(changes: tuple[str, ...], sound: bool) -> None:
-    """A file that extends another one cannot take its keys out."""
-    found = [p for p in read_case(TAPERED, changes).problems if "its machine bends" in p]
-    assert (not found) == sound
-
-
 def test_a_machine_without_any_pair_is_refused() -> None:
     rolls = (
         'machine.rolls={position=[0.9,1.2,1.5],position_unit="m",diameter=[200,200,200],'

@@ -216,13 +216,13 @@ def test_a_strip_has_no_rolls() -> None:
 
 
 def test_one_slip_in_a_header_is_not_told_of_every_roll(tmp_path: Path) -> None:
-    """Diameters of 150 m: each pair overlaps the one before."""
+    """Diameters of 9 m: each pair overlaps the one before."""
     for count, told in ((4, 3), (6, 1)):
-        rows = tuple(f"{0.9 + 0.3 * i:.1f}, 150" for i in range(count))
+        rows = tuple(f"{0.9 + 0.3 * i:.1f}, 9" for i in range(count))
         with pytest.raises(InputError) as caught:
             case(tmp_path, rows, "position [m], diameter [m]")
         assert len(caught.value.problems) == told
-        assert "line 4, roll 2: diameter (150000 mm) overlaps" in caught.value.problems[0]
+        assert "line 4, roll 2: diameter (9000 mm) overlaps" in caught.value.problems[0]
     assert caught.value.problems[0].endswith("the pitch longer (and 4 more like it)")
 
 

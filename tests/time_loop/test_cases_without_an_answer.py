@@ -51,7 +51,7 @@ def test_liquid_too_soft_for_large_strain() -> None:
     for liquid in ("1e-7", "1e-8"):
         with pytest.raises(InputError, match=r"liquid_stiffness: .*folds in a mould"):
             billet("taper_1", "mechanics.strain=large", f"mechanics.liquid_stiffness={liquid}")
-        fed = ("mechanics.strain=large", "mechanics.liquid=fed")
+        fed = ("mechanics.strain=large", "mechanics.liquid=fed", "mechanics.mush=none")
         billet("taper_1", *fed, f"mechanics.liquid_stiffness={liquid}")
         billet("taper_1", f"mechanics.liquid_stiffness={liquid}")
         billet("idealised", "mechanics.strain=large", f"mechanics.liquid_stiffness={liquid}")

@@ -13,7 +13,7 @@ from castfem.errors import InputError
 from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
 from castfem.plots.history import curves, has_values
-from castfem.report.remarks import OPEN, UNSETTLED, remarks, spells
+from castfem.report.remarks import NOT_CONVERGED, OPEN, remarks, spells
 from castfem.report.reversals import REMELTED
 from castfem.values.shown_units import said
 
@@ -24,7 +24,7 @@ FLICKERS = 3  # losses of contact at one probe: taper and shrinkage lose it once
 _MOST = 10  # lines of one table
 
 
-def doubts_of(folder: Path) -> list[str]:
+def warnings_of(folder: Path) -> list[str]:
     """Return a line for each thing that makes the results of a run doubtful.
 
     These are a shell that melted again, contact lost again and again at one probe, and coupling
@@ -37,14 +37,14 @@ def doubts_of(folder: Path) -> list[str]:
     found = [
         f"{one.what}, {said(one.value, one.unit, '.2g', one.name)}: {one.where}"
         for one in remarks(table, summary)
-        if one.what in (REMELTED, UNSETTLED)
+        if one.what in (REMELTED, NOT_CONVERGED)
     ]
     return [*found, *_flickers(table)]
 
 
 def lines(runs: Mapping[str, Path]) -> list[str]:
     """Return what makes runs doubtful, by label, for the lines below their table."""
-    found = [f"look at {label}: {one}" for label, at in runs.items() for one in doubts_of(at)]
+    found = [f"look at {label}: {one}" for label, at in runs.items() for one in warnings_of(at)]
     if len(found) > _MOST:
         found[_MOST:] = [
             f"and {len(found) - _MOST} more of this kind; castfem show FOLDER has those of one run"

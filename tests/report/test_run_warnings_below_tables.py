@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from castfem.output.history import HISTORY_NAME
-from castfem.report.doubts import doubts_of, lines
+from castfem.report.run_warnings import lines, warnings_of
 
 
 def history(folder: Path, shell: list[float], gap: list[float]) -> Path:
@@ -29,14 +29,14 @@ SOUND = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
 def test_a_sound_run_is_not_named(tmp_path: Path) -> None:
     """Contact that is lost once, found again and lost for good is that of an ordinary taper."""
     folder = history(tmp_path / "run", SOUND, [0.0, 0.1, 0.0, 0.0, 0.2, 0.3, 0.3, 0.3])
-    assert doubts_of(folder) == []
+    assert warnings_of(folder) == []
     assert lines({"run": folder}) == []
 
 
 def test_what_melts_again_and_what_flickers_is_named(tmp_path: Path) -> None:
     """The thickness that was lost, where, and how often contact was."""
     folder = history(tmp_path / "run", [1.0, 2.0, 0.5, *SOUND[:5]], [0.0, 0.2] * 4)
-    melted, flickers = doubts_of(folder)
+    melted, flickers = warnings_of(folder)
     assert melted.startswith("shell melted again, 1.5 mm: corner, from 200 mm to 300 mm, ")
     assert flickers == "contact lost 4 times, corner"
     assert lines({"taper 1 %/m": folder})[0] == f"look at taper 1 %/m: {melted}"
@@ -55,4 +55,4 @@ def test_a_table_of_many_doubtful_runs_stays_short(tmp_path: Path, count: int) -
 
 def test_a_folder_without_history_has_nothing_to_tell(tmp_path: Path) -> None:
     """A run that failed before its first row."""
-    assert doubts_of(tmp_path) == []
+    assert warnings_of(tmp_path) == []
