@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import replace
 from typing import Annotated
 
@@ -122,9 +123,9 @@ class ScaledLaw(HeatLaw):
         return tuple(found)
 
     @property
+    @abstractmethod
     def curve(self) -> str | float | Table | None:
         """The flux that is scaled; None where the law has none."""
-        raise NotImplementedError
 
     def _as_measured(self, around: Surroundings) -> Surroundings:
         """Return the surroundings at the speed at which the heat was measured."""

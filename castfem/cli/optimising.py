@@ -20,7 +20,8 @@ from castfem.design.mould_table import MOULD_NAME, mould_table, write_mould_tabl
 from castfem.design.study import Study
 from castfem.design.told import told
 from castfem.errors import RunFailure
-from castfem.report import run_warnings
+from castfem.output.summary import Summary
+from castfem.report.cautions import cautions_of_all
 from castfem.report.narrow import keep_words
 from castfem.support.atomic_files import write_json
 from castfem.sweep.record import check_own
@@ -148,9 +149,9 @@ def _told(study: Study, optimum: Optimum, target: Path, options: Options) -> int
             if not isinstance(block, str):
                 keep_words(block, out.width)
             out.print(block, "", highlight=False, soft_wrap=isinstance(block, str))
-        for line in run_warnings.lines(
-            {"the best run": target / optimum.best} if optimum.best else {}
-        ):
+        folder = target / optimum.best
+        best_run = {"the best run": (folder, Summary.load(folder))} if optimum.best else {}
+        for line in cautions_of_all(best_run):
             out.print(line, highlight=False, soft_wrap=True)
         if moulded:
             out.print(_mould(study, optimum), "", highlight=False)

@@ -14,7 +14,8 @@ from castfem.cli import many_runs, parallel
 from castfem.cli.options import chosen
 from castfem.errors import InputError, RunFailure
 from castfem.output.chosen_units import units_of_run
-from castfem.report import run_warnings
+from castfem.output.summary import Summary
+from castfem.report.cautions import cautions_of_all
 from castfem.support.atomic_files import folder_refused
 from castfem.sweep.plan import Variant, plan
 from castfem.sweep.record import Record, check_own
@@ -234,8 +235,12 @@ def _report(sweep: _Sweep, options: Options) -> int:
         with chosen(options.units), shown_in(units_of_run(target / first)):
             if table:
                 out.print(printed(table, out.width), highlight=False)
-            finished = {row.label or row.name: target / row.name for row in table if row.quantities}
-            for line in run_warnings.lines(finished):
+            finished = {
+                row.label or row.name: (target / row.name, Summary.load(target / row.name))
+                for row in table
+                if row.quantities
+            }
+            for line in cautions_of_all(finished):
                 out.print(line, highlight=False, soft_wrap=True)
         where = f"table in {target / TABLE_NAME}, runs in {target}"
         after = "their table: --collect, when all parts have ended"

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from castfem.compare.runs import Run, heat_shared
 from castfem.compare.table import SHARE, Line
-from castfem.report import run_warnings
 from castfem.report.cautions import cautions_of_all
 from castfem.report.crack_places import crack_places, defects_of
 from castfem.report.headline import plain_label
@@ -60,7 +59,6 @@ def remarks(runs: Sequence[Run], base: Run, table: Sequence[Line]) -> list[str]:
         found += [f"defects of {run.label}: {defects}"] if defects else []
         worst = [] if places is None else [*places.worst] or [places.nowhere]
         found += [f"worst of {run.label}: {one}" for one in worst if one]
-    found += run_warnings.lines({run.label: run.folder for run in runs})
     if len(ends) > 1:
         found.append(f"the runs end at different positions: {', '.join(sorted(ends))}")
     return found

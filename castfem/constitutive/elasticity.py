@@ -220,9 +220,9 @@ class Elasticity:
         shear_old, bulk_old, _ = self.moduli(temperature_old)
         shear, bulk, young = self.moduli(temperature)
         carry_deviator, carry_mean = shear / shear_old, bulk / bulk_old
-        loose = temperature_old > self.solidity.coherent
-        most = np.where(loose & (not self.solidity.memory), 0.0, 1.0)
-        most[temperature_old <= self.solidity.solidus] = np.inf
+        forgets = (temperature_old > self.solidity.coherent) & (not self.solidity.memory)
+        solid = temperature_old <= self.solidity.solidus
+        most = np.where(solid, np.inf, np.where(forgets, 0.0, 1.0))
         carry_deviator = np.minimum(carry_deviator, most)
         carry_mean = np.minimum(carry_mean, most)
         share = self.solidity.share(temperature_old, temperature)

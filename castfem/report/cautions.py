@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from castfem.errors import InputError
+from castfem.output.history import HISTORY_NAME, read_history
 from castfem.output.summary import Summary
+from castfem.plots.history import curves, has_values
+from castfem.report.remarks import NOT_CONVERGED, OPEN, remarks, spells
+from castfem.report.reversals import REMELTED
 from castfem.report.run_case import case_with
 from castfem.report.wide_gap import wide_gap
+from castfem.values.shown_units import said
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
+FLICKERS = 3  # losses of contact at one probe: taper and shrinkage lose it once or twice
+_MOST = 10  # lines below a table of several runs
 
 
 def cautions(folder: Path, summary: Summary) -> list[str]:
@@ -24,16 +30,43 @@ def cautions(folder: Path, summary: Summary) -> list[str]:
     return [line for line in found if line]
 
 
-def cautions_of_all(runs: Mapping[str, tuple[Path, Summary]]) -> list[str]:
-    """Return what to say of runs, by their labels; once where it is the same of several."""
+def cautions_of_all(runs: Mapping[str, tuple[Path, Summary | None]]) -> list[str]:
+    """Return what to say of runs below their table, by label; once where it is the same of several.
+
+    Besides `cautions`, that a shell melted again, that contact flickers, or that coupling windows
+    did not converge: a single run has these among the things to look at.
+    """
     found: dict[str, list[str]] = {}
     for label, (folder, summary) in runs.items():
-        for line in cautions(folder, summary):
+        told = [] if summary is None else cautions(folder, summary)
+        for line in (*told, *_unsteady(folder, summary)):
             found.setdefault(line, []).append(label)
-    return [
-        f"{'all runs' if len(labels) == len(runs) else ', '.join(labels)}: {line}"
+    lines = [
+        f"{'all runs' if 1 < len(labels) == len(runs) else ', '.join(labels)}: {line}"
         for line, labels in found.items()
     ]
+    if len(lines) > _MOST:
+        more = f"and {len(lines) - _MOST} more of this kind"
+        lines[_MOST:] = [f"{more}; castfem show FOLDER has those of one run"]
+    return lines
+
+
+def _unsteady(folder: Path, summary: Summary | None) -> Iterator[str]:
+    """What went back and forth in a run; nothing without a readable history."""
+    try:
+        table = read_history(folder / HISTORY_NAME)
+    except InputError:
+        return
+    for one in remarks(table, summary):
+        if one.what in (REMELTED, NOT_CONVERGED):
+            yield f"{one.what}, {said(one.value, one.unit, '.2g', one.name)}: {one.where}"
+    if not has_values(table, "position"):
+        return
+    position = table["position"].to_numpy()
+    for label, _, column in curves(table, "gap"):
+        lost = len(spells(table[column].to_numpy(), position, OPEN))
+        if lost >= FLICKERS:
+            yield f"contact lost {lost} times, {label}"
 
 
 def _even(folder: Path) -> str:

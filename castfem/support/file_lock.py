@@ -34,7 +34,7 @@ def taken(lock: FileLock) -> bool:
     while True:
         try:
             lock.acquire(timeout=0)
-        except NotImplementedError:  # so filelock says that the file system has no locks
+        except NotImplementedError:  # filelock's answer to ENOSYS: the file system has no locks
             return False
         except Timeout:
             if not _has_locks(Path(lock.lock_file)):

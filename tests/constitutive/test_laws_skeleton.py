@@ -17,7 +17,7 @@ from castfem.constitutive import (
     load_law,
 )
 from castfem.constitutive.base import equivalent_stress
-from castfem.constitutive.flow_laws import RadialReturn
+from castfem.constitutive.flow_laws import RadialReturn, ThermoElastic
 from castfem.values.tables import Constant
 from castfem.values.types import Array
 
@@ -125,3 +125,18 @@ def test_the_tangent_is_that_of_differences(name: str) -> None:
         way[0, k] = by
         found = (stress(strain + way) - stress(strain - way))[0] / (2 * by)
         np.testing.assert_allclose(tangent[:, k], found, rtol=2e-4, atol=2e-5 * abs(tangent).max())
+
+
+def test_crystals_are_free_of_stress_at_the_moment_they_grow_together() -> None:
+    """A stiffness that grows keeps the stress, not the elastic strain; one that falls scales it."""
+    law, stress = ThermoElastic(elasticity()), np.array([[1e5, 2e5, -6e4, 5e4]])
+    state, still = law.initial_state(1), (np.zeros((1, 4)), np.zeros(1))
+    heat = {name: np.full(1, t) for name, t in (("solid", SOLIDUS), ("mushy", MUSHY))}
+    freezes = MaterialStep(*still, heat["mushy"], heat["solid"], 1.0)
+    assert law.integrate(freezes, stress, state).stress == pytest.approx(stress, rel=1e-12)
+    melts = MaterialStep(*still, heat["solid"], heat["mushy"], 1.0)
+    soft, hard = (law.elasticity.moduli(heat[name]) for name in ("mushy", "solid"))
+    shear, bulk = soft[0] / hard[0], soft[1] / hard[1]
+    mean = stress[:, :3].mean() * np.array([[1.0, 1.0, 1.0, 0.0]])
+    known = shear * (stress - mean) + bulk * mean
+    assert law.integrate(melts, stress, state).stress == pytest.approx(known, rel=1e-12)

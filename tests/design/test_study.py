@@ -412,3 +412,10 @@ def test_what_nothing_depends_on_is_not_found() -> None:
     assert any(
         "no result depends on casting.superheat" in b for b in told(both) if isinstance(b, str)
     )
+
+
+def test_a_start_at_the_best_place_is_found() -> None:
+    """There the slope is 0 by symmetry, and yet the result depends on the variable."""
+    found = solve(study(), lambda w: {STRESS: 10.0 + 2.0 * (w.values[0] - 3.6) ** 2, HEAT: 1.0})
+    assert found.status == "found" and found.idle == ()
+    assert found.values[0].value == pytest.approx(3.6, abs=0.01)

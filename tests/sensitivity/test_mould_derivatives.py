@@ -223,7 +223,7 @@ def test_windows_that_are_cut_are_cut_alike_in_runs_beside_this_one() -> None:
     """
     case, name = billet().with_({"coupling.window_error": "0.5 K"}), "mould.taper"
     slopes = castfem.sensitivities(case, name, ",".join(READ))
-    assert slopes.cut >= 1
+    assert slopes.cut == 3
     (parameter,) = read_parameters(case, case_steel(case), [name])
     by = 1e-4 * parameter.value
     ends = [results(parameter.case_at(case, parameter.value + s * by))[1] for s in (1.0, -1.0)]

@@ -108,19 +108,23 @@ def test_liquid_follows_the_wall_and_presses_on_it(
     assert np.abs(moved.displacement).max() < 1.5 * 0.03 * 0.3 * HALF
 
 
-def test_a_hollow_surface_stays_where_it_is(tmp_path: Path) -> None:
-    """Liquid without stiffness does not creep round the fillets, threefold each window."""
+@pytest.mark.parametrize(("mush", "most"), [("none", 1e-7), ("skeleton", 2e-7)])
+def test_a_hollow_surface_stays_where_it_is(tmp_path: Path, mush: str, most: float) -> None:
+    """Liquid without stiffness does not creep round the fillets, threefold each window.
+
+    A skeleton, which bears as soon as the surface is mushy, creeps a little under the wall.
+    """
     path = tmp_path / "beam_blank.toml"
     path.write_text(BEAM_BLANK)
     changes = ("coupling.interval=0.25 s", "casting.length=30 mm", "mould.taper=0 %/m")
-    changes += ("mechanics.mush=none",)  # a skeleton would creep under the wall, which is no fault
+    changes += (f"mechanics.mush={mush}",)
     kept = run_in_memory(load_case(path, changes))
     assert kept.samples[-1].shell["mid_face"] == 0.0
     first, last = (s.mechanical for s in (kept.states[1], kept.states[-1]))
     assert first is not None and last is not None
     # Once it has come from the mesh's facets to the wall's arcs.
     assert np.abs(first.displacement).max() > 1e-8
-    assert np.abs(last.displacement - first.displacement).max() < 1e-7
+    assert np.abs(last.displacement - first.displacement).max() < most
 
 
 def test_a_surface_frozen_from_the_first_instant(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from castfem.output.history import HISTORY_NAME
-from castfem.report.run_warnings import lines, warnings_of
+from castfem.report.cautions import cautions_of_all
 
 
 def history(folder: Path, shell: list[float], gap: list[float]) -> Path:
@@ -29,30 +29,33 @@ SOUND = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
 def test_a_sound_run_is_not_named(tmp_path: Path) -> None:
     """Contact that is lost once, found again and lost for good is that of an ordinary taper."""
     folder = history(tmp_path / "run", SOUND, [0.0, 0.1, 0.0, 0.0, 0.2, 0.3, 0.3, 0.3])
-    assert warnings_of(folder) == []
-    assert lines({"run": folder}) == []
+    assert cautions_of_all({"run": (folder, None)}) == []
 
 
 def test_what_melts_again_and_what_flickers_is_named(tmp_path: Path) -> None:
     """The thickness that was lost, where, and how often contact was."""
     folder = history(tmp_path / "run", [1.0, 2.0, 0.5, *SOUND[:5]], [0.0, 0.2] * 4)
-    melted, flickers = warnings_of(folder)
-    assert melted.startswith("shell melted again, 1.5 mm: corner, from 200 mm to 300 mm, ")
-    assert flickers == "contact lost 4 times, corner"
-    assert lines({"taper 1 %/m": folder})[0] == f"look at taper 1 %/m: {melted}"
+    melted, flickers = cautions_of_all({"taper 1 %/m": (folder, None)})
+    said = "shell melted again, 1.5 mm: corner, from 200 mm to 300 mm, "
+    assert melted.startswith(f"taper 1 %/m: {said}")
+    assert flickers == "taper 1 %/m: contact lost 4 times, corner"
+    both = cautions_of_all({"one": (folder, None), "other": (folder, None)})
+    assert [line.partition(": ")[0] for line in both] == ["all runs", "all runs"]
 
 
-@pytest.mark.parametrize("count", [5, 6])
+@pytest.mark.parametrize("count", [9, 10])
 def test_a_table_of_many_doubtful_runs_stays_short(tmp_path: Path, count: int) -> None:
     """Ten lines, and how many more there are."""
-    folder = history(tmp_path / "run", [1.0, 2.0, 0.5, *SOUND[:5]], [0.0, 0.2] * 4)
-    found = lines({str(number): folder for number in range(count)})
-    assert len(found) == (10 if count == 5 else 11)
-    assert (found[-1] == "and 2 more of this kind; castfem show FOLDER has those of one run") is (
-        count == 6
+    shells = [[1.0, 2.0, 0.5 - 0.01 * k, *SOUND[:5]] for k in range(count)]
+    folders = [history(tmp_path / str(k), one, [0.0, 0.2] * 4) for k, one in enumerate(shells)]
+    runs = {folder.name: (folder, None) for folder in folders}
+    found = cautions_of_all(runs)
+    assert len(found) == (10 if count == 9 else 11)
+    assert (found[-1] == "and 1 more of this kind; castfem show FOLDER has those of one run") is (
+        count == 10
     )
 
 
 def test_a_folder_without_history_has_nothing_to_tell(tmp_path: Path) -> None:
     """A run that failed before its first row."""
-    assert warnings_of(tmp_path) == []
+    assert cautions_of_all({"run": (tmp_path, None)}) == []
